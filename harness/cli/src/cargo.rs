@@ -1,7 +1,7 @@
 //! `cargo karat`: runs the `karat` beside this program.
 //!
-//! Cargo calls `cargo-karat karat test` for `cargo karat test`. Only `karat` has the command line,
-//! so that it is linked once.
+//! For `cargo karat test`, Cargo calls `cargo-karat karat test`. This program has no command line of its own: it calls
+//! `karat`, so that only one program links Karat.
 
 use std::ffi::OsString;
 use std::process::{Command, ExitCode};

@@ -58,15 +58,14 @@ use karat::package::Feature;
 use karat::unstable::golden::AcceptError;
 use karat::unstable::output::{Output, tell, trusted, visible, visible_json};
 
-/// The result of a command that did its work.
 type Outcome = anyhow::Result<Ending>;
 
-/// The finding of a command about its input.
+/// The result of a command that ran without an error. It sets the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ending {
     Good,
     Bad,
-    /// The input, or the thing to compare it with, is missing.
+    /// A file that the command needs doesn't exist: its input, or the golden or record to compare with.
     Missing,
 }
 
@@ -124,9 +123,9 @@ enum Command {
     /// Watches files, and runs the tests that an edit affects
     #[command(after_help = "Examples:\n  karat watch\n  karat watch my/shaders\n  \
                             karat watch shaders fresnel --paths cpu\n\
-                            Tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
-                            its Rust tests, too.\nAn edit of shaders runs the tests that it affects; an edit of \
-                            comments runs none. Only an edit of Rust builds.\nWithout a terminal it prints lines.\n\
+                            It runs tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
+                            also the Rust tests.\nAn edit of a shader runs the tests that depend on the edited code; an edit of \
+                            comments runs none. Only an edit of Rust starts a build.\nIf the output isn't a terminal, it prints lines.\n\
                             Keys: r runs all, f filters by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
     Watch(watch::Args),
     /// Serves an editor (LSP): shows invalid modules, failing tests, and a lens beside each function
@@ -134,7 +133,7 @@ enum Command {
         after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
                             It shows invalid modules as you type, and failures of the last `karat test`. After each\n\
                             save it runs the tests without Rust. It hides verdicts of files that have changed\n\
-                            since. A lens beside each function has its worst error, and\n\
+                            since. A lens beside each function shows the function's worst error, and\n\
                             runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
                             Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without asking."
     )]
@@ -152,7 +151,7 @@ enum Command {
     #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
                             karat replay 3f2a     the failure of this name in `karat test`\n  \
                             karat replay 3f2a --print    the whole command, for a debugger or CI\n\
-                            It runs the simplest failing case that was found, on the first path that fails.\n\
+                            It runs the simplest failing case that Karat found, on the first path that failed.\n\
                             Exit codes: 0 the case passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
     Replay(replay::Args),
     /// Runs your own test command, and records the verdicts of its checks
@@ -173,7 +172,7 @@ enum Command {
     Report(report::Args),
     /// Validates every module and entry point of the shader packages, and runs no test
     #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
-                            `karat test` also validates. If a module is valid only with features, \
+                            `karat test` also validates. If a module needs features to be valid, \
                             declare them in Cargo.toml:\n  [package.metadata.karat.features]\n  \
                             \"debug::overlay\" = [\"DEBUG\"]\n\
                             Exit codes: 0 all modules are valid; 1 a module is invalid; 2 a package can't be \
@@ -229,7 +228,7 @@ enum Command {
     #[command(
         after_help = "Examples:\n  karat compare HEAD\n  karat compare HEAD my/shaders\n  karat compare main --only fresnel\n  \
                             karat compare ../old/shaders --paths cpu,vulkan\n\
-                            Karat generates arguments from their types, and three in four from the range that their names suggest.\n\
+                            Karat generates arguments: three in four lie in the range that the parameter's name suggests.\n\
                             It skips functions that differ only in comments and blanks, and compares results bit by bit.\n\
                             Exit codes: 0 no change, or only new functions; 1 a result, a signature or an interface changed, a \
                             function\nis gone, or something can't be compared; 2 the revision can't be read."
@@ -324,7 +323,7 @@ enum Command {
                             karat_gallery::Gallery and named in `metadata.karat`\nof Cargo.toml. Fails if \
                             a frame can't be rendered or has values that are not finite.")]
     Render(karat_gallery::RenderArguments),
-    /// Shows a value of a frame's fragment functions on every pixel, as a picture and in numbers
+    /// Shows a value of a frame's fragment functions on every pixel, as an image and in numbers
     #[command(after_help = tap::EXAMPLES)]
     Tap(tap::Args),
     /// Shows, step by step, how a frame gets the value of one pixel
@@ -341,7 +340,7 @@ enum Command {
     },
 }
 
-/// The place of the shaders, where a folder needs no option.
+/// The options that name the shaders. The folder may also be a positional argument.
 #[derive(clap::Args)]
 struct PlaceArgs {
     /// Folder of WGSL modules, or one file; the same as `--shaders`
@@ -352,14 +351,14 @@ struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// The place as options.
+    /// Returns the options with the positional folder as `--shaders`.
     fn package(&self) -> PackageArgs {
         let mut package = self.package.clone();
         package.package = package.package.or_else(|| self.folder.clone());
         package
     }
 
-    /// Names the tests outside of the package that don't run, unless the command names a package.
+    /// Names the tests outside of the package, which don't run, unless an option names the package.
     fn write_outside(&self, out: &mut dyn Write) -> anyhow::Result<()> {
         let package = self.package();
         match package.package.is_none() && package.krate.is_none() {
@@ -369,7 +368,7 @@ impl PlaceArgs {
     }
 }
 
-/// The place of the shaders, by options.
+/// The options that name the shaders.
 #[derive(Clone, clap::Args, Default)]
 struct PackageArgs {
     /// Uses this folder of WGSL modules, or one file [default: the folders in `metadata.karat` of Cargo.toml, else
@@ -392,20 +391,18 @@ struct PackageArgs {
 }
 
 impl PackageArgs {
-    /// A package with the features of the options.
     fn featured(&self, package: karat::Package) -> karat::Package {
         featured(package, &self.features)
     }
 }
 
-/// Parses a share in per cent, from 0 to 100.
+/// Parses a percentage from 0 to 100.
 fn percent(text: &str) -> Result<f64, String> {
     let number = text.trim_end_matches('%').trim().parse::<f64>();
     let number = number.ok().filter(|number| (0.0..=100.0).contains(number));
     number.ok_or_else(|| "write a number from 0 to 100".to_owned())
 }
 
-/// A package with some features.
 fn featured(package: karat::Package, features: &[(String, Feature)]) -> karat::Package {
     features.iter().fold(package, |package, (name, value)| package.feature(name, *value))
 }
@@ -458,7 +455,7 @@ pub(crate) fn run() -> ExitCode {
     })
 }
 
-/// Checks the KARAT_ variables, as a misspelt one would have no effect, and runs the command.
+/// Checks the `KARAT_` variables, because a misspelt one would have no effect, and runs the command.
 fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
     if !matches!(wanted, Command::Completions { .. }) {
         karat::unstable::settings::check()?;
@@ -511,7 +508,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
 
 /// Prints help, or the error of wrong arguments.
 fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> {
-    // Arguments in the message may hold escape sequences, which are made visible.
+    // Arguments in the message may contain escape sequences. The writer makes them visible.
     let words = std::env::args_os().map(|word| visible(&word.to_string_lossy()).into_owned());
     let error = Cli::try_parse_from(words).err().unwrap_or(error);
     let text = trusted(&error.render().ansi().to_string());
@@ -529,7 +526,7 @@ fn complain(text: &str) {
     tell(&format!("{prefix}{text}"));
 }
 
-/// Refuses an output that is also an input, even under another name: it may be the only copy.
+/// Refuses an output that is also an input, even under another name: the input may be the only copy.
 fn spare<'a>(
     what: &str,
     output: &Path,
@@ -543,7 +540,7 @@ fn spare<'a>(
         // A missing input isn't the output. Reading the input later reports that it is missing.
         if same_file::is_same_file(output, input).unwrap_or(false) {
             bail!(
-                "the {what} `{}` would overwrite `{}`, which is read: name another file",
+                "the {what} `{}` would overwrite `{}`, which the command reads: name another file",
                 output.display(),
                 input.display()
             );
@@ -579,7 +576,7 @@ fn resolved(path: &Path) -> PathBuf {
     whole
 }
 
-/// Returns `true` if the output lies in the folder of a package, or is the package's file.
+/// Checks if the output lies in the folder of a package, or is the file of a package.
 fn is_in_package(output: &Path, package: &karat::Package) -> bool {
     resolved(output).starts_with(resolved(&package.root()))
 }
@@ -604,7 +601,7 @@ fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyh
     spare(what, output, files.iter().map(PathBuf::as_path))
 }
 
-/// Returns `true` if the error is a missing file, golden or record. An unusable file is another error.
+/// Checks if the error means that a file, golden or record is missing. An unusable file is a different error.
 fn is_missing(error: &anyhow::Error) -> bool {
     let missing = |image: &ImageError| matches!(image, ImageError::Missing { .. });
     error.is::<NotThere>()
@@ -616,7 +613,7 @@ fn is_missing(error: &anyhow::Error) -> bool {
         })
 }
 
-/// Writes indented JSON with a line end. Control characters are escaped, also for terminals.
+/// Writes indented JSON and a line end. serde escapes control characters, so terminals can show the JSON safely.
 fn write_json(value: &impl serde::Serialize, out: &mut dyn Write) -> anyhow::Result<()> {
     let json = serde_json::to_string_pretty(value).context("the result isn't JSON")?;
     writeln!(out, "{}", visible_json(&json))?;

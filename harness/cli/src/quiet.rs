@@ -1,8 +1,8 @@
-//! Turns off a warning of Mesa's about its environment.
+//! Turns off a warning of Mesa about its environment.
 
-/// Mesa's device-select layer looks for a window system, and warns twice if `XDG_RUNTIME_DIR` isn't a folder, as in
-/// CI and in containers. A variable turns the layer off, if it is set before the first thread starts. So this program
-/// restarts once with the variable.
+/// Mesa's device-select layer searches for a window system. It warns twice if `XDG_RUNTIME_DIR` isn't a folder, as in
+/// CI and in containers. An environment variable turns the layer off if it is set before the first thread starts. So
+/// this program restarts once with the variable.
 #[cfg(target_os = "linux")]
 pub(crate) fn begin() {
     use std::os::unix::process::CommandExt;
@@ -11,7 +11,7 @@ pub(crate) fn begin() {
 
     let is_folder = |value: std::ffi::OsString| Path::new(&value).is_dir();
     let is_set = |name: &str| std::env::var_os(name).is_some();
-    // A user who selects a device by the layer needs it.
+    // A user who selects a device with the layer needs the layer.
     let is_wanted = is_set("MESA_VK_DEVICE_SELECT") || is_set("DRI_PRIME");
     if is_set("NODEVICE_SELECT")
         || is_wanted

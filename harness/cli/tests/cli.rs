@@ -275,8 +275,11 @@ fn call_explains_wrong_arguments() {
             "`calc::double` takes 1 argument, not 2\n  calc::double(x: f32) -> f32",
         ),
         (&["calc::double"], "`calc::double` takes 1 argument, not 0"),
-        (&["calc::add", "1,2", "3"], "argument `a` is a vec3<f32> of 3 components, `1,2` has 2"),
-        (&["calc::double", "1,2"], "argument `x` is a f32 of 1 component, `1,2` has 2"),
+        (
+            &["calc::add", "1,2", "3"],
+            "argument `a` is a vec3<f32> with 3 components, but `1,2` has 2",
+        ),
+        (&["calc::double", "1,2"], "argument `x` is a f32 with 1 component, but `1,2` has 2"),
         (&["calc::double", "one"], "argument `x`: `one` isn't a value of type f32"),
         (&["calc::double", ""], "argument `x`: `` isn't a value of type f32"),
         (&["calc::double", "1e39"], "argument `x`: `1e39` is too large for f32"),
@@ -367,15 +370,18 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ("x\n1\n2,3\n4\n", "`in.csv` line 3 has 2 columns, a case has 1: x"),
         ("# why\r\n\r\nx\r\n\r\ntwo", "`in.csv` line 5, column `x`: `two`"),
         ("x\n1\n\n\ntwo\n", "`in.csv` line 5, column `x`: `two` isn't a value of type f32"),
-        ("x\n1\n\n#2\n", "`in.csv` line 4 begins with `#`, and comments stand above the head"),
+        (
+            "x\n1\n\n#2\n",
+            "`in.csv` line 4 begins with `#`, but comments may stand only above the head",
+        ),
         ("1\n#2\n3\n", "`in.csv` line 2 begins with `#`"),
         ("note,x\n#ff8000,1\n", "`in.csv` line 2 begins with `#`"),
         ("1\n\n1e99\n", "`in.csv` line 3, column `x`: `1e99` is too large for f32"),
         ("1,2\n", "`in.csv` line 1 has 2 columns, a case has 1: x"),
         ("value\n1\n", "`in.csv` has no column `x`; it has value"),
-        ("", "`in.csv` holds no case"),
-        ("x\n", "`in.csv` holds no case"),
-        ("# nothing\n", "`in.csv` holds no case"),
+        ("", "`in.csv` has no cases"),
+        ("x\n", "`in.csv` has no cases"),
+        ("# nothing\n", "`in.csv` has no cases"),
     ] {
         write(project.path(), "in.csv", text);
         let error = karat(project.path(), &["call", "calc::double", "--table", "in.csv"]).error();
@@ -437,7 +443,7 @@ fn list_shows_signatures_and_what_is_broken_beside_the_rest() {
         "calc::add(a: vec3<f32>, b: f32) -> vec3<f32>",
         "shaders/calc.wgsl:4:4",
         "broken::sound(x: f32) -> f32",
-        "can't be probed  shaders/broken.wgsl:2:4",
+        "can't be called   shaders/broken.wgsl:2:4",
         "--> shaders/broken.wgsl:2:",
     ] {
         assert!(out.contains(part), "`{part}` is missing in:\n{out}");

@@ -90,7 +90,7 @@ class Resident {
       this.heard?.ended(last.trim() || why);
     };
     child.on("error", (error) => ended(`${karat.program} doesn't run: ${error.message}`));
-    child.on("close", (status, signal) => ended(`the process of the tests ended (${signal ?? `exit code ${status}`})`));
+    child.on("close", (status, signal) => ended(`the process that runs the tests ended (${signal ?? `exit code ${status}`})`));
     child.stdin?.on("error", () => {});
   }
 
@@ -171,7 +171,7 @@ export class Karat {
       const folders = this.options.folders ?? [undefined];
       const all = await Promise.all(folders.map(async (folder) => {
         const { out, err } = await this.run(["list", "--tests", "--json", ...(folder ? [folder] : [])]);
-        if (!out.startsWith("[")) throw new Error(err.trim() || "`karat list --tests` says nothing");
+        if (!out.startsWith("[")) throw new Error(err.trim() || "`karat list --tests` prints nothing");
         return JSON.parse(out);
       }));
       // A folder may be listed twice.

@@ -1,7 +1,7 @@
-//! The downloaded artefact of a CI run: a folder, or the zip that it came in.
+//! The downloaded artefact of a CI run: a folder, or the zip that CI made of it.
 //!
-//! A zip may be damaged or hostile. Only pending frames are unpacked from it, into a temporary
-//! folder, within limits far above what an honest run needs.
+//! A zip may be damaged or hostile. Karat unpacks only its pending frames, into a temporary folder, within limits far
+//! above the needs of a real run.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
@@ -14,13 +14,12 @@ use zip::ZipArchive;
 
 use super::NotThere;
 
-/// The largest number of entries of a zip.
 const MOST_ENTRIES: usize = 20_000;
-/// The largest number of frames that are unpacked.
+/// The largest number of frames that Karat unpacks.
 const MOST_FRAMES: usize = 2_000;
-/// The most bytes of a frame. A golden has at most 1 MiB, but a frame with NaN is stored as floats.
+/// The largest size of a frame, in bytes. A golden has at most 1 MiB, but a frame with NaN is stored as floats.
 const LARGEST_FRAME: u64 = 64 << 20;
-/// The most bytes of all frames together.
+/// The largest size of all frames together, in bytes.
 const LARGEST: u64 = 1 << 30;
 
 /// The pending frames of a CI run.
@@ -32,8 +31,8 @@ pub(super) struct Artefact {
 }
 
 impl Artefact {
-    /// Opens a folder, or unpacks a zip. It must hold pending frames or the record of a run: in any other folder, an
-    /// empty list of pending frames would mean nothing.
+    /// Opens a folder, or unpacks a zip. The folder or zip must contain pending frames or the record of a run: in any
+    /// other folder, an empty list of pending frames would mean nothing.
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
         let shown = path.display();
         if path.is_dir() {
@@ -43,54 +42,53 @@ impl Artefact {
         if !path.exists() {
             return Err(NotThere(format!("there is no folder or zip `{shown}`")).into());
         }
-        let unpacked = tempfile::tempdir().context("there is no room for temporary files")?;
+        let unpacked = tempfile::tempdir().context("can't make a temporary folder")?;
         let contents =
             unpack(path, unpacked.path()).with_context(|| format!("can't use `{shown}`"))?;
         contents.expect_run(path)?;
         Ok(Self { folder: unpacked.path().to_owned(), unpacked: Some(unpacked) })
     }
 
-    /// Returns `true` if the frames are copies from a zip, so that deleting them has no effect on the artefact.
+    /// Checks if the frames are copies from a zip. Deleting a copy doesn't change the artefact.
     pub(super) fn is_zip(&self) -> bool {
         self.unpacked.is_some()
     }
 
-    /// The folder that frames are selected from.
+    /// The folder in which commands look for frames.
     pub(super) fn frames(&self) -> Goldens {
         Goldens::open(&self.folder)
     }
 
-    /// The folder itself.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
     }
 }
 
-/// The endings of pending frames and values.
+/// The endings of the names of pending frames and values.
 const WAITING: [&str; 2] = [".new.exr", ".new.csv"];
 
-/// Returns `true` if a file's name is that of a pending frame or pending values.
+/// Checks if a file name belongs to a pending frame or to pending values.
 fn waits(name: &str) -> bool {
     WAITING.iter().any(|ending| name.ends_with(ending))
 }
 
-/// The evidence that a folder or zip comes from a run.
+/// The signs that a folder or zip comes from a run.
 #[derive(Debug, Default)]
 struct Contents {
-    /// `true` if it has a pending frame or a record.
+    /// `true` if it contains a pending frame or a record.
     of_run: bool,
-    /// The name of a zip inside of it.
+    /// The name of a zip in the folder or zip.
     zip: Option<String>,
 }
 
 impl Contents {
     fn of(folder: &Path) -> anyhow::Result<Self> {
         let below = |pattern: &str| -> anyhow::Result<Option<PathBuf>> {
-            // The folder's name may have characters of a glob, and isn't one.
+            // The folder's name isn't a glob pattern, but it may contain the characters of one.
             let folder = glob::Pattern::escape(&folder.to_string_lossy());
             let pattern = Path::new(&folder).join("**").join(pattern);
             let first = glob::glob(&pattern.to_string_lossy())?.next();
-            // The search for frames reports a folder that can't be read.
+            // The search for frames reports unreadable folders.
             Ok(first.map(|found| found.unwrap_or_else(|error| error.path().to_owned())))
         };
         let [frame, table] = WAITING.map(|ending| format!("*{ending}"));
@@ -103,7 +101,6 @@ impl Contents {
         Ok(Self { of_run: false, zip })
     }
 
-    /// Adds an entry of a zip.
     fn add(&mut self, relative: &Path, name: &str) {
         let mut above = relative.ancestors().skip(1).take(2);
         let in_record = above.any(|folder| folder.ends_with("record"));
@@ -119,7 +116,7 @@ impl Contents {
         if self.of_run {
             return Ok(());
         }
-        let inner = self.zip.as_ref().map(|zip| format!("; perhaps `{zip}` in it is one"));
+        let inner = self.zip.as_ref().map(|zip| format!("; perhaps you mean `{zip}` in it"));
         Err(NotThere(format!(
             "`{}` isn't what a run left: it has no frame (`*.new.exr`), no values (`*.new.csv`) \
              and no record (`record/*.jsonl`, `run.json`); name what CI uploaded of `target/karat`, a folder or \
@@ -132,18 +129,19 @@ impl Contents {
 
 fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
     let mut archive = ZipArchive::new(File::open(path)?).context("it isn't a readable zip")?;
-    // The crate `zip` keeps the last of two such entries, and another program may have shown the first.
+    // If two entries have the same name, the crate `zip` keeps the last one. Another program may have shown the first
+    // one.
     ensure!(!archive.has_duplicate_names(), "two of its entries have the same name");
     let entries = archive.len();
-    ensure!(entries <= MOST_ENTRIES, "it has {entries} entries, at most {MOST_ENTRIES} are read");
+    ensure!(entries <= MOST_ENTRIES, "it has {entries} entries; the limit is {MOST_ENTRIES}");
     let (mut contents, mut frames, mut bytes) = (Contents::default(), 0, 0);
     for index in 0..entries {
         let entry = archive.by_index(index).context("an entry can't be read")?;
         let name = entry.name().context("an entry has no name")?.escape_debug().to_string();
-        // The crate `zip` makes `/etc/x` relative. That is safe, but such a zip is suspicious.
+        // The crate `zip` makes `/etc/x` relative. That is safe, but an honest zip has no such entry.
         let relative = entry.enclosed_name().filter(|_| !name.starts_with(['/', '\\']));
         let Some(relative) = relative else {
-            bail!("its entry `{name}` would lie outside of the folder it is unpacked into");
+            bail!("its entry `{name}` would be unpacked outside of its folder");
         };
         if !entry.is_file() {
             continue;
@@ -154,7 +152,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
         }
         frames += 1;
         ensure!(frames <= MOST_FRAMES, "it has more than {MOST_FRAMES} frames");
-        // The sizes in a zip may be wrong, so the limit applies to the bytes that are read.
+        // The sizes in a zip may be wrong, so the limit applies to the unpacked bytes.
         let mut content = Vec::new();
         entry
             .take(LARGEST_FRAME + 1)
@@ -170,18 +168,20 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
     Ok(contents)
 }
 
-/// Writes a frame to a new file.
 fn place(folder: &Path, relative: &Path, content: &[u8]) -> anyhow::Result<()> {
     let place = folder.join(relative);
-    ensure!(!place.is_dir(), "other entries lie in a folder of that name");
+    ensure!(!place.is_dir(), "the zip has a file and a folder of that name");
     if let Some(file) = relative.ancestors().skip(1).find(|above| folder.join(above).is_file()) {
-        bail!("`{}` is an entry, too, and no folder", file.display().to_string().escape_debug());
+        bail!(
+            "`{}` is both a file and a folder in the zip",
+            file.display().to_string().escape_debug()
+        );
     }
     std::fs::create_dir_all(place.parent().unwrap_or(folder))?;
-    // Two names may be one file: `a/./b`, or names that differ in capitals alone.
+    // Two names may mean the same file: `a/b` and `a/./b`, or names that differ only in capitals.
     let mut file = match File::create_new(&place) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {
-            bail!("another entry is the same file")
+            bail!("another entry has the same path")
         }
         created => created?,
     };

@@ -1,8 +1,8 @@
-//!
 //! `karat browser`: runs the tests in the browser that opens its page.
 //!
-//! The test programs start this program again as an executor (`KARAT_EXECUTORS`). It passes each job to the process
-//! that serves the page. A file that only this user can read holds the port and the secret of that process.
+//! `karat test` and the test programs start this program again as an executor (`KARAT_EXECUTORS`). The executor passes
+//! each job to the process that serves the page. It finds the process by a file with the port and the secret; only this
+//! user can read the file.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -19,13 +19,14 @@ use serde::Deserialize;
 
 use super::{Ending, Outcome, child};
 
-/// The most bytes of an answer, as for other executors: a frame of 4096 by 4096 pixels.
+/// The largest size of a page's reply, in bytes. Other executors have the same limit: a frame of 4096 by 4096 pixels.
 const LONGEST: u64 = 1 << 30;
 
-/// The time after which a page without a job asks again. Proxies and browsers give up after 30 seconds.
+/// The time after which the server tells a page that there is no job. The page then asks again. Proxies and browsers
+/// give up after 30 seconds.
 const POLL: Duration = Duration::from_secs(5);
 
-/// The time after which a page without a job counts as closed if it hasn't asked. Background tabs ask late.
+/// The time after which a page that didn't ask for a job counts as closed. Background tabs ask late.
 const GONE: Duration = Duration::from_secs(30);
 
 #[derive(clap::Args)]
@@ -51,7 +52,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(file) = &args.relay {
         return relay(file, out);
     }
-    let http = Http::bind(args.port, false).context("the page can't be served")?;
+    let http = Http::bind(args.port, false).context("can't serve the page")?;
     let desk = Arc::new(Desk {
         door: Door::new(&http)?,
         turn: Mutex::default(),
@@ -64,7 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.open
         && let Err(error) = open::that_detached(desk.door.url())
     {
-        tell(&format!("no browser opens ({error}); open the URL yourself"));
+        tell(&format!("can't open a browser ({error}); open the URL yourself"));
     }
     let serving = Arc::clone(&desk);
     std::thread::spawn(move || http.run(move |request| serving.answer(request)));
@@ -74,14 +75,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     ensure!(
         is_greeted,
-        "no browser opened the page within {} s: open it, or say how long to wait by --wait",
+        "no browser opened the page within {} s: open it sooner, or wait longer with --wait SECONDS",
         args.wait
     );
-    let scratch = tempfile::tempdir().context("no temporary folder")?;
+    let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
     let file = scratch.path().join("page");
     let listener =
-        TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("the jobs can't be handed on")?;
-    // Only this user can read the folder.
+        TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("can't open a port for the jobs")?;
     std::fs::write(&file, format!("{} {}", listener.local_addr()?.port(), desk.door.token()))?;
     let relaying = Arc::clone(&desk);
     std::thread::spawn(move || {
@@ -90,7 +90,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             std::thread::spawn(move || drop(desk.relay(&stream)));
         }
     });
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let relay = format!("{} browser --relay {}", program.display(), file.display());
     ensure!(
         relay.split_whitespace().count() == 4 && !relay.contains(';'),
@@ -115,10 +115,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Passes jobs on, line by line, as a program of `KARAT_EXECUTORS`.
+/// Runs as a program of `KARAT_EXECUTORS`: passes each job on, and prints the reply.
 fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     let told = std::fs::read_to_string(file).context("`karat browser` has ended")?;
-    let (port, token) = told.split_once(' ').context("the file says neither port nor secret")?;
+    let (port, token) = told.split_once(' ').context("the file has no port and secret")?;
     let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port.parse()?))
         .context("`karat browser` has ended")?;
     writeln!(stream, "{token}")?;
@@ -136,7 +136,7 @@ fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// A message of the page: the page's number, and an answer or a greeting.
+/// A message of the page: its number, and a greeting or the reply to a job.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Said {
@@ -154,16 +154,15 @@ struct Said {
     failed: Option<String>,
 }
 
-/// The state of the page that runs jobs, and of its job.
 #[derive(Default)]
 struct State {
     page: Option<(String, Instant)>,
     greeting: String,
-    /// The number of jobs so far, which is the number of the last job.
+    /// The number of jobs so far. It is also the number of the last job.
     jobs: u64,
-    /// The job that no page has taken.
+    /// The job that the page hasn't fetched yet.
     waiting: Option<String>,
-    /// The answer to the last job.
+    /// The page's reply to the last job.
     answer: Option<String>,
     /// `true` while a page runs the job.
     is_taken: bool,
@@ -173,7 +172,7 @@ struct State {
 
 struct Desk {
     door: Door,
-    /// Held by the program whose job runs.
+    /// The lock of the program that sent the current job.
     turn: Mutex<()>,
     state: Mutex<State>,
     changed: Condvar,
@@ -183,7 +182,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Returns `true` if the other end keeps the stream open.
+/// Checks if the other end keeps the stream open.
 fn is_open(stream: &TcpStream) -> bool {
     let peeked = stream.set_nonblocking(true).and_then(|()| stream.peek(&mut [0]));
     let is_blocking = stream.set_nonblocking(false).is_ok();
@@ -191,7 +190,7 @@ fn is_open(stream: &TcpStream) -> bool {
 }
 
 impl Desk {
-    /// Waits for a page, and returns `true` if one opened in time.
+    /// Waits for a page, and checks if one opened in time.
     fn is_greeted(&self, patience: Duration) -> bool {
         let is_alone = |state: &mut State| state.page.is_none() && state.failed.is_none();
         let waited = self.changed.wait_timeout_while(locked(&self.state), patience, is_alone);
@@ -215,15 +214,17 @@ impl Desk {
             ("POST", "next") => match request.body(LONGEST) {
                 Some(Ok(body)) => match serde_json::from_str(&body) {
                     Ok(said) => self.next(said),
-                    Err(error) => Answer::text(400, &format!("this is no answer: {error}")),
+                    Err(error) => {
+                        Answer::text(400, &format!("can't read the page's reply: {error}"))
+                    }
                 },
-                _ => Answer::text(400, "the answer can't be read"),
+                _ => Answer::text(400, "can't read the page's reply"),
             },
             _ => Answer::text(404, "there is nothing here"),
         }
     }
 
-    /// Takes a page's answer, and gives it the next job once there is one.
+    /// Stores the page's reply. Then waits for the next job, and returns it.
     fn next(&self, said: Said) -> Answer {
         let mut state = locked(&self.state);
         if let (None, Some(failed)) = (&state.page, said.failed) {
@@ -248,18 +249,18 @@ impl Desk {
             (false, Some(_)) => {
                 return Answer::text(
                     409,
-                    "Another page runs the tests. Close that one, and load this one again.",
+                    "Another page runs the tests. Close the other page, and reload this page.",
                 );
             }
             (false, None) => {
                 return Answer::text(
                     409,
-                    "Another page runs the tests, or has run them: load this one again.",
+                    "Another page runs the tests, or has run them. Reload this page.",
                 );
             }
         }
         state.page = Some((said.page, Instant::now()));
-        // A late answer belongs to a job that was given up.
+        // A late reply belongs to a job that Karat gave up.
         if let Some(answer) = said.answer
             && state.is_taken
             && said.number == state.jobs
@@ -277,7 +278,6 @@ impl Desk {
         Answer(200, "application/json", next.to_string())
     }
 
-    /// Runs the jobs of one program.
     fn relay(&self, stream: &TcpStream) -> std::io::Result<()> {
         let mut lines = BufReader::new(stream.try_clone()?).lines();
         let mut stream = stream;
@@ -297,8 +297,8 @@ impl Desk {
         Ok(())
     }
 
-    /// Returns the page's answer to a job. The program that asks has a deadline, and closes its stream when a job
-    /// hangs.
+    /// Returns the page's reply to a job. The program that sent the job has a deadline: if the job hangs, the program
+    /// closes its stream.
     fn ask(&self, job: String, asking: &TcpStream) -> Result<String, &'static str> {
         let _turn = locked(&self.turn);
         let mut state = locked(&self.state);
@@ -314,11 +314,11 @@ impl Desk {
                 Some((_, seen)) => !state.is_taken && seen.elapsed() > GONE,
             };
             if !is_open(asking) {
-                return Err("nothing waits for the answer");
+                return Err("the program that sent the job no longer waits");
             }
             if is_gone {
                 state.waiting = None;
-                return Err("the page was closed, or answers no more: run `karat browser` again");
+                return Err("the page was closed, or no longer answers: run `karat browser` again");
             }
             let waited = self.changed.wait_timeout(state, POLL);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;

@@ -1,4 +1,4 @@
-//! `karat call`: a shader as a calculator.
+//! `karat call`: calls a shader's function with given arguments.
 
 mod arguments;
 pub(super) mod bind;
@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     ensure!(
         args.dispatch.is_none() || probed.function().stage() == Some(Stage::Compute),
-        "`{}` is no compute entry point: leave --dispatch out",
+        "`{}` isn't a compute entry point: remove --dispatch",
         args.function
     );
     let made_up = match args.arbitrary {
@@ -142,11 +142,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             overrides.iter().fold(compute, |all, (name, value)| all.with_override(name, *value));
         ensure!(
             args.invocation.is_none() || args.trace || args.html.is_some(),
-            "--invocation says whose steps are shown: add --trace, or --html FILE"
+            "--invocation selects the steps to show: add --trace, or --html FILE"
         );
         let compute = compute.dispatch(&args.function, groups);
         let invocation = args.invocation.unwrap_or_default();
-        // The error about a missing invocation comes first.
+        // If the shader has no such invocation, that error must be reported first.
         let steps = match args.trace || args.html.is_some() {
             true => karat::unstable::compute::trace(&compute, invocation)?,
             false => Vec::new(),
@@ -154,14 +154,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let ending = dispatch::run(&compute, &paths, out)?;
         if args.trace {
             let [x, y, z] = invocation;
-            write!(out, "\n{DIM}what invocation ({x}, {y}, {z}) computes:{DIM:#}")?;
+            write!(out, "\n{DIM}steps of invocation ({x}, {y}, {z}):{DIM:#}")?;
         }
         args.show_steps(&args.function, &|| Ok(steps.clone()), out)?;
         return Ok(ending);
     }
     if let Some(Some(plot)) = &args.plot {
         let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
-        ensure!(svg, "a plot is an SVG: --plot={}", plot.with_extension("svg").display());
+        ensure!(svg, "a plot must be an SVG: --plot={}", plot.with_extension("svg").display());
     }
     let tolerance = match &args.tolerance {
         Some(text) => Some(karat_suite::tolerance(text).map_err(|error| anyhow!(error))?),
@@ -189,7 +189,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if given.varying.contains(&true) {
         ensure!(
             probed.takes_derivatives(),
-            "`{}` takes no derivatives: leave out what is behind `@`",
+            "`{}` uses no derivatives: remove `@` and the numbers behind it",
             args.function
         );
         probed = probed.with_quads(&given.varying);
@@ -222,9 +222,9 @@ impl Args {
     }
 }
 
-/// Returns the paths of the options, or else every driver that opens, and the engine.
+/// Returns the paths of the options. Without such options, returns every driver that opens, and the engine.
 fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Result<Vec<Path>> {
-    // An empty variable counts as unset.
+    // An empty variable is an unset variable.
     let names: Vec<&str> =
         names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).collect();
     let named = if names.is_empty() { "all".to_owned() } else { names.join(",") };
@@ -239,11 +239,11 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     if names.is_empty() {
         paths.push(Path::CPU);
     }
-    ensure!(!paths.is_empty(), "no execution path opens; `karat doctor` tells why");
+    ensure!(!paths.is_empty(), "no execution path opens; `karat doctor` gives the reasons");
     if named.trim() != "all" {
         return Ok(paths);
     }
-    // Paths that lack a needed ability are left out, unless an option names them.
+    // Paths without a needed ability are left out, unless an option names them.
     let (mut able, mut reasons) = (Vec::new(), Vec::new());
     for path in paths {
         match karat::unstable::executor::call(probed, path, &[], fixtures) {
@@ -262,7 +262,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     Ok(able)
 }
 
-/// Prints the generated values, and the ranges that they were taken from.
+/// Prints the generated values with the ranges that contain them.
 fn write_made_up(
     function: &Function,
     made_up: &MadeUp,
@@ -273,20 +273,20 @@ fn write_made_up(
     let members =
         made_up.members.iter().filter(|(path, _)| !bound(path.split('.').next().unwrap_or(path)));
     for (name, value) in made_up.arguments(function).iter().chain(members) {
-        writeln!(out, "{DIM}made up: {name} = {value}{DIM:#}")?;
+        writeln!(out, "{DIM}generated: {name} = {value}{DIM:#}")?;
     }
     for line in made_up.drawn.lines(usize::MAX) {
-        writeln!(out, "{DIM}drawn {line}{DIM:#}")?;
+        writeln!(out, "{DIM}generated {line}{DIM:#}")?;
     }
     Ok(())
 }
 
-/// The most numbers of a result that are also shown in hexadecimal: as many as a matrix has. For a buffer they would
-/// hide the values.
+/// The largest number of scalars in a result that Karat also prints in hexadecimal. A matrix has 16. In the output of a
+/// buffer, hexadecimal numbers would hide the values.
 const MOST_HEXADECIMAL: usize = 16;
 
 impl Args {
-    /// Shows the steps of a call, if an option asks for them.
+    /// Shows the steps of a call, if an option requests steps.
     fn show_steps(
         &self,
         name: &str,
@@ -309,11 +309,11 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     let function = probed.function();
     writeln!(out, "{DIM}{function}{DIM:#}")?;
     if function.stage() == Some(Stage::Compute) {
-        writeln!(out, "{DIM}one invocation alone; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
+        writeln!(out, "{DIM}this is one invocation; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
     }
     let given = cases::results(request, &[lanes.to_vec()])?;
     for (path, results) in &given.results {
-        let result = results.first().context("the probe returned nothing")?;
+        let result = results.first().context("the path returned no result")?;
         write!(out, "{HEAD}{path:<8}{HEAD:#} {}", function.result.format(result))?;
         let hexadecimal: Vec<String> = result
             .iter()
@@ -335,9 +335,12 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     given.ending()
 }
 
-/// Evaluates a sweep: as a table, or as a curve.
+/// Evaluates a sweep, and prints the results as a table or as a curve.
 fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write) -> Outcome {
-    ensure!(!args.trace && args.html.is_none(), "a trace is of one call: leave out the sweep");
+    ensure!(
+        !args.trace && args.html.is_none(),
+        "--trace and --html show one call: remove the sweep"
+    );
     let Some(sweep) = &given.sweep else { return Ok(Ending::Good) };
     let row = |value: &u32| {
         let mut lanes = given.lanes.clone();

@@ -1,4 +1,4 @@
-//! `karat check`: validates whole packages, and runs nothing.
+//! `karat check`: validates whole packages, and runs no test.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use super::{Ending, Outcome, PlaceArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Fails unless this compiler also accepts each module, even where karat.toml doesn't ask for it
+    /// Fails unless this compiler also accepts each module, even if karat.toml doesn't require that compiler
     #[arg(long, value_name = "COMPILER")]
     require: Option<Compiler>,
     #[command(flatten)]
@@ -48,7 +48,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let style = if good { GOOD } else { BAD };
     let packages = counted(found.len(), "package");
     let are = match (valid, broken.len()) {
-        (false, _) => "looked at, and not all valid".to_owned(),
+        (false, _) => "checked, and not all are valid".to_owned(),
         (true, 0) => "valid".to_owned(),
         (true, errors) => format!("valid, with {} in files of tests", counted(errors, "error")),
     };
@@ -60,7 +60,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the packages as the tests of the last run used them, or none if there was no run.
+/// Returns the packages with the features that the tests of the last run used, or none if there was no run.
 pub(super) fn recorded_uses(project: &Project) -> anyhow::Result<Vec<Package>> {
     match Recorded::read(&project.record())? {
         Some(last) => uses(&last.folder),
@@ -68,8 +68,8 @@ pub(super) fn recorded_uses(project: &Project) -> anyhow::Result<Vec<Package>> {
     }
 }
 
-/// Validates packages, prints each invalid module, and returns `true` if all modules are valid. With `all` it also
-/// lists valid packages.
+/// Validates packages, prints each invalid module, and checks if all modules are valid. With `all`, it also lists valid
+/// packages.
 pub(super) fn validate(
     packages: &[Package],
     all: bool,
@@ -125,7 +125,7 @@ fn validate_found(
     Ok((valid, opinion))
 }
 
-/// Writes the objections to modules that naga accepts: a line, and then each remark. `None` if there are none.
+/// Formats the objections to modules that naga accepts: a line, and then each remark. Returns `None` if there are none.
 pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     let mut text = opinion.remark()?;
     for remark in opinion.remarks() {
@@ -134,7 +134,7 @@ pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     Some(text)
 }
 
-/// Writes the remarks of Tint, about WebGPU's limits and about shipped tests, each once.
+/// Writes each remark of Tint about WebGPU's limits or about shipped tests once.
 pub(super) fn write_remarks(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
     write_each(&opinion.remarks(), out)?;
     write_broke(opinion, out)
@@ -155,7 +155,7 @@ fn write_broke(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Prints invalid packages, by their names.
+/// Prints the invalid packages with their names.
 pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::io::Result<()> {
     let mut each = invalid.iter();
     each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
@@ -177,7 +177,7 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>)
 }
 
 /// Returns the invalid packages, and the opinions of other compilers than naga about all packages. A declared package
-/// is validated with the settings of its folder, another one as the tests of a run used it.
+/// is validated with the settings of its folder, an undeclared one as the tests of a run used it.
 pub(super) fn invalid(
     found: &[Found],
     run: &Path,
@@ -214,14 +214,14 @@ fn unread(run: &Path) -> String {
     format!("can't read what tests used in `{}`", run.display())
 }
 
-/// Returns the packages as the tests of a run used them.
+/// Returns the packages with the features that the tests of a run used.
 pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
     let all = Dependence::all(run).with_context(|| unread(run))?;
     Ok(all.iter().filter_map(Dependence::package).collect())
 }
 
-/// Returns the modules that are invalid both with the settings of their folder and as each test uses the package,
-/// with its features and dependencies.
+/// Keeps the modules that are invalid in both ways: with the settings of their folder, and with the features and
+/// dependencies of each test.
 pub(super) fn as_used(
     mut invalid: Invalid,
     package: &Package,

@@ -1,4 +1,4 @@
-//! Programs that commands run. A closed output pipe doesn't change how they end.
+//! Running other programs. A closed output pipe doesn't change their exit codes.
 
 use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
 use std::process::{ChildStderr, Command, ExitStatus, Stdio};
@@ -9,7 +9,7 @@ use anyhow::Context;
 use karat::unstable::output::{Output, with_colours};
 use tempfile::TempDir;
 
-/// Runs a program, and passes its output on as it comes. Terminals show its colours.
+/// Runs a program, and copies its output at once. On a terminal the output keeps its colours.
 pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Result<ExitStatus> {
     if std::io::stdout().is_terminal() && std::io::stderr().is_terminal() {
         let name = command.get_program().display().to_string();
@@ -21,24 +21,23 @@ pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Res
     })
 }
 
-/// Returns the test and the verdict in a line of Rust's test runner: `test fresnel::is_reciprocal ... ok`.
+/// Parses a line of Rust's test runner, such as `test fresnel::is_reciprocal ... ok`. Returns the test and the verdict.
 pub(super) fn verdict(line: &str) -> Option<(&str, &str)> {
     let (name, word) = line.strip_prefix("test ")?.rsplit_once(" ... ")?;
     Some((name.strip_suffix(" - should panic").unwrap_or(name), word))
 }
 
-///
 /// Runs a program, and calls `line` with each line of its standard output.
 ///
-/// Without a terminal, standard error passes through this process, too: a closed pipe would end the program, and lose
-/// its verdict.
+/// Without a terminal, standard error passes through this process, too. Otherwise a closed pipe would end the program
+/// before it prints its verdict.
 pub(super) fn run(
     command: &mut Command,
     line: impl FnMut(&str) -> anyhow::Result<()>,
 ) -> anyhow::Result<ExitStatus> {
     let is_seen = std::io::stderr().is_terminal();
     command.stderr(if is_seen { Stdio::inherit() } else { Stdio::piped() });
-    // Unchanged: the program chose its colours.
+    // The program has already chosen its colours.
     let mut err = Output::new(std::io::stderr());
     listen(command, |text| Ok(writeln!(err, "{text}")?), line)
 }
@@ -61,7 +60,7 @@ fn listen(
     let mut child =
         command.stdout(Stdio::piped()).spawn().with_context(|| format!("can't run `{name}`"))?;
     let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
-    // Standard input stays open until the program ends: some programs end with their input.
+    // Standard input stays open until the program ends: some programs end when their input ends.
     let _stdin = child.stdin.take();
     std::thread::scope(|scope| {
         scope.spawn(|| drop(stderr.map(|stderr| lines(stderr, error))));
@@ -70,7 +69,7 @@ fn listen(
     child.wait().with_context(|| format!("`{name}` vanished"))
 }
 
-/// The standard error of a program, which a thread reads while another one reads its output.
+/// The standard error of a program. A thread reads it while another thread reads the output.
 pub(super) struct LastWords(JoinHandle<Vec<u8>>);
 
 impl LastWords {
@@ -82,14 +81,14 @@ impl LastWords {
         }))
     }
 
-    /// Returns the whole text, once the program has ended.
+    /// Waits for the end of the program, and returns the whole text.
     pub(super) fn heard(self) -> String {
         let text = self.0.join().unwrap_or_default();
         String::from_utf8_lossy(&text).trim().to_owned()
     }
 }
 
-/// Calls `line` with each line, of any bytes.
+/// Calls `line` with each line. A line may contain any bytes.
 fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> anyhow::Result<()> {
     for bytes in BufReader::new(from).split(b'\n') {
         let text = bytes.context("the output of a program ended early")?;
@@ -99,8 +98,7 @@ fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> a
     Ok(())
 }
 
-/// Runs a process that uses a temporary folder. Ctrl-C ends that process; this process goes on until it has deleted
-/// the folder.
+/// Runs a process that uses a temporary folder. Ctrl-C ends only that process. This process then deletes the folder.
 pub(super) fn status_over(
     command: &mut Command,
     folder: TempDir,

@@ -54,8 +54,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all: Vec<Compared> = Vec::new();
     for after in &packages {
-        // The folder must exist while its package is read.
-        let folder = tempfile::tempdir().context("no temporary folder")?;
+        // The folder must exist while Karat reads its package.
+        let folder = tempfile::tempdir().context("can't make a temporary folder")?;
         let before = match Path::new(&args.before) {
             path if path.exists() => Package::open(path)?,
             _ => Package::open(&shaders_at(&args.before, &after.root(), folder.path())?)?,
@@ -66,16 +66,16 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             overrides.iter().fold(request, |all, (name, value)| all.set_override(name, *value));
         let request = request.only(args.only.iter().map(String::as_str));
         let request = request.cases(args.cases as usize).paths(paths.clone());
-        // The files of a revision are in a temporary folder, so messages name the revision.
+        // The files of a revision lie in a temporary folder, so messages name the revision.
         let written = format!("{}{}", folder.path().display(), std::path::MAIN_SEPARATOR);
-        // The bar shows on a terminal only.
+        // Only terminals show the bar.
         let bar = ProgressBar::new(0).with_message(after.name());
         bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
         let (sender, verdicts) = mpsc::channel();
         let (first, mut wrote) = (all.len(), Ok(()));
         let compared = std::thread::scope(|scope| {
             let tell = move |one: &Compared, done, of| {
-                // The receiver lives as long as there are verdicts.
+                // The receiver lives until the last verdict is sent.
                 drop(sender.send((one.clone(), done, of)));
             };
             let comparing = scope.spawn(move || request.run_with(&tell));
@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let broken = search::broken_files(&packages)?;
     match args.json {
-        // The JSON has no field for broken files.
+        // The JSON has no field for invalid files.
         true => broken.iter().for_each(|broken| tell(&broken.wrong.message)),
         false => search::write_broken(&broken, out)?,
     }
@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Prints one verdict, with its number and the number of all.
+/// Prints one verdict, with its number and the total number.
 fn write_one(
     one: &Compared,
     untouched: bool,
@@ -153,7 +153,10 @@ fn write_one(
             match one.dispatched {
                 Some([x, y, z]) => {
                     let of = "invocations";
-                    writeln!(out, "    {DIM}{cases} words of {x} x {y} x {z} {of}{DIM:#}")?;
+                    writeln!(
+                        out,
+                        "    {DIM}{cases} 32-bit words from {x} x {y} x {z} {of}{DIM:#}"
+                    )?;
                 }
                 None => writeln!(out, "    {DIM}{cases} inputs{DIM:#}")?,
             }
@@ -176,18 +179,18 @@ fn write_one(
         other => writeln!(out, "{function}: {other:?}")?,
     }
     for line in drawn.lines(usize::MAX) {
-        writeln!(out, "    {DIM}drawn {line}{DIM:#}")?;
+        writeln!(out, "    {DIM}generated {line}{DIM:#}")?;
     }
     if one.cut > 0 {
         let left = counted(one.cut, "input");
-        writeln!(out, "    {DIM}{left} not run: they are too much work{DIM:#}")?;
+        writeln!(out, "    {DIM}{left} not run: too much work{DIM:#}")?;
     }
     for Uncovered { place, text, missed } in &one.uncovered {
         let what = match missed {
-            Missed::Line => "no input came to",
-            Missed::True => "no input made it true:",
-            Missed::False => "each input made it true:",
-            Missed::Unmeasured => "it isn't known which lines inputs come to:",
+            Missed::Line => "no input reaches",
+            Missed::True => "no input makes the condition true:",
+            Missed::False => "every input makes the condition true:",
+            Missed::Unmeasured => "Karat doesn't know if an input reaches this line:",
         };
         writeln!(out, "    {KNOWN}{what}{KNOWN:#} {place}: {text}")?;
     }
@@ -204,7 +207,6 @@ fn write_one(
     Ok(())
 }
 
-/// Prints the last line, with the counts.
 fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     let (mut changed, mut added, mut removed, mut unjudged, mut same, mut quiet) =
         (0, 0, 0, 0, 0, 0);
@@ -237,7 +239,7 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
         }
     }
     if moved > 0 {
-        write!(out, "{moved} with another interface, ")?;
+        write!(out, "{moved} with a changed interface, ")?;
     }
     if brought > 0 {
         write!(out, "{}, ", counted(brought, "new violation"))?;
@@ -251,28 +253,29 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     write!(out, "{same} edited with the same results, {quiet} untouched")?;
     if !uncovered.is_empty() {
         let lines = counted(uncovered.len(), "line");
-        write!(out, "; inputs say nothing of {lines} of the edits")?;
+        write!(out, "; no input reaches {lines} of the edits")?;
     }
     if cut > 0 {
-        write!(out, "; {} not run: they are too much work", counted(cut, "input"))?;
+        write!(out, "; {} not run: too much work", counted(cut, "input"))?;
     }
     writeln!(out)?;
     Ok(())
 }
 
-/// The most arguments and members of buffers that are shown: a camera alone may have forty members.
+/// The largest number of arguments and buffer members that Karat prints: a camera may have forty members.
 const INPUTS: usize = 12;
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after, words, .. } = change;
-    /// The distance in ULP from which only the relative difference is shown: an eighth of the number.
+    /// The smallest distance in ULP that isn't printed. For larger distances only the relative difference is printed:
+    /// this distance is an eighth of the number.
     const NEAR: u64 = 1 << 20;
     let by = match (ulp, relative) {
         (Some(0), _) => ", by the sign of a zero".to_owned(),
         (Some(ulp @ ..NEAR), Some(share)) => format!(", by up to {ulp} ulp (rel {share:.2e})"),
         (Some(ulp @ ..NEAR), None) => format!(", by up to {ulp} ulp"),
         (Some(_), Some(share)) => format!(", by up to rel {share:.2e}"),
-        // For integers, signs and NaN the values are enough.
+        // For integers, signs and NaN, Karat prints only the values.
         _ => String::new(),
     };
     let shown = arguments.iter().take(INPUTS).map(|(name, value)| format!("{name} = {value}"));
@@ -281,7 +284,7 @@ fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> any
     let arguments: Vec<String> = shown.chain(more).collect();
     let at =
         if arguments.is_empty() { String::new() } else { format!("at {}: ", arguments.join("; ")) };
-    let what = if dispatched { "words" } else { "results" };
+    let what = if dispatched { "32-bit words" } else { "results" };
     writeln!(out, "    {path}: {} of {} {what} changed{by}", cases.0, cases.1)?;
     writeln!(out, "    {at}{before} -> {after}")?;
     for WordChange { before, after, .. } in words.iter().skip(1) {

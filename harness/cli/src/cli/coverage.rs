@@ -64,11 +64,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let is_engine = |path: &karat::Path| path.api() == karat::unstable::path::Api::Cpu;
     ensure!(
         paths.iter().any(is_engine),
-        "`cpu` alone counts what runs, and `{}` isn't it: nothing would be measured",
+        "only the path `cpu` counts lines, and `{}` isn't that path: nothing would be counted",
         args.paths
     );
     let project = Project::find()?;
-    // Errors of the arguments are reported before the tests run.
+    // Karat reports wrong arguments before it runs the tests.
     let mut packages = project.packages(&args.place.package())?;
     let mut changed = BTreeMap::new();
     for package in &packages {
@@ -76,15 +76,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             changed.extend(lines_since(revision, &package.root())?);
         }
     }
-    let folder = tempfile::tempdir().context("no temporary folder")?;
+    let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let only_engine = paths.iter().all(is_engine);
     let (passed, folder) = tests(args, folder, only_engine)?;
-    let ran = Ran::all(folder.path()).context("what the tests ran can't be read")?;
-    ensure!(!ran.is_empty(), "no test ran anything on `cpu`: nothing was counted");
+    let ran = Ran::all(folder.path()).context("can't read the counts of the tests")?;
+    ensure!(!ran.is_empty(), "no test ran a shader on `cpu`, so nothing was counted");
     let used = ran.iter().flat_map(|ran| &ran.statements).map(|one| one.file.as_path());
     let used: BTreeSet<_> = used.collect();
     if args.place.package().package.is_none() {
-        // As in `karat test`, a folder of shaders that no test uses doesn't count.
+        // As in `karat test`, a folder of shaders counts only if a test uses it.
         let is_used = |package: &Package| {
             let root = std::path::absolute(package.root()).unwrap_or_else(|_| package.root());
             used.iter().any(|file| file.starts_with(&root))
@@ -109,7 +109,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             .with_context(|| format!("can't write `{}`", file.display()))?;
     }
     let least = args.fail_under_lines.unwrap_or_default();
-    // In an edit without shaders there is nothing to measure.
+    // An edit of other files than shaders has nothing to measure.
     let enough = match sum.percent() {
         Some(percent) => percent >= least,
         None => args.in_diff.is_some(),
@@ -136,8 +136,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the parts of the last line: the figures, and the code that they leave out. `short` is the share that the
-/// options ask for, if it isn't reached.
+/// Returns the parts of the last line: the numbers, and the code that they don't count. `short` is the percentage that
+/// the options require, if the tests don't reach it.
 fn parts(
     sum: &Sum,
     tests: usize,
@@ -148,11 +148,11 @@ fn parts(
     let mut parts = vec![format!("{sum} by {}", counted(tests, "test"))];
     if sum.weak > 0 {
         let lines = counted(sum.weak, "line");
-        parts.push(format!("no test looks at the value of {lines}"));
+        parts.push(format!("no test checks the value of {lines}"));
     }
     if sum.unmeasured > 0 {
         let lines = counted(sum.unmeasured, "line");
-        parts.push(format!("{lines} not measured: frames and drivers alone run them"));
+        parts.push(format!("{lines} not measured: only frames and drivers run them"));
     }
     if !invalid.is_empty() {
         let invalid: Vec<&str> = invalid.iter().map(String::as_str).collect();
@@ -160,16 +160,16 @@ fn parts(
         parts.push(format!("{} not valid: {named}", counted(invalid.len(), "module")));
     }
     if !passed {
-        parts.push("tests failed, see above: what they ran after that isn't counted".to_owned());
+        parts.push("tests failed, see above: what they ran afterwards isn't counted".to_owned());
     }
-    parts.extend(short.map(|least| format!("{least}% of the lines are asked for")));
+    parts.extend(short.map(|least| format!("the options require {least}% of the lines")));
     parts
 }
 
-/// Runs the tests, and returns `true` if they passed. Their output goes to standard error, beside this command's
-/// results.
+/// Runs the tests, and checks if they passed. Their output goes to standard error, so that standard output has only the
+/// results of this command.
 fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(bool, TempDir)> {
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     let place = args.place.package();
     command.arg("test").args(&place.package).args(&args.tests);
@@ -183,34 +183,34 @@ fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(boo
     }
     command.envs(only_engine.then_some(("KARAT_FRAMES", "off")));
     let (status, folder) =
-        child::status_over(&mut command, folder).context("the tests can't be run")?;
+        child::status_over(&mut command, folder).context("can't run the tests")?;
     match status.code() {
         Some(0) => Ok((true, folder)),
         Some(1) => Ok((false, folder)),
-        // The tests have printed the reason.
+        // The tests have already printed the reason.
         Some(2 | 3) => Err(super::Reported.into()),
         _ => anyhow::bail!("the tests ended without a result ({status})"),
     }
 }
 
-/// Adds all that a package has. Returns the modules that aren't valid.
+/// Adds the statements of a package. Returns the invalid modules.
 fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<Vec<String>> {
     let suite = Suite::of(package.clone())?;
     let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
     let mut invalid = Vec::new();
     for module in package.modules()? {
         match Program::of_module(package, &module) {
-            // Functions that are tests don't count.
+            // Test functions don't count.
             Ok(program) => union.add(
                 &package.root(),
                 statements_of(&program).into_iter().filter(|one| !tests.contains(&*one.function)),
             ),
-            // The tests' own output gives the reason.
+            // The output of the tests has the reason.
             Err(_) => invalid.push(module),
         }
     }
     union.leave_out(tests.iter().map(|test| (*test).to_owned()));
-    // Functions of frames that weren't drawn aren't measured.
+    // If the tests drew no frames, the functions of frames aren't measured.
     for test in suite.tests.iter().filter(|test| no_frames && test.is_frame()) {
         for entry in test.draws() {
             let (module, own) = entry.rsplit_once("::").unwrap_or(("", &entry));
@@ -223,7 +223,6 @@ fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<
     Ok(invalid)
 }
 
-/// Prints a row for each file.
 fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     let head = ["file", "lines", "ways", "functions", "not run", "not looked at", "not measured"];
     let mut table = Table::new(&head, &[1, 2, 3, 4, 5, 6]).leaving(&[3, 5, 6]);
@@ -249,7 +248,7 @@ fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     if variants.len() < 2 {
         return Ok(());
     }
-    let mut table = Table::new(&["variant", "lines run", "by it alone"], &[1, 2]);
+    let mut table = Table::new(&["variant", "lines run", "only by it"], &[1, 2]);
     for (variant, lines, alone) in variants {
         let name = if variant.is_empty() { "no feature" } else { variant };
         table.row(DIM, vec![name.to_owned(), lines.to_string(), alone.to_string()]);
@@ -258,7 +257,6 @@ fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out)
 }
 
-/// Prints the lines and the sides of branches that no test runs.
 fn write_missing(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     for (file, own) in union.files() {
         let missing = own.missing();

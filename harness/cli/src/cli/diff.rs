@@ -29,7 +29,7 @@ Examples:
 
 The first image is the expected one. Karat makes a PNG linear before it compares. The bounds are
 those of frames: each channel within 1e-3 (the gate), or else every 16 x 16 tile at most 0.01 under
-HDR-FLIP and the mean at most 0.005. With --rel alone, only the gate counts. FLIP uses the
+HDR-FLIP and the mean at most 0.005. If only --rel is given, only the gate counts. FLIP uses the
 exposures in the first image's golden, or else exposures that suit the first image. For two PNGs
 Karat also prints LDR-FLIP, the number of other FLIP tools; no bound applies to it.
 Karat compares the stored values, whatever primaries the chromaticities name; a note says if the
@@ -75,7 +75,7 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// Parses a bound. A negative number is refused with its own message, not as an unknown option.
+/// Parses a bound. A negative number gets its own error message. Otherwise clap would report an unknown option.
 fn bound(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         // Adding 0 turns -0 into 0.
@@ -84,13 +84,15 @@ fn bound(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses a relative bound, which an `f32` must hold, as values are compared as `f32`.
+/// Parses a relative bound. Values are compared as `f32`, so the bound must be an `f32`.
 fn relative(text: &str) -> Result<f64, String> {
     let bound = bound(text)?;
     #[expect(clippy::cast_possible_truncation, reason = "a bound is no larger than a float can be")]
     let float = bound as f32;
     if float == 0.0 && bound != 0.0 {
-        return Err("it is smaller than the smallest float: say 0, or at least 1e-45".to_owned());
+        return Err(
+            "the bound is smaller than the smallest float: write 0, or at least 1e-45".to_owned()
+        );
     }
     Ok(bound)
 }
@@ -105,7 +107,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let sides = [(&args.a, &a), (&args.b, &b)]
         .map(|(file, read)| Side::of(file, &read.image, read.parts.clone(), read.chromaticities));
     let mask = args.mask.as_deref().map(mask).transpose()?;
-    // Pixels that the test left out are left out here, too.
+    // Karat leaves out the pixels that the test left out.
     let own = mask.is_none() && b.mask.is_some();
     let mask = mask.or(b.mask);
     let pair = match mask {
@@ -144,12 +146,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         message::write(&comparison, out)?;
     }
     if args.heatmap.is_some() && comparison.heatmap.is_none() {
-        super::complain("there is no heatmap of images that can't be compared pixel by pixel");
+        super::complain("no heatmap is written: the images can't be compared pixel by pixel");
     }
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }
 
-/// Reads the mask in a file: its part `mask`, as in goldens, or else the image itself.
+/// Reads the mask in a file: the part `mask`, as goldens have it, or otherwise the image.
 fn mask(file: &Path) -> anyhow::Result<Mask> {
     // A file that isn't OpenEXR may be a PNG.
     match ExrFile::read(file).ok().and_then(|file| file.mask()) {
@@ -158,18 +160,16 @@ fn mask(file: &Path) -> anyhow::Result<Mask> {
     }
 }
 
-/// An image to compare, and the data in its file.
+/// An image to compare, and the other data in its file.
 struct File {
     image: Image,
-    /// The exposures that it pins, if it is a golden.
+    /// The exposures that the file stores, if it is a golden.
     exposures: Option<ExposureRange>,
-    /// The names of the parts with colours; the first one is compared.
+    /// The names of the parts with colours. Karat compares the first one.
     parts: Vec<String>,
-    /// The mask of a frame whose test declares one.
     mask: Option<Mask>,
-    /// The primaries that the file names.
     chromaticities: [f32; 8],
-    /// `true` if it is a PNG, whose values are for a display.
+    /// `true` for a PNG. Its values are made for a display.
     is_png: bool,
 }
 
@@ -179,7 +179,7 @@ impl File {
             Ok((image, metadata)) => {
                 let known = metadata.and_then(|text| Provenance::parse(&text).ok());
                 let parts = ExrFile::part_names(file)?;
-                // Another tool's part `mask` may mean something else.
+                // A part `mask` of another tool may have another meaning.
                 let mask = match &known {
                     Some(_) if parts.len() > 1 => ExrFile::read(file)?.mask(),
                     _ => None,
@@ -188,7 +188,7 @@ impl File {
                 let chromaticities = ExrFile::chromaticities(file)?;
                 Ok(Self { image, exposures, parts, mask, chromaticities, is_png: false })
             }
-            // The content decides the format, not the name.
+            // The content determines the format, not the name.
             Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
                 let image = Image::read(file)?;
                 let (exposures, parts, mask) = (None, Vec::new(), None);

@@ -56,15 +56,14 @@ struct Report {
     compilers: Vec<CompilerReport>,
     tools: Vec<ToolReport>,
     settings: Vec<SettingReport>,
-    /// The crates that the project compiles with too little optimisation.
+    /// The crates that the project compiles with less optimisation than recommended.
     unoptimised: Vec<profile::Unoptimised>,
 }
 
-/// A validator of translations.
 #[derive(Serialize)]
 struct ToolReport {
     name: &'static str,
-    /// The languages that it judges.
+    /// The languages that it validates.
     judges: Vec<&'static str>,
     version: Option<String>,
     missing: Option<String>,
@@ -92,11 +91,11 @@ fn tools() -> Vec<ToolReport> {
     Tool::all().iter().map(report).collect()
 }
 
-/// A compiler of the author's text.
+/// A WGSL compiler that reads the author's files.
 #[derive(Serialize)]
 struct CompilerReport {
     name: &'static str,
-    /// The compiler's place and its version.
+    /// The compiler's file and version, if it is installed.
     here: Option<(String, String)>,
     missing: Option<String>,
     remedy: Option<String>,
@@ -124,7 +123,7 @@ fn names(paths: &[Path]) -> Vec<&'static str> {
     paths.iter().map(|path| path.name()).collect()
 }
 
-/// A variable of the environment.
+/// An environment variable.
 #[derive(Serialize)]
 struct SettingReport {
     name: &'static str,
@@ -135,9 +134,9 @@ struct SettingReport {
 #[derive(Serialize)]
 struct PathReport {
     path: &'static str,
-    /// The profile under which goldens of this path and driver are stored.
+    /// The profile that has the goldens of this path and driver.
     profile: Option<String>,
-    /// The driver's name after the `@` of a path.
+    /// The driver's name after the `@` in a path's name.
     family: Option<String>,
     adapter: Option<Adapter>,
     missing: Option<String>,
@@ -161,7 +160,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
         return package::run(folder, args.write, args.json, out);
     }
-    // Required paths are tried even if the platform doesn't support them, and so are paths that name a driver.
+    // Required paths, and paths that name a driver, are tried even if the platform doesn't support them.
     let usual = Path::ALL.into_iter().filter(|path| path.is_supported() || required.contains(path));
     let mut all: Vec<Path> =
         usual.chain([Path::CPU]).chain(karat::unstable::path::programs()?).collect();
@@ -305,7 +304,9 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 /// Returns how to get a path on this platform.
 fn remedy(path: Path) -> &'static str {
     match path.via() {
-        _ if path.api() == Api::Cpu => return "there are `cpu`, `cpu:fma` and `cpu:ftz`",
+        _ if path.api() == Api::Cpu => {
+            return "the engine's paths are `cpu`, `cpu:fma` and `cpu:ftz`";
+        }
         _ if path.api() == Api::Process => {
             return "the guide's chapter on paths says what such a program does";
         }
@@ -315,7 +316,7 @@ fn remedy(path: Path) -> &'static str {
         Via::HlslDxc if path.api() == Api::Vulkan => {
             return "install dxc, from GitHub (microsoft/DirectXShaderCompiler) or Vulkan's SDK";
         }
-        Via::Glsl | Via::Hlsl | Via::HlslDxc => return "nothing provides it yet",
+        Via::Glsl | Via::Hlsl | Via::HlslDxc => return "no program provides this path yet",
         _ => {}
     }
     let usual = Path::ALL.into_iter().find(|usual| usual.api() == path.api());
@@ -330,9 +331,9 @@ fn remedy(path: Path) -> &'static str {
              Fedora: mesa-libEGL mesa-dri-drivers; Arch: mesa)"
         }
         Path::VULKAN | Path::GL => "install the driver of your GPU's vendor",
-        Path::METAL => "Metal is part of macOS, and of nothing else",
-        Path::DX12 => "Direct3D 12 is part of Windows, and of nothing else",
-        _ => "this path has no known source",
+        Path::METAL => "only macOS has Metal",
+        Path::DX12 => "only Windows has Direct3D 12",
+        _ => "Karat doesn't know how to get this path",
     }
 }
 

@@ -1,4 +1,4 @@
-//! Queries of git.
+//! Commands of git.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -9,13 +9,14 @@ use anyhow::{Context, bail, ensure};
 use karat::unstable::output::visible;
 use karat::unstable::process;
 
-/// Returns the output of git in a folder. File names are complete and unquoted under any configuration.
+/// Runs git in a folder, and returns its output. File names are complete and unquoted, independent of the user's
+/// configuration.
 pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> {
     let mut command = Command::new("git");
     command.current_dir(folder);
     command.args(["-c", "core.quotePath=false", "-c", "diff.relative=false"]).args(arguments);
     let output = process::output(&mut command, process::LOOK_UP, u64::MAX);
-    let output = output.context("git gives no answer")?;
+    let output = output.context("can't run git")?;
     if !output.status.success() {
         let said = String::from_utf8_lossy(&output.stderr);
         match said.trim() {
@@ -26,8 +27,8 @@ pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> 
     Ok(output.stdout)
 }
 
-/// Returns the lines of a folder's files that changed since this branch left a revision, and all lines of untracked
-/// files.
+/// Returns the lines that changed since this branch left a revision, for each file of a folder. All lines of untracked
+/// files count as changed.
 pub(super) fn lines_since(
     revision: &str,
     folder: &Path,
@@ -36,7 +37,7 @@ pub(super) fn lines_since(
     let git = |arguments: &[&str]| -> anyhow::Result<String> {
         Ok(String::from_utf8_lossy(&git(around, arguments)?).into_owned())
     };
-    ensure!(!revision.starts_with('-'), "`{revision}` is no revision");
+    ensure!(!revision.starts_with('-'), "`{revision}` isn't a revision");
     let root = PathBuf::from(git(&["rev-parse", "--show-toplevel"])?.trim_end_matches('\n'));
     let mut all: BTreeMap<PathBuf, Vec<RangeInclusive<usize>>> = BTreeMap::new();
     let place = |name: &str| {
@@ -59,7 +60,7 @@ pub(super) fn lines_since(
     let mut file = None;
     for line in diff.lines() {
         if let Some(name) = line.strip_prefix("+++ ") {
-            // Git ends a name that has blanks with a tab.
+            // If a name has blanks, git writes a tab after the name.
             let name = name.trim_end_matches('\t');
             ensure!(!name.starts_with('"'), "git names a file that can't be read here: {name}");
             file = name.strip_prefix("b/").map(place).transpose()?;
@@ -79,7 +80,7 @@ pub(super) fn lines_since(
     Ok(all)
 }
 
-/// Writes the shaders of a folder or file at a revision into another folder, and returns their place there.
+/// Copies the shaders that a folder or file had at a revision into another folder. Returns the path of the copy.
 pub(super) fn shaders_at(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
     let root = root.canonicalize().with_context(|| format!("`{}`", root.display()))?;
     let (base, file) = match root.is_file() {
@@ -101,7 +102,8 @@ pub(super) fn shaders_at(revision: &str, root: &Path, folder: &Path) -> anyhow::
     for name in names.filter(|name| is_shader(name)) {
         let bytes = git(&["show", &format!("{revision}:./{name}")])?;
         let to = folder.join(name);
-        std::fs::create_dir_all(to.parent().unwrap_or(folder)).context("no temporary folder")?;
+        std::fs::create_dir_all(to.parent().unwrap_or(folder))
+            .context("can't make a temporary folder")?;
         std::fs::write(&to, bytes).with_context(|| format!("can't write `{}`", to.display()))?;
         count += 1;
     }

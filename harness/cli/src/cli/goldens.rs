@@ -27,12 +27,11 @@ pub(super) struct FolderArgs {
 }
 
 impl FolderArgs {
-    /// Returns the folder of the option.
     pub(super) fn named(&self) -> Option<&Path> {
         self.goldens.as_deref()
     }
 
-    /// Returns the folder of the option, or else that of the project; a missing folder is an error.
+    /// Returns the folder that the option names, or otherwise the project's folder. A missing folder is an error.
     pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
         if let Some(folder) = &self.goldens {
             anyhow::ensure!(folder.is_dir(), "{}", absent(folder, &[]));
@@ -45,13 +44,13 @@ impl FolderArgs {
         let others: Vec<String> = others.map(|other| shown(other)).collect();
         anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
         for other in others.iter().filter(|other| has_pending(other)) {
-            tell(&format!("note: frames of `{other}` wait, too: name it with --goldens"));
+            tell(&format!("note: `{other}` has pending frames, too: name it with --goldens"));
         }
         Ok(folder)
     }
 
-    /// Opens the goldens that a review changes. For a CI run's frames they are the goldens that the frames were
-    /// compared with; the folder needn't exist.
+    /// Opens the goldens that a review changes. If the frames come from a CI run, these are the goldens that the run
+    /// compared its frames with. Their folder needn't exist.
     pub(super) fn open(&self, from: Option<&Artefact>) -> anyhow::Result<Goldens> {
         let (None, Some(artefact)) = (&self.goldens, from) else {
             return Ok(Goldens::open(&self.path()?));
@@ -67,13 +66,13 @@ impl FolderArgs {
         }
         for other in all.iter().skip(1) {
             let other = shown(&other.folder());
-            tell(&format!("note: frames of `{other}` wait, too: name it with --goldens"));
+            tell(&format!("note: `{other}` has pending frames, too: name it with --goldens"));
         }
         Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }
 }
 
-/// Returns the message that a folder of goldens is missing, with the folders that exist.
+/// Formats the message that a folder of goldens is missing. It names the folders that exist.
 fn absent(folder: &Path, others: &[String]) -> String {
     let others = match others.join("`, `") {
         none if none.is_empty() => String::new(),
@@ -81,7 +80,7 @@ fn absent(folder: &Path, others: &[String]) -> String {
     };
     let folder = folder.display();
     format!(
-        "there is no folder `{folder}`: no frame was drawn yet, or its golden is elsewhere: name the folder of goldens with \
+        "there is no folder `{folder}`: Karat hasn't drawn a frame yet, or the goldens are in another folder: name that folder with \
          --goldens DIR{others}"
     )
 }
@@ -91,7 +90,7 @@ fn has_pending(folder: &str) -> bool {
     !frames.is_empty() || !unusable.is_empty()
 }
 
-/// Permission to write into sources in CI.
+/// The permission to write into sources in CI.
 #[derive(clap::Args)]
 pub(super) struct CiArgs {
     /// Allows writing into your sources although `CI` is set
@@ -100,18 +99,17 @@ pub(super) struct CiArgs {
 }
 
 impl CiArgs {
-    /// Refuses a command that writes into sources in CI, unless the option allows it.
+    /// Refuses a command that writes into sources in CI, unless `--ci-may-write` allows it.
     pub(super) fn check(&self, what: &str) -> anyhow::Result<()> {
         anyhow::ensure!(
             self.ci_may_write || !karat::unstable::golden::in_ci(),
-            "`CI` is set, and CI writes nothing into your sources: {what} on your own machine, or say \
+            "`CI` is set, and Karat writes nothing into your sources in CI: {what} on your own machine, or add \
              --ci-may-write"
         );
         Ok(())
     }
 }
 
-/// The place of the pending frames.
 #[derive(clap::Args)]
 pub(super) struct FromArgs {
     /// Takes the pending frames of a CI run from its downloaded artefact, a folder or a zip
@@ -120,12 +118,11 @@ pub(super) struct FromArgs {
 }
 
 impl FromArgs {
-    /// Returns the artefact of the option.
     pub(super) fn named(&self) -> Option<&Path> {
         self.from.as_deref()
     }
 
-    /// Opens the artefact; `None`: the pending frames of the project.
+    /// Opens the artefact. `None` means the pending frames of the project.
     pub(super) fn open(&self) -> anyhow::Result<Option<Artefact>> {
         self.from.as_deref().map(Artefact::open).transpose()
     }
@@ -188,12 +185,11 @@ pub(super) struct RejectArgs {
     folder: FolderArgs,
 }
 
-/// A pending frame in JSON. Fields may be added, and never change.
+/// A pending frame in JSON. Fields may be added, and existing fields don't change.
 #[derive(Serialize)]
 struct PendingEntry<'a> {
     status: Status,
     file: &'a Path,
-    /// The reason why the file can't be used.
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -205,11 +201,9 @@ struct PendingEntry<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Status {
-    /// The frame differs from its golden.
     Differs,
-    /// There is no golden.
+    /// The frame has no golden.
     New,
-    /// The file can't be used.
     Unusable,
 }
 
@@ -264,7 +258,7 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     })
 }
 
-/// Reports files that can't be used. The other files were handled, but the command still fails.
+/// Reports unusable files. The command has handled the other files, but still fails.
 pub(super) fn report(unusable: &[Unusable]) -> anyhow::Result<()> {
     for Unusable { reason, .. } in unusable {
         complain(&reason.to_string());
@@ -292,22 +286,21 @@ fn write_table(frames: &[Frame], out: &mut dyn Write) -> std::io::Result<()> {
     table.write(out)
 }
 
-/// Pending frames and values, of one folder of goldens or of all crates of a project.
+/// The pending frames and values of one folder of goldens, or of all crates of a project.
 struct Waiting {
-    /// The folders that hold them.
     places: Vec<Goldens>,
-    /// The goldens of the option. Without it, each frame has the goldens that it was compared with.
+    /// The goldens that the option names. Without the option, each frame belongs to the goldens that it was compared
+    /// with.
     named: Option<Goldens>,
-    /// The project whose goldens a CI run's frames become.
+    /// The project whose goldens the frames of a CI run replace.
     project: Option<Project>,
 }
 
-/// A pending frame, or pending values.
 struct Frame {
     pending: Pending,
-    /// The folder whose golden it becomes.
+    /// The folder of goldens that the frame belongs to.
     goldens: Goldens,
-    /// Its name, with its crate if several crates have frames of that name: `lamp::dusk`.
+    /// The frame's name. It includes the crate if several crates have frames of that name: `lamp::dusk`.
     name: String,
 }
 
@@ -330,7 +323,7 @@ impl Waiting {
         Ok(Self { places, named, project: None })
     }
 
-    /// Returns the folder whose golden a pending frame in `place` becomes.
+    /// Returns the folder of goldens that a pending frame in `place` belongs to.
     fn goldens(&self, place: &Goldens, pending: &Pending) -> Result<Goldens, AcceptError> {
         match (&self.named, &self.project) {
             (Some(named), _) => Ok(named.clone()),
@@ -361,7 +354,7 @@ impl Waiting {
         Ok((frames, unusable))
     }
 
-    /// Selects pending frames and values by names and globs, each once.
+    /// Selects pending frames and values by names and globs. Each frame is selected once.
     fn select(&self, names: &[String]) -> anyhow::Result<(Vec<Frame>, Vec<Unusable>)> {
         let (all, broken) = self.all()?;
         let (mut chosen, mut told) = (vec![false; all.len()], vec![false; broken.len()]);
@@ -378,7 +371,7 @@ impl Waiting {
                 && rest.iter().any(|other| other.goldens.folder() != first.goldens.folder())
             {
                 let names: Vec<&str> = exact.iter().map(|frame| &*frame.name).collect();
-                bail!("`{name}` waits in several crates: name `{}`", names.join("` or `"));
+                bail!("`{name}` is pending in several crates: name `{}`", names.join("` or `"));
             }
             let of_files = broken.iter().enumerate().filter(|(_, broken)| {
                 self.places.iter().any(|place| wanted.names(&file_case(place, broken)))
@@ -398,7 +391,7 @@ impl Waiting {
     }
 }
 
-/// A name or glob of the command line, with its crate if it has one.
+/// A name or glob of the command line. It may include a crate.
 struct Wanted {
     krate: Option<Option<glob::Pattern>>,
     name: String,
@@ -466,7 +459,7 @@ fn name_crates(frames: &mut [Frame]) {
     }
 }
 
-/// Returns the name of an unusable file, by its place.
+/// Returns the name of an unusable file, from its path.
 fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     match reason {
         AcceptError::Twice { case, .. } | AcceptError::Nowhere { case, .. } => case.clone(),
@@ -474,7 +467,7 @@ fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     }
 }
 
-/// The outcome of accepting a frame, in JSON. Fields may be added, and never change.
+/// The result of accepting a frame, in JSON. Fields may be added, and existing fields don't change.
 #[derive(Default, Serialize)]
 struct AcceptEntry {
     case: String,
@@ -482,22 +475,22 @@ struct AcceptEntry {
     golden: Option<PathBuf>,
     written: bool,
     warnings: Vec<String>,
-    /// The reason why the frame is refused.
+    /// The reason why Karat refuses the frame.
     error: Option<String>,
 }
 
 pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
-    args.ci.check("accept, with --from and what this run leaves,")?;
+    args.ci.check("accept with --from and this run's artefact")?;
     let artefact = args.from.open()?;
     let waiting = Waiting::of(&args.folder, artefact.as_ref())?;
     let (frames, unusable) = waiting.select(&args.frames)?;
-    // A CI run may leave frames of several folders of goldens, and the option names one folder.
+    // The frames of a CI run may belong to several folders of goldens, but the option names only one folder.
     let (own, others): (Vec<_>, Vec<_>) =
         frames.into_iter().partition(|frame| frame.pending.is_of(&frame.goldens));
     if !own.is_empty() && !others.is_empty() {
         let folders: BTreeSet<String> = others.iter().map(folder_of).collect();
         let folders = folders.into_iter().collect::<Vec<_>>().join("`, `");
-        tell(&format!("note: frames of `{folders}` aren't looked at"));
+        tell(&format!("note: frames of `{folders}` are left pending"));
     }
     let frames = if own.is_empty() { others } else { own };
     let acceptance = Acceptance {
@@ -563,7 +556,7 @@ pub(super) fn reject(args: &RejectArgs, out: &mut dyn Write) -> Outcome {
     args.ci.check("reject")?;
     let artefact = args.from.open()?;
     if artefact.as_ref().is_some_and(Artefact::is_zip) {
-        bail!("a frame in a zip can't be rejected: delete the zip instead");
+        bail!("frames in a zip can't be rejected: delete the zip");
     }
     let mut entries = Vec::new();
     let (frames, unusable) = Waiting::of(&args.folder, artefact.as_ref())?.select(&args.frames)?;

@@ -18,7 +18,7 @@ use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PlaceArgs, call, terminal, write_json};
 
-/// The most reasons that are shown for unchecked functions.
+/// The largest number of reasons that Karat prints for unchecked functions.
 const REASONS: usize = 4;
 
 /// The average number of lines of a finding.
@@ -60,10 +60,9 @@ pub(super) struct Args {
     place: PlaceArgs,
 }
 
-/// An input's name and its range.
 type Input = (String, RangeInclusive<f64>);
 
-/// Parses a kind, by its name in JSON and in `no_hazards` of a `*.test.toml`.
+/// Parses the name of a kind, as JSON and `no_hazards` in a `*.test.toml` have it.
 fn kind(text: &str) -> Result<Kind, String> {
     let name = serde_json::Value::String(text.replace('-', "_"));
     serde_json::from_value(name).map_err(|error| error.to_string())
@@ -77,7 +76,7 @@ fn input(text: &str) -> Result<Input, String> {
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
     let (least, most) = (number(least)?, number(most.trim_start_matches('='))?);
     if !(least <= most && least.is_finite() && most.is_finite()) {
-        return Err(format!("{least} to {most} is no range"));
+        return Err(format!("{least} to {most} isn't a range"));
     }
     Ok((name.trim().to_owned(), least..=most))
 }
@@ -91,14 +90,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all = Vec::new();
-    // Each of several packages has its own inputs. An input that no package has is an error.
+    // Each package has its own inputs. An input that no package has is an error.
     let mut unknown: BTreeMap<String, Vec<HazardError>> = BTreeMap::new();
     for package in &packages {
         tell_beside(package);
         let mut inputs: Vec<&Input> = args.inputs.iter().collect();
         let mut found = loop {
             match look(args, package, (&inputs, &overrides))? {
-                // An unknown input in a package's own `karat.toml` is an error of that package.
+                // An unknown input in a package's `karat.toml` is an error of that package.
                 Err(HazardError::UnknownInput { name, nearest, place })
                     if packages.len() > 1 && place.is_empty() =>
                 {
@@ -123,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             if !args.only.is_empty() {
                 writeln!(
                     out,
-                    "{DIM}--only leaves callers out: findings that they would meet are judged here{DIM:#}"
+                    "{DIM}--only excludes callers: findings that excluded callers would trigger count here{DIM:#}"
                 )?;
             }
             all.iter()
@@ -140,18 +139,20 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Warns of a `karat.toml` beside a folder of modules, which Karat doesn't read.
+/// Warns of a `karat.toml` beside a folder of modules. Karat doesn't read such a file.
 fn tell_beside(package: &Package) {
     let root = package.root();
     let beside = root.parent().map(|around| around.join(project::MANIFEST));
     let (Some(beside), true) = (beside, root.is_dir()) else { return };
     if beside.is_file() && !root.join(project::MANIFEST).is_file() {
         let (beside, root) = (shown(&beside), shown(&root));
-        tell(&format!("`{beside}` isn't read: a package's lies in its folder, `{root}`"));
+        tell(&format!(
+            "`{beside}` isn't read: the karat.toml of a package must be in its folder, `{root}`"
+        ));
     }
 }
 
-/// Keeps hazards of some kinds, or all if `kinds` is empty. Returns the number of removed hazards.
+/// Keeps only hazards of the given kinds, or all hazards if `kinds` is empty. Returns the number of removed hazards.
 fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
     let Hazards { found, others, .. } = hazards;
     let is_asked = |hazard: &Hazard| {
@@ -162,7 +163,6 @@ fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
     found.extract_if(.., |hazard| !is_asked(hazard)).count()
 }
 
-/// Finds the hazards of a package, with these inputs.
 fn look(
     args: &Args,
     package: &Package,
@@ -186,7 +186,7 @@ fn look(
         if at.found > 0 && began.elapsed() > PATIENCE {
             let found = counted(at.found, "finding");
             let line = format!(
-                "{} of {} functions: {found} in {}, unless its callers meet them",
+                "{} of {} functions: {found} in {}, before the check of callers",
                 at.done, at.of, at.function
             );
             bar.suspend(|| tell(&line));
@@ -208,17 +208,17 @@ fn write_text(
             write_one(hazard, &[], out)?;
         }
         for (name, why) in skipped {
-            writeln!(out, "{DIM}not looked at: {name}: {why}{DIM:#}")?;
+            writeln!(out, "{DIM}not checked: {name}: {why}{DIM:#}")?;
         }
         for line in &hazards.unreached {
-            writeln!(out, "{DIM}no input came to {line}{DIM:#}")?;
+            writeln!(out, "{DIM}no input reaches {line}{DIM:#}")?;
         }
     } else {
         write_groups(found, out)?;
         write_reasons(skipped, out)?;
     }
     for functions in &hazards.needless {
-        let why = "nothing of it is a fault, so nothing needs the acceptance";
+        let why = "that hazard isn't a fault, so delete the line";
         writeln!(out, "{DIM}karat.toml accepts a hazard of {functions}: {why}{DIM:#}")?;
     }
     write_drawn(drawn, all, out)?;
@@ -232,10 +232,10 @@ fn write_text(
     }
     let others = skipped.len() - unread - invalid;
     if others > 0 {
-        write!(out, ", {} not looked at", counted(others, "function"))?;
+        write!(out, ", {} not checked", counted(others, "function"))?;
     }
     if *invalid > 0 {
-        let why = "not looked at, as naga rejects what they use: `karat check` says why";
+        let why = "not checked, because naga rejects code that they use: `karat check` says why";
         write!(out, ", {} {why}", counted(*invalid, "function"))?;
     }
     if *unread > 0 {
@@ -244,38 +244,34 @@ fn write_text(
     let Unseen { inputs, functions, in_part, of_state } = *unseen;
     if inputs > 0 {
         let of = counted(functions, "function");
-        write!(
-            out,
-            ", {} of {of} not looked at: they are too much work",
-            counted(inputs, "input")
-        )?;
+        write!(out, ", {} of {of} not run: too much work", counted(inputs, "input"))?;
     }
     if !hazards.unreached.is_empty() {
-        write!(out, ", no input came to {}", counted(hazards.unreached.len(), "line"))?;
+        write!(out, ", no input reaches {}", counted(hazards.unreached.len(), "line"))?;
     }
     if of_state > 0 {
         let of = counted(of_state, "function");
-        write!(out, ", large private variables of {of} with their first values alone")?;
+        write!(out, ", only the first values of large private variables in {of}")?;
     }
     if in_part > 0 {
-        write!(out, ", the first operations alone of {}", counted(in_part, "function"))?;
+        write!(out, ", only the first operations of {}", counted(in_part, "function"))?;
     }
     writeln!(out)?;
     Ok(())
 }
 
-/// The most names in a line about the ranges of arguments.
+/// The largest number of names in a line about the ranges of arguments.
 const NAMES: usize = 12;
 
-/// Prints the ranges that arguments were generated from.
+/// Prints the ranges from which Karat generated arguments.
 fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     for line in drawn.lines(if all { usize::MAX } else { NAMES }) {
-        writeln!(out, "{DIM}drawn {line}{DIM:#}")?;
+        writeln!(out, "{DIM}generated {line}{DIM:#}")?;
     }
     Ok(())
 }
 
-/// Prints why functions weren't checked, each reason once.
+/// Prints the reasons why functions weren't checked, each reason once.
 fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::Result<()> {
     let mut reasons: Vec<(&str, &str, usize)> = Vec::new();
     for (name, why) in skipped {
@@ -287,17 +283,17 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     reasons.sort_by_key(|(.., count)| std::cmp::Reverse(*count));
     for (why, name, count) in reasons.iter().take(REASONS) {
         let more = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
-        writeln!(out, "{DIM}not looked at: {name}{more}: {why}{DIM:#}")?;
+        writeln!(out, "{DIM}not checked: {name}{more}: {why}{DIM:#}")?;
     }
     if reasons.len() > REASONS {
         let more = reasons.len() - REASONS;
-        writeln!(out, "{DIM}not looked at for {more} other reasons: --all shows them{DIM:#}")?;
+        writeln!(out, "{DIM}not checked for {more} other reasons: --all shows them{DIM:#}")?;
     }
     Ok(())
 }
 
-/// Groups the requirements of each function that the same inputs avert. Requirements that no single input averts are
-/// grouped by kind. Groups are in the order of their first finding.
+/// Groups the requirements of each function: requirements that a range of the same inputs prevents are one group.
+/// Requirements that no single input prevents are grouped by kind. Groups are in the order of their first finding.
 fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     let mut groups: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();
@@ -335,7 +331,7 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
     writeln!(out, "{DIM}{}{DIM:#}", hazard.details())?;
     if let [next, ..] = alike {
         let (count, place) = (alike.len(), &next.location);
-        let like = if hazard.needs.is_empty() { "are like it" } else { "need the same" };
+        let like = if hazard.needs.is_empty() { "are similar" } else { "need the same inputs" };
         writeln!(out, "{DIM}    {count} more that {like}, the next at {place}{DIM:#}")?;
     }
     writeln!(out)?;

@@ -1,4 +1,4 @@
-//! HDR-FLIP of each pixel as an image.
+//! An image that shows HDR-FLIP for each pixel.
 
 mod canvas;
 mod legend;
@@ -25,8 +25,8 @@ pub(super) struct Heatmap {
 }
 
 impl Heatmap {
-    /// Computes HDR-FLIP of all pixels at the published exposures, and at the darker exposures that verdicts add
-    /// where the published ones are too bright to show the error.
+    /// Computes HDR-FLIP of all pixels at the published exposures, and at darker ones. Verdicts add darker exposures if
+    /// the published ones are too bright to show the error.
     pub(super) fn flip(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let judged = Flip::LARGEST_TILE.map(pair).ok();
@@ -42,8 +42,8 @@ impl Heatmap {
         Ok(Self { width, height, errors })
     }
 
-    /// Writes the errors themselves as EXR, or their colours as PNG with a legend below. Returns the error of the
-    /// last colour. An existing file is replaced completely or not at all.
+    /// Writes an EXR image with the errors, or a PNG image with their colours and a legend below. Returns the error of
+    /// the last colour. Replaces an existing file completely or not at all.
     pub(super) fn write(&self, path: &Path) -> anyhow::Result<Option<f32>> {
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
             let pixels = self.errors.iter().map(|error| [*error, *error, *error, 1.0]).collect();

@@ -40,7 +40,7 @@ pub(super) struct Args {
     ci: CiArgs,
 }
 
-/// The output of runs, which belongs into `.gitignore`.
+/// The output of runs. These files belong into `.gitignore`.
 const IGNORED: [&str; 4] = ["**/.karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
 
 const GITHUB: &str = include_str!("init/github.yml");
@@ -74,10 +74,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let valid = check::validate(std::slice::from_ref(&package), false, &mut invalid)?;
     out.write_all(&invalid)?;
     if !valid {
-        writeln!(out, "{DIM}no test of these modules can pass before they are mended{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}no test of these modules can pass until you correct the errors{DIM:#}"
+        )?;
     }
     let mut items = callable(&package)?;
-    // Fragment and vertex functions are called like any other function.
+    // Karat calls fragment and vertex functions as it calls any other function.
     items.extend(entry_points(&package, |stage| stage != Stage::Compute)?);
     let mut passes = entry_points(&package, |stage| stage == Stage::Compute)?;
     if !valid {
@@ -87,18 +90,21 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         items.retain(is_whole);
         passes.retain(is_whole);
-        ensure!(!items.is_empty() || !passes.is_empty(), "mend these modules first");
+        ensure!(
+            !items.is_empty() || !passes.is_empty(),
+            "correct the errors of these modules first"
+        );
     }
     ensure!(
         !items.is_empty() || !passes.is_empty(),
         "`{}` has no function and no entry point: write one, and run this again",
         folder.display()
     );
-    // A project with Rust tests that asks for a workflow gets only the workflow.
+    // If a project with Rust tests asks for a workflow, it gets only the workflow.
     let is_cargo = Project::around(&folder.canonicalize()?)?.is_cargo();
-    // This comes first: if Karat can't write a test, it writes no file.
+    // This step comes first: if Karat can't write a test, it must write no other file.
     let written = if (args.github || args.gitlab) && is_cargo && tested(&folder)?.any() {
-        writeln!(out, "{DIM}there are tests in Rust: none is written{DIM:#}")?;
+        writeln!(out, "{DIM}there are tests in Rust, so no test is written{DIM:#}")?;
         None
     } else {
         first_test(&package, &folder, (&items, &passes), out)?
@@ -116,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let (false, true, Some(file)) = (good, valid, &written) {
         writeln!(
             out,
-            "\n{BAD}the first test is red{BAD:#}: mend the function, or say in {} what a host gives it",
+            "\n{BAD}the first test fails{BAD:#}: correct the function, or write in {} which inputs your program passes to it",
             file.display()
         )?;
     }
@@ -124,9 +130,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     writeln!(out, "\n{HEAD}what to do next{HEAD:#}")?;
     writeln!(
         out,
-        "  karat watch {folder}     the tests again at each edit: break a function, and see it"
+        "  karat watch {folder}     runs the tests after each edit: break a function, and see the failure"
     )?;
-    writeln!(out, "  karat hazards {folder}   what can go wrong, with no test")?;
+    writeln!(out, "  karat hazards {folder}   lists operations that can go wrong, without a test")?;
     match written {
         Some(file) => writeln!(
             out,
@@ -141,20 +147,20 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !args.github && !args.gitlab {
         writeln!(
             out,
-            "  karat init --github (or --gitlab)   the same tests in CI, on Mesa's lavapipe"
+            "  karat init --github (or --gitlab)   runs the same tests in CI, on Mesa's lavapipe"
         )?;
     }
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Refuses a folder inside of a package with a karat.toml.
+/// Refuses a folder inside a package with a karat.toml.
 fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     let (whole, here) = (folder.canonicalize()?, Path::new(".").canonicalize()?);
     let around = whole.ancestors().skip(1).take_while(|around| around.starts_with(&here));
     let mut packages = around.filter(|around| around.join(project::MANIFEST).is_file());
     match packages.next() {
         Some(package) => bail!(
-            "`{0}` is a package by its {1}, and `{2}` is a part of it: run `karat init {0}`",
+            "`{0}` is a package (it has {1}), and `{2}` is a part of it: run `karat init {0}`",
             shown(package),
             project::MANIFEST,
             folder.display()
@@ -163,15 +169,15 @@ fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Returns the folder whose tests `karat test` runs here, or else the working directory.
+/// Returns the folder whose tests `karat test` runs here, or otherwise the working directory.
 fn usual_folder() -> anyhow::Result<PathBuf> {
     let packages = Project::find()?.packages(&PackageArgs::default()).unwrap_or_default();
     let root = packages.first().map(Package::root).filter(|root| root.is_dir());
     Ok(PathBuf::from(root.map_or_else(|| ".".to_owned(), |root| shown(&root))))
 }
 
-/// Runs the folder's tests. If the project has a record of a run, they don't replace it, as the verdicts of its Rust
-/// tests would be lost.
+/// Runs the folder's tests. If the project has the record of a run, these tests don't replace the record: it would lose
+/// the verdicts of the Rust tests.
 fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
     let suite = karat_suite::Suite::open(folder)?;
     if suite.tests.is_empty() && suite.broken.is_empty() {
@@ -184,16 +190,16 @@ fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
     if recorded {
         writeln!(out, "{DIM}the record of the last run stays: `karat test` runs all tests{DIM:#}")?;
     }
-    Ok(status.context("the tests don't run")?.success())
+    Ok(status.context("can't run the tests")?.success())
 }
 
 fn this() -> anyhow::Result<Command> {
-    Ok(Command::new(std::env::current_exe().context("this program isn't where it was")?))
+    Ok(Command::new(std::env::current_exe().context("can't find this program's own file")?))
 }
 
-/// Writes a test of one function beside its module, or of a compute pass if there is no function. It prefers a
-/// function with arguments and a float in its result. Returns `None` if there are tests, or if each function has a
-/// Rust test.
+/// Writes a test of one function beside its module. If there is no function, writes a test of a compute pass. Prefers a
+/// function with arguments and a float in its result. Returns `None` if there are tests, or if each function has a Rust
+/// test.
 fn first_test(
     package: &Package,
     folder: &Path,
@@ -202,7 +208,7 @@ fn first_test(
 ) -> anyhow::Result<Option<PathBuf>> {
     let suite = karat_suite::Suite::open(folder)?;
     if !suite.tests.is_empty() || !suite.broken.is_empty() {
-        writeln!(out, "{DIM}there are tests already: none is written{DIM:#}")?;
+        writeln!(out, "{DIM}there are tests already, so no test is written{DIM:#}")?;
         return Ok(None);
     }
     let tested = tested(folder)?;
@@ -226,7 +232,7 @@ fn first_test(
     let Some((item, text)) = best.map(|(_, item, text)| (item, text)).or_else(pass) else {
         let all: Vec<_> = items.iter().chain(passes).collect();
         if !all.is_empty() && all.iter().all(|item| tested.is(&item.name)) {
-            writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
+            writeln!(out, "{DIM}each function has a test already, so no test is written{DIM:#}")?;
             return Ok(None);
         }
         why.passes.extend(passes.iter().filter(is_open).map(|item| item.name.as_str()));
@@ -240,14 +246,14 @@ fn first_test(
 
 /// The reason why a function has no first test.
 enum Open {
-    /// It reads a variable that a test has to bind.
+    /// A test must bind a variable that the function reads.
     Bound,
-    /// It can't be called.
+    /// A test can't call the function.
     Refused,
 }
 
-/// Returns a test of a function over the ranges that its arguments' names and types suggest, with a rank: 0 is the
-/// most useful test.
+/// Returns a test of a function, and the rank of the test: rank 0 is the most useful. The names and types of the
+/// arguments determine the ranges.
 fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String), Open> {
     let (_, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let probed = Probed::new(package, &item.name).map_err(|_| Open::Refused)?;
@@ -261,11 +267,12 @@ fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String),
     let mut floats = function.parameters.iter().filter(|(_, shape)| is_of_floats(shape));
     let over = floats.next().map_or_else(String::new, |(name, _)| {
         format!(
-            "# Where arguments come from; what isn't named comes from its name and type:\n\
+            "# The ranges of arguments. For other arguments, the name and the type determine the range:\n\
              # over = {{ {name} = \"0..1\" }}\n"
         )
     });
-    // Integer results have hazards, too: an index outside of its array, a division by 0, a conversion out of range.
+    // Functions with integer results have hazards, too: an index outside of an array, a division by 0, a conversion out
+    // of range.
     let assertion = if has_float { "finite" } else { "no_hazards" };
     let text = format!("# {function}\n[[test]]\nfunction = \"{name}\"\n{over}{assertion} = true\n");
     Ok((rank, text))
@@ -289,7 +296,7 @@ fn beside(item: &FunctionItem, folder: &Path) -> PathBuf {
     PathBuf::from(format!("{}.test.toml", beside.display()))
 }
 
-/// The functions and passes that have no first test, by the reason.
+/// The functions and passes without a first test, by the reason.
 #[derive(Default)]
 struct Why<'i> {
     bound: Vec<&'i str>,
@@ -299,20 +306,20 @@ struct Why<'i> {
 
 impl Why<'_> {
     fn told(&self) -> String {
-        /// The most names that a line shows.
+        /// The largest number of names in a line.
         const SHOWN: usize = 4;
         let mut text = "no first test can be written".to_owned();
         for (names, thing, what) in [
             (
                 &self.bound,
                 "function",
-                "reads a binding, so its test says what that holds: `with = { name = .. }` in `*.test.toml`",
+                "reads a binding: give it a value by `with = { name = .. }` in `*.test.toml`",
             ),
-            (&self.refused, "function", "can't be called by a test; `karat call` says why"),
+            (&self.refused, "function", "can't be called by a test: `karat call` gives the reason"),
             (
                 &self.passes,
                 "pass",
-                "has resources that no size follows for, or writes none: `[[compute]]` in `*.test.toml` says what they hold",
+                "has resources of unknown size, or writes no resource: describe them in `[[compute]]` of a `*.test.toml`",
             ),
         ] {
             let more = if names.len() > SHOWN { ", .." } else { "" };
@@ -325,14 +332,14 @@ impl Why<'_> {
     }
 }
 
-/// The functions with tests, from the last run, or by their names in the Rust files of `tests`.
+/// The functions with tests, from the last run. Without a run, the functions that Rust files in `tests` name.
 struct Tested {
     ran: BTreeSet<String>,
     texts: Vec<String>,
 }
 
 impl Tested {
-    /// Returns `true` if there is a test with Karat.
+    /// Checks if any test uses Karat.
     fn any(&self) -> bool {
         !self.ran.is_empty() || self.texts.iter().any(|text| text.contains("karat"))
     }
@@ -348,16 +355,17 @@ fn tested(folder: &Path) -> anyhow::Result<Tested> {
     let folder = folder.canonicalize()?;
     let project = Project::around(&folder)?;
     let mut texts = Vec::new();
-    // In a workspace the tests are in the member's folder.
+    // In a workspace, the tests are in the folder of the member.
     for around in folder.ancestors().take_while(|around| around.starts_with(project.root())) {
         read_rust(&around.join("tests"), &mut texts);
     }
-    // Without Cargo all tests are beside the modules. There are none, so a record is of deleted tests.
+    // Without Cargo, all tests are beside the modules. This folder has no tests, so a record would belong to deleted
+    // tests.
     let ran = if project.is_cargo() { tested_functions(&project)? } else { BTreeSet::new() };
     Ok(Tested { ran, texts })
 }
 
-/// Adds the texts of the Rust files below a folder, and skips unreadable files.
+/// Adds the contents of the Rust files below a folder, and skips unreadable files.
 fn read_rust(folder: &Path, texts: &mut Vec<String>) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
@@ -398,8 +406,8 @@ fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Adds profiles to Cargo.toml that optimise the crates that tests wait for, in a project that depends on Karat.
-/// Existing profiles stay.
+/// Adds profiles to the Cargo.toml of a project that depends on Karat. They optimise the crates whose speed tests
+/// depend on. Existing profiles stay.
 fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let project = Project::around(&folder.canonicalize()?)?;
     let file = project.root().join("Cargo.toml");
@@ -419,12 +427,12 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
         if !text.ends_with('\n') {
             text.push('\n');
         }
-        // With debug information the first build would take a third longer.
+        // Debug information would make the first build take a third longer.
         let level = level.map_or_else(String::new, |level| format!("opt-level = {level}\n"));
         text += &format!("\n[profile.dev.package.{name}]\n{level}debug = false\n");
         added.push(name);
     }
-    // The form of the existing tables may allow no new ones. Then `karat doctor` names the missing profiles.
+    // The form of the existing tables may not allow new tables. Then `karat doctor` names the missing profiles.
     if added.is_empty() || text.parse::<toml::Table>().is_err() {
         return Ok(());
     }
@@ -436,7 +444,11 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
 /// Writes a file for CI, unless the file exists.
 fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     if file.exists() {
-        return Ok(writeln!(out, "{DIM}{} is there already: not written{DIM:#}", file.display())?);
+        return Ok(writeln!(
+            out,
+            "{DIM}{} exists already, and stays unchanged{DIM:#}",
+            file.display()
+        )?);
     }
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("`{}`", folder.display()))?;
@@ -444,7 +456,7 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     std::fs::write(file, text).with_context(|| format!("`{}`", file.display()))?;
     writeln!(out, "{GOOD}wrote{GOOD:#} {}", file.display())?;
     if text.contains("example.org") {
-        let hint = "write the address of your copy of Karat into it: Karat isn't released yet";
+        let hint = "write the address of your copy of Karat into this file, because Karat isn't released yet";
         writeln!(out, "  {KNOWN}{hint}{KNOWN:#}")?;
     }
     if file == Path::new(GITLAB_FILE) {
@@ -456,7 +468,7 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let repository = here.ancestors().find(|folder| folder.join(".git").exists());
     if let Some(root) = repository.filter(|root| *root != here) {
         let root = root.display();
-        let hint = "it is read at the root of the repository alone: move it there, and run its steps in this folder";
+        let hint = "GitHub reads it only at the root of the repository: move it there, and run its steps in this folder";
         writeln!(out, "  {KNOWN}{hint} ({root}){KNOWN:#}")?;
     }
     Ok(())

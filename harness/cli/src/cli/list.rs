@@ -32,7 +32,7 @@ pub(super) struct Args {
     place: PlaceArgs,
 }
 
-/// The most functions of an invalid module that are read one by one, which takes some milliseconds each.
+/// The largest number of functions of an invalid module that Karat reads one by one. Each takes some milliseconds.
 const MOST_ALONE: usize = 200;
 
 #[derive(Serialize)]
@@ -44,22 +44,20 @@ struct Entry {
     doc: String,
     /// `true` if the last `karat test` checked it.
     tested: bool,
-    /// The reason why it can't be called.
+    /// The reason why a test can't call it.
     error: Option<String>,
 }
 
-/// A test beside the shaders, or a file that should declare tests and can't be read.
+/// A test beside the shaders, or an unreadable file of tests.
 #[derive(Serialize)]
 struct TestEntry {
-    /// The folder of the shaders.
     package: PathBuf,
     name: String,
-    /// The file of the test.
     file: PathBuf,
-    /// The line and the column, both from 1.
+    /// The line and the column, which count from 1.
     line: u32,
     column: u32,
-    /// The reason why it isn't a valid test.
+    /// The reason why the test isn't valid.
     error: Option<Wrong>,
 }
 
@@ -86,7 +84,10 @@ fn list_tests(args: &Args, out: &mut dyn Write) -> Outcome {
             add(name, wrong.place.clone(), Some(wrong));
         }
     }
-    ensure!(!all.is_empty(), "no test is beside the shaders: `karat init` writes a first one");
+    ensure!(
+        !all.is_empty(),
+        "there is no test beside the shaders: `karat init` writes a first test"
+    );
     let good = all.iter().all(|one| one.error.is_none());
     match args.json {
         true => write_json(&all, out)?,
@@ -125,7 +126,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                         items.into_iter().map(|item| entry(&package, &program, item, &tested)),
                     );
                 }
-                // The error is about the package, and not about this module.
+                // The error belongs to the package, not to this module.
                 Err(ReflectError::Package(error @ PackageError::UnknownFeature { .. })) => {
                     return Err(error.into());
                 }
@@ -140,7 +141,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             }
         }
     }
-    ensure!(!entries.is_empty(), "the packages hold no function");
+    ensure!(!entries.is_empty(), "the packages have no functions");
     let good = valid && no_tests.is_empty();
     let verdict = if good { Ending::Good } else { Ending::Bad };
     if args.json {
@@ -148,13 +149,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         write_json(&entries, out)?;
         return Ok(verdict);
     }
-    // Functions that a filtered run left out may still have tests.
+    // A filtered run skips functions that may have tests.
     let selected = last_selection(&project)?;
     let untested = if selected.is_some() { "not by the last run" } else { "no" };
     let mut table = Table::new(&["function", "tested", "at"], &[]);
     for entry in &entries {
         let (style, state) = match (entry.tested, &entry.error) {
-            (_, Some(_)) => (BAD, "can't be probed"),
+            (_, Some(_)) => (BAD, "can't be called"),
             (true, None) => (GOOD, "yes"),
             (false, None) => (DIM, untested),
         };
@@ -163,7 +164,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     table.write(out)?;
     if let Some(selected) = selected {
-        writeln!(out, "{DIM}the last run was of `{selected}` alone: `karat test` runs all{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}the last run had only `{selected}`: `karat test` runs all tests{DIM:#}"
+        )?;
     }
     for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
         writeln!(out, "\n{error}")?;
@@ -173,7 +177,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(verdict)
 }
 
-/// Returns the entry of a file that should declare tests and can't be read.
+/// Returns the entry of an unreadable file of tests.
 fn no_test(Broken { name, wrong: Wrong { message, .. }, .. }: Broken) -> Entry {
     Entry {
         package: String::new(),
@@ -186,8 +190,8 @@ fn no_test(Broken { name, wrong: Wrong { message, .. }, .. }: Broken) -> Entry {
     }
 }
 
-/// Returns the functions that a test can call: all but entry points, in the readable modules. Validation reports the
-/// other modules.
+/// Returns the functions that a test can call: all functions of readable modules except entry points. Validation
+/// reports the other modules.
 pub(super) fn callable(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
     let modules = package.modules()?;
     let functions = modules.iter().filter_map(|module| package.functions_in(module).ok());
@@ -200,14 +204,14 @@ fn entry(
     item: FunctionItem,
     tested: &BTreeSet<String>,
 ) -> Entry {
-    // A function of its own, without its module, has variables in place of its texture parameters.
+    // A function that is read without its module has variables in place of texture parameters.
     let whole = program.function(&item.name);
     let whole = whole.map(|function| (program.signature(&function), function.doc));
     let described = whole.or_else(|_: ReflectError| described_alone(package, &item.name));
     of_function(package, item, described, tested)
 }
 
-/// Returns the signature of a function and the comment above it, from the function and its dependencies alone.
+/// Returns the signature of a function and the comment above it. Reads only the function and its dependencies.
 fn described_alone(package: &Package, name: &str) -> Result<(String, String), ReflectError> {
     let program = Program::of_function(package, name)?;
     let function = program.function(name)?;
@@ -223,7 +227,7 @@ fn of_function(
     let stage = item.entry_point;
     let (signature, doc, error) = match (described, stage) {
         (Ok((signature, doc)), _) => (Some(signature), doc, None),
-        // Drivers can still run such an entry point: it discards, or returns nothing.
+        // A driver can still run such an entry point: it discards, or returns nothing.
         (Err(ReflectError::Unprobeable(_)), Some(stage)) => {
             (Some(format!("@{stage} {}", item.name)), String::new(), None)
         }
@@ -240,7 +244,8 @@ fn of_function(
     }
 }
 
-/// Returns the functions of an invalid module, each read alone, or none if there are more than [`MOST_ALONE`].
+/// Returns the functions of an invalid module. Reads each one separately. Returns none if there are more than
+/// [`MOST_ALONE`].
 fn sound(package: &Package, module: &str, tested: &BTreeSet<String>) -> Vec<Entry> {
     let items = package.functions_in(module).unwrap_or_default();
     if items.len() > MOST_ALONE {
@@ -266,8 +271,8 @@ fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
     }
 }
 
-/// Returns the functions with tests: checked functions, functions that WGSL tests call, entry points of earlier
-/// passes, and functions that frames draw with.
+/// Returns all functions with tests: functions that a test checks, calls or draws with, and entry points of earlier
+/// passes.
 fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     let suite = Suite::of(package.clone()).ok();
     let tests = || suite.iter().flat_map(|suite| &suite.tests);
@@ -280,14 +285,14 @@ fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     called.chain(drawn).chain(dispatched).chain(ran.iter().cloned()).collect()
 }
 
-/// Returns the filter, packages or targets of the last run, if it left tests out.
+/// If the last run skipped tests, returns its filter, packages or targets.
 fn last_selection(project: &Project) -> anyhow::Result<Option<String>> {
     let folder = project.output().join("record");
     let run = if folder.is_dir() { Run::read(&folder)? } else { None };
     Ok(run.map(|run| run.selected.join(" ")).filter(|selected| !selected.is_empty()))
 }
 
-/// Returns the functions that the last run checked, and the tests that drew frames, or none if there was no run.
+/// Returns the functions that the last run checked, and the tests that drew frames. Returns none if there was no run.
 pub(super) fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let folder = project.output().join("record");
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };

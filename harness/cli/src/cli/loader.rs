@@ -1,9 +1,8 @@
 //!
-//! SwiftShader, the Vulkan driver that Chromium contains, beside the system's drivers.
+//! SwiftShader, the Vulkan driver of Chromium, as a second driver beside the system's drivers.
 //!
-//! Vulkan's loader reads its list of drivers from the environment, before the first one loads. So if a path names
-//! SwiftShader, this program restarts itself with the loader's variable set, and the tests that it runs inherit the
-//! variable.
+//! Vulkan's loader reads its list of drivers from an environment variable when it loads the first driver. So if a path
+//! names SwiftShader, this program restarts with the variable set, and the test programs inherit the variable.
 
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
@@ -15,8 +14,8 @@ use karat::unstable::path::{has_chosen_drivers, swiftshader};
 /// The part of a path that names SwiftShader.
 const NAMED: &str = "@swiftshader";
 
-/// Restarts the program with SwiftShader, if a path names it and the variable isn't set yet. Returns `None` if no
-/// restart is needed.
+/// Restarts the program with SwiftShader if a path names SwiftShader and the variable isn't set yet. Otherwise returns
+/// `None`.
 pub(super) fn with_second_driver() -> Option<anyhow::Result<ExitCode>> {
     let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
     let asked = ["KARAT_PATHS", "KARAT_REQUIRE"].map(std::env::var_os).into_iter().flatten();
@@ -31,15 +30,15 @@ fn is_named(words: impl Iterator<Item = OsString>) -> bool {
 }
 
 fn again(arguments: &[OsString], manifest: &Path) -> anyhow::Result<ExitCode> {
-    let program = std::env::current_exe().context("can't find out where this program is")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     command.args(arguments).env(swiftshader::ADD, OsStr::new(manifest));
-    // Replaces this process where the system can, so that signals reach the new one.
+    // Replaces this process if the system can, so that signals reach the new program.
     #[cfg(unix)]
     return Err(std::os::unix::process::CommandExt::exec(&mut command).into());
     #[cfg(not(unix))]
     {
-        let status = command.status().context("can't start this program anew")?;
+        let status = command.status().context("can't restart this program")?;
         let code = status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(2);
         Ok(ExitCode::from(code))
     }

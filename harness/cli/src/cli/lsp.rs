@@ -2,7 +2,7 @@
 //! `karat lsp`: a language server. It shows invalid modules, failing tests, and a lens beside each function.
 //!
 //! A verdict depends on the files that its test read. When one of these files changes, the server hides the verdict.
-//! Standard output is the protocol's. The server refuses invalid messages, and the session goes on.
+//! Only the protocol writes to standard output. An invalid message is refused, and the session continues.
 
 mod documents;
 mod findings;
@@ -25,13 +25,13 @@ use self::wire::{Client, Heard, hear};
 use super::watch::Said;
 use super::{Ending, Outcome};
 
-/// The pause in typing after which modules are validated.
+/// The pause in typing after which the server validates modules.
 const PAUSE: Duration = Duration::from_millis(60);
 
-/// The time after which modules are validated even without a pause in typing.
+/// The time after which the server validates modules even without a pause in typing.
 const LONGEST: Duration = Duration::from_millis(400);
 
-/// The time between two checks for the end of a run.
+/// The time between two checks if a run has ended.
 const LOOK: Duration = Duration::from_millis(500);
 
 #[derive(clap::Args)]
@@ -44,15 +44,12 @@ pub(super) struct Args {
     stdio: bool,
 }
 
-/// An event that the server handles.
 enum Event {
-    /// The editor sent a message.
     Heard(Heard),
-    /// Files changed or were removed.
     Files(Vec<PathBuf>),
     /// A process that runs tests wrote a line, or ended.
     Worker(usize, Said),
-    /// The tests that a lens started have run.
+    /// The tests of a lens have ended.
     Ran(run::Ended),
 }
 
@@ -71,7 +68,7 @@ pub(super) fn run(args: &Args, _: &mut dyn Write) -> Outcome {
             }
         }
     });
-    // The output of other commands escapes control characters. Here it must not, as the protocol counts bytes.
+    // The output of other commands escapes control characters. This output must not, because the protocol counts bytes.
     let client = Client::new(Box::new(std::io::stdout()));
     let mut server = Server::new(client, paths, sender)?;
     let (mut waits_since, mut looked): (Option<Instant>, _) = (None, Instant::now());
@@ -89,7 +86,7 @@ pub(super) fn run(args: &Args, _: &mut dyn Write) -> Outcome {
             Err(RecvTimeoutError::Timeout) => server.settle(),
             Err(RecvTimeoutError::Disconnected) => return Ok(Ending::Bad),
         }
-        // The check runs even if requests never pause.
+        // This check runs even if requests never pause.
         if looked.elapsed() >= LOOK {
             server.look();
             looked = Instant::now();

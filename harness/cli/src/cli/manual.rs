@@ -16,7 +16,7 @@ pub(super) struct Args {
     no_open: bool,
 }
 
-/// The part of `cargo metadata` that the command reads.
+/// The part of the output of `cargo metadata` that this command reads.
 #[derive(Deserialize)]
 struct Metadata {
     packages: Vec<Package>,
@@ -30,14 +30,14 @@ struct Package {
     manifest_path: PathBuf,
 }
 
-/// Builds the manual of the karat that the project tests with. Cargo 1.95 panics when it documents a dev-dependency,
-/// so a temporary package has karat as a dependency.
+/// Builds the manual of the karat version that the project tests with. Cargo 1.95 panics when it documents a
+/// dev-dependency, so Karat makes a temporary package with a normal dependency on karat.
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut asked = Command::new(&cargo);
     let asked = asked.args(["metadata", "--format-version", "1"]).stderr(Stdio::inherit());
     let output =
-        asked.output().context("`cargo` doesn't run, and makes the manual of karat's sources: read `docs/guide` in karat's repository")?;
+        asked.output().context("can't run `cargo`, which makes the manual from karat's sources: read `docs/guide` in karat's repository")?;
     ensure!(
         output.status.success(),
         "`cargo metadata` fails: run `karat manual` in a Cargo project that uses karat"
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Writes a package that depends on karat alone, with the versions of the project.
+/// Writes a package that depends only on karat, with the versions of the project.
 fn write_package(folder: &Path, karat: &Path, workspace: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder.join("src"))?;
     let manifest = format!(
@@ -81,7 +81,7 @@ fn write_package(folder: &Path, karat: &Path, workspace: &Path) -> anyhow::Resul
     Ok(())
 }
 
-/// Shows a page in the default browser. On a system without a browser the printed place is enough.
+/// Shows a page in the default browser. If the system has no browser, the printed path is enough.
 fn open(page: &Path) {
     let (program, arguments): (&str, &[&str]) = match std::env::consts::OS {
         "macos" => ("open", &[]),
@@ -91,6 +91,6 @@ fn open(page: &Path) {
     let mut browser = Command::new(program);
     let browser = browser.args(arguments).arg(page).stdout(Stdio::null()).stderr(Stdio::null());
     if browser.status().is_err() {
-        eprintln!("no `{program}` opens it: look at the page with your browser");
+        eprintln!("can't open the page with `{program}`: open it in your browser");
     }
 }

@@ -1,4 +1,4 @@
-//! `karat match`: compares an image that another program drew with its golden.
+//! `karat match`: compares an image of another program with its golden.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         image.pixels().windows(2).all(|two| two[0].map(f32::to_bits) == two[1].map(f32::to_bits));
     ensure!(
         !shows_nothing,
-        "`{}` shows nothing: all of its pixels are equal. Was it drawn? A browser without a GPU shows no canvas of WebGPU \
+        "`{}` shows nothing: all of its pixels are equal. A browser without a GPU shows no WebGPU canvas \
          without the arguments that the guide names (`webgpu` of karat-playwright)",
         args.image.display()
     );

@@ -69,7 +69,6 @@ pub(super) struct Args {
     place: PlaceArgs,
 }
 
-/// Parses `vulkan:hlsl=executed`.
 fn requirement(text: &str) -> Result<(String, Status), String> {
     let (column, status) = text.split_once('=').ok_or("write COLUMN=STATUS")?;
     let status = status.parse()?;
@@ -90,12 +89,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Runs this command in a process of its own. If a driver hangs or crashes and ends that process, the command starts
-/// again without that row.
+/// Runs this command in a separate process. If a driver hangs or crashes and ends that process, the command starts
+/// again without the row that was running.
 fn supervise() -> Outcome {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let file = folder.path().join("journal.jsonl");
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     command.args(std::env::args_os().skip(1)).arg("--journal").arg(&file);
     let status = restarted(&file, &mut command).context("can't run this program again")?;
@@ -123,7 +122,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut matrices = Vec::new();
     for package in &packages {
-        // The bar shows on a terminal only.
+        // Only terminals show the bar.
         let bar = ProgressBar::new(0).with_message(package.name());
         bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} rows {wide_bar}")?);
         let request = karat_inspect::matrix(package)
@@ -147,7 +146,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
         let judged: usize = matrices.iter_mut().map(|matrix| matrix.judge_by(&records)).sum();
         ensure!(
             judged > 0,
-            "no test of the last run was on these functions and paths as they are now: run \
+            "the last run has no test of these functions on these paths in their present state: run \
              `karat test` with KARAT_PATHS=vulkan,vulkan:hlsl, or whatever the columns are"
         );
     }
@@ -191,7 +190,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
         let whole = resolved(output);
         ensure!(
             !outputs.contains(&whole),
-            "two outputs are to be written to `{}`: name another place for one of them",
+            "two outputs have the same file `{}`: name another file for one of them",
             output.display()
         );
         outputs.push(whole);
@@ -200,7 +199,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     let shown = folder.display();
     if let Some(package) = packages.iter().find(|package| is_in_package(folder, package)) {
         bail!(
-            "`{shown}` is in the package `{}`, which would read the shaders that are written \
+            "`{shown}` is in the package `{}`, which would then contain the shaders written \
              there: name a folder outside of it",
             package.name()
         );
@@ -208,13 +207,13 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     let earlier = folder.read_dir().is_ok_and(|mut entries| entries.next().is_some());
     ensure!(
         !earlier && !folder.is_file(),
-        "`{shown}` isn't an empty folder, and those of an earlier run would stand beside those of \
-         this one: delete it, or name another"
+        "`{shown}` isn't an empty folder, so it would mix the files of an earlier run with those of \
+         this run: delete it, or name another folder"
     );
     Ok(())
 }
 
-/// Refuses a path that the options name and that doesn't open, as its column would be empty.
+/// Refuses a path that the options name and that doesn't open: its column would be empty.
 fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(index) = matrix.columns.iter().position(|head| head.name == name) else {
         return Ok(());
@@ -225,12 +224,12 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(stop) = cells().find_map(|cell| cell.stopped.as_ref().filter(|_| absent(cell))) else {
         return Ok(());
     };
-    // An entry point that no path runs stopped for another reason.
+    // An entry point that no path runs has another reason.
     let ran = |cell: &Cell| matches!(cell.status, Some(Status::Executed | Status::Agrees));
     let lacks_path = matches!(stop, Stop::Unavailable(_));
     ensure!(
         if lacks_path { cells().any(ran) } else { !cells().all(absent) },
-        "`{name}` isn't here, so nothing ran on it: {}\nThe column `{}` translates and validates \
+        "`{name}` doesn't open, so nothing ran on it: {}\nThe column `{}` translates and validates \
          without running",
         stop.text(),
         matrix.columns[index].language
@@ -251,26 +250,22 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     };
     if !wrong.is_empty() {
         karat::unstable::output::tell(&format!(
-            "{} wrong, and not declared to be: {}",
+            "{} wrong, and not declared as wrong: {}",
             counted(wrong.len(), "cell of the matrix is", "cells of the matrix are"),
             places(&wrong)
         ));
     }
     if !outdated.is_empty() {
         karat::unstable::output::tell(&format!(
-            "{} to work: delete what `karat.toml` declares of {}",
-            counted(
-                outdated.len(),
-                "cell declared to fail turns out",
-                "cells declared to fail turn out"
-            ),
+            "{}: delete from `karat.toml` the declarations for {}",
+            counted(outdated.len(), "cell declared to fail works", "cells declared to fail work"),
             few(outdated.iter().map(|finding| format!("{}: {}", place(finding), finding.why)))
         ));
     }
     findings.len()
 }
 
-/// Returns an error if a row couldn't be read, as the matrix lacks it.
+/// Returns an error if the matrix lacks a row because it couldn't be read.
 fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     let rows = || matrices.iter().flat_map(|m| &m.rows).filter(|row| row.is_judged());
     let Some(error) = rows().find_map(|row| row.error.as_ref()) else { return Ok(()) };
@@ -360,15 +355,15 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
         let (count, columns) = (matrix.undecided.len(), columns.join("`, `"));
         writeln!(
             out,
-            "\n{DIM}not looked at: {count} declared failures, on `{columns}`: nothing here shows or \
-             refutes them{DIM:#}"
+            "\n{DIM}not checked: {count} declared failures, on `{columns}`: this machine can't show or \
+             refute them{DIM:#}"
         )?;
     }
     Ok(())
 }
 
-/// Returns a cell's status, with the number of compared cases if they are fewer than half, and the number of
-/// differences that WGSL allows.
+/// Formats the status of a cell. If fewer than half of the cases were compared, adds their number. Also adds the number
+/// of differences that WGSL allows.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
     let word = match cell.status {
@@ -386,7 +381,7 @@ fn is_bad(cell: &Cell) -> bool {
     cell.fails_as_declared().is_none() && cell.stopped.as_ref().is_some_and(wrong)
 }
 
-/// Counts the rows per status on each column.
+/// Counts the rows of each status in each column.
 fn summary(matrix: &Matrix) -> String {
     let judged = matrix.rows.iter().filter(|row| row.is_judged()).count();
     let lines = matrix.columns.iter().enumerate().map(|(index, head)| {
@@ -397,5 +392,5 @@ fn summary(matrix: &Matrix) -> String {
     let skipped = matrix.rows.len() - judged;
     let open = matrix.open().map_or_else(String::new, |text| format!("\n{text}"));
     let lines = lines.join("\n");
-    format!("of {judged} rows ({skipped} more that nothing can call):\n{lines}{open}")
+    format!("of {judged} rows ({skipped} more can't be called):\n{lines}{open}")
 }

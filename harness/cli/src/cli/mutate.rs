@@ -99,10 +99,10 @@ impl From<Suggest> for Form {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let paths = karat::unstable::path::named("--paths", &args.paths)?;
-    ensure!(paths.len() == 1, "`karat mutate` takes one path: --paths {}", args.paths);
+    ensure!(paths.len() == 1, "`karat mutate` needs exactly one path: --paths {}", args.paths);
     ensure!(
         std::env::var_os("KARAT_OVERLAY").is_none(),
-        "KARAT_OVERLAY stands in for modules, so a mutant of their files would change nothing: unset it"
+        "KARAT_OVERLAY replaces modules, so a mutant of their files would change nothing: unset KARAT_OVERLAY"
     );
     let project = Project::find()?;
     let packages = project.packages(&args.place.package())?;
@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     });
     let began = Instant::now();
     let mut all: Vec<(String, Hunted)> = Vec::new();
-    // Some of several packages have no tests, and an edit may change no shader.
+    // Some of the packages may have no tests, and an edit may change no shader.
     let mut passed_over: Vec<String> = Vec::new();
     // Building the Rust tests takes long, so Karat builds them only if there is a mutant.
     let mut any = false;
@@ -150,9 +150,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     passed_over.iter().for_each(|line| tell(line));
     if all.is_empty() {
-        // A pull request without shaders isn't a failure.
-        ensure!(args.in_diff.is_some(), "no mutant was tried: nothing is known of the tests");
-        writeln!(out, "{DIM}no mutant is in the lines that changed: no mutant was tried{DIM:#}")?;
+        // A pull request without changes to shaders isn't a failure.
+        ensure!(args.in_diff.is_some(), "no mutant was tried, so the tests have no score");
+        writeln!(out, "{DIM}the changed lines have no mutants, so no mutant was tried{DIM:#}")?;
         return Ok(Ending::Good);
     }
     let tried = || all.iter().flat_map(|(_, hunted)| &hunted.tried);
@@ -196,7 +196,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the request for a package's mutants.
 fn request(args: &Args, package: &Package, paths: &[karat::Path]) -> anyhow::Result<Request> {
     let mut request = Request::new(package.clone()).only(args.only.iter().map(String::as_str));
     if let Some(filter) = &args.tests {
@@ -224,11 +223,11 @@ fn list(requests: &[(String, Request)], out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Runs this command in a process of its own, with settings for mutants: tests fail on purpose there, and their files
-/// mustn't be beside the shaders.
+/// Runs this command in a separate process with special settings: the tests fail on purpose, and must not write their
+/// files beside the shaders.
 fn apart(path: &str) -> Outcome {
-    let scratch = tempfile::tempdir().context("no temporary folder")?;
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     let mut words = std::env::args_os().skip(1);
     command.args(words.next()).arg("--scratch").arg(scratch.path()).args(words);
@@ -238,10 +237,10 @@ fn apart(path: &str) -> Outcome {
     for setting in ["KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FRAMES", "KARAT_CASE"] {
         command.env_remove(setting);
     }
-    // Rust tests leave their frames out, too.
+    // Rust tests skip their frames, too.
     command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
     let (status, scratch) =
-        child::status_over(&mut command, scratch).context("the mutants can't be tried")?;
+        child::status_over(&mut command, scratch).context("can't try the mutants")?;
     drop(scratch);
     match status.code() {
         Some(0) => Ok(Ending::Good),
@@ -249,18 +248,18 @@ fn apart(path: &str) -> Outcome {
         Some(2) => Err(super::Reported.into()),
         Some(3) => Ok(Ending::Missing),
         _ => anyhow::bail!(
-            "the process that tries the mutants ended ({status}): try fewer by --only, or another path"
+            "the process that tries the mutants ended ({status}): try fewer mutants with --only, or another path"
         ),
     }
 }
 
-/// Tries the mutants, with a bar on a terminal.
+/// Tries the mutants, and shows a bar on a terminal.
 fn hunt(
     request: &Request,
     others: Option<&OfPackage<'_>>,
     title: &str,
 ) -> Result<Hunted, MutateError> {
-    // The verdict says that a test panicked.
+    // The verdict contains the panic of a test.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let bar = ProgressBar::new(0).with_message(title.to_owned());
@@ -269,7 +268,7 @@ fn hunt(
     let (sender, seen) = mpsc::channel();
     let hunted = std::thread::scope(|scope| {
         let hunting = scope.spawn(move || {
-            // The receiver lives as long as there are messages.
+            // The receiver lives until the last message is sent.
             let others = others.map(|others| others as &dyn Others);
             request.run_with(others, &move |_, done, of| {
                 let _ = sender.send((done, of));
@@ -289,7 +288,7 @@ fn hunt(
     })
 }
 
-/// `shaders/brdf.wgsl:31:12 `a` -> `b` in `brdf::schlick` (operator)`
+/// Formats a mutant: `shaders/brdf.wgsl:31:12 `a` -> `b` in `brdf::schlick` (operator)`.
 fn headline(one: &Candidate) -> String {
     let Candidate { file, mutant, .. } = one;
     let short = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -308,8 +307,7 @@ fn headline(one: &Candidate) -> String {
     )
 }
 
-/// Prints the surviving mutants, each with the reason. For a function that no test uses it prints only the first
-/// mutant.
+/// Prints the surviving mutants with the reasons. If no test uses a function, prints only the function's first mutant.
 fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Result<()> {
     let all = args.all;
     let mut suggested: BTreeSet<String> = BTreeSet::new();
@@ -333,11 +331,11 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
                     let percent = |ratio: &f64| format!("{:.3}%", 100.0 * ratio);
                     match *after > 0.0 {
                         true => format!(
-                            "hidden by the tolerance of `{test}`: its largest error is {} of the bound, and {} without the mutant",
+                            "hidden by the tolerance of `{test}`: its largest error is {} of the bound with the mutant, and {} without it",
                             percent(after),
                             percent(before)
                         ),
-                        false => format!("hidden by what `{test}` asserts: it sees other values, and allows them"),
+                        false => format!("hidden by the assertion of `{test}`: the test sees different values, and accepts them"),
                     }
                 });
                 (BAD, word, lines(&tests, why).into_iter().chain(by).collect())
@@ -351,9 +349,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
             Fate::Killed { test } if all => (GOOD, "killed", vec![format!("by `{test}`")]),
             Fate::Invalid { reason } if all => (DIM, "invalid", vec![reason.clone()]),
             Fate::Equal { by } if all => (DIM, "equal", vec![by.to_string()]),
-            Fate::Idle if all => {
-                (DIM, "idle", vec!["it changes nothing that is linked".to_owned()])
-            }
+            Fate::Idle if all => (DIM, "idle", vec!["it changes no linked code".to_owned()]),
             Fate::Accepted { .. }
             | Fate::Killed { .. }
             | Fate::Equal { .. }
@@ -386,7 +382,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
     Ok(())
 }
 
-/// How many tests pass with a mutant. Where one of them sees other values, a line of its own says so.
+/// Formats the number of tests that pass with a mutant. `unseen` means that no value which they compare depends on it.
 fn passing(tests: usize, unseen: bool) -> String {
     let tests = match tests {
         1 => "1 test passes with it".to_owned(),
@@ -417,7 +413,7 @@ fn write_annotations(
     }
     let lines = lines.into_iter().map(|((file, line), (column, mutants))| {
         let mutants_of = counted(mutants.len(), "mutant");
-        let message = format!("no test sees {mutants_of} of this line: {}", mutants.join(", "));
+        let message = format!("no test notices {mutants_of} of this line: {}", mutants.join(", "));
         (format!("{file}:{line}:{column}"), message)
     });
     report::write_warnings("karat mutate", lines, project, out)
@@ -427,7 +423,7 @@ fn is_untested(one: &Tried) -> bool {
     matches!(&one.fate, Fate::Untested { .. })
 }
 
-/// Returns the reason why a mutant survived, in lines.
+/// Returns the reason why a mutant survived, as lines.
 fn lines(tests: &str, why: &Lived) -> Vec<String> {
     match why {
         Lived::Differs(found) => {
@@ -450,7 +446,6 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
     }
 }
 
-/// Prints a row for each module.
 fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Result<()> {
     let mut modules: BTreeMap<String, Vec<&Tried>> = BTreeMap::new();
     for (title, hunted) in all {
@@ -479,7 +474,7 @@ fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Resu
     table.write(out)
 }
 
-/// Returns the parts of the last line: the score, and the mutants that weren't judged.
+/// Returns the parts of the last line: the score, and the mutants without a judgement.
 fn parts(
     all: &[(String, Hunted)],
     score: &Score,
@@ -506,8 +501,8 @@ fn parts(
     for (count, what) in [
         (score.equal, "equal to the original"),
         (score.accepted, "accepted in karat.toml"),
-        (score.invalid, "no valid WGSL"),
-        (score.idle, "in no function that is linked"),
+        (score.invalid, "invalid WGSL"),
+        (score.idle, "in functions that aren't linked"),
         (score.stopped, "without a verdict"),
     ] {
         if count > 0 {

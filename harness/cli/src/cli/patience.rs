@@ -1,13 +1,13 @@
-//! Work that may take long.
+//! Messages about work that takes long.
 
 use std::io::IsTerminal;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// The time after which a person wonders what happens.
+/// The time after which Karat tells a person what it is doing.
 pub(super) const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Does work. If it takes long, prints on a terminal what it does.
+/// Calls `work`. If it takes long, prints on a terminal what Karat is doing.
 pub(super) fn patiently<T>(doing: &str, work: impl FnOnce() -> T) -> T {
     if !std::io::stderr().is_terminal() {
         return work();
@@ -15,7 +15,7 @@ pub(super) fn patiently<T>(doing: &str, work: impl FnOnce() -> T) -> T {
     after(PATIENCE, || karat::unstable::output::tell(doing), work)
 }
 
-/// Does work, and calls `say` if it takes longer than `patience`.
+/// Calls `work`, and calls `say` if `work` takes longer than `patience`.
 fn after<T>(patience: Duration, say: impl FnOnce() + Send, work: impl FnOnce() -> T) -> T {
     let (done, waiting) = mpsc::channel::<()>();
     std::thread::scope(|scope| {

@@ -1,4 +1,4 @@
-//! The places of a project's shaders, goldens and records.
+//! The folders of a project's shaders, goldens and records.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 use super::search::SHADERS;
 
-/// The file that makes a folder a package.
+/// The file that turns a folder into a package.
 pub(super) const MANIFEST: &str = "karat.toml";
 
 mod members;
@@ -24,19 +24,19 @@ mod members;
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Settings {
-    /// Folders of shaders, relative to the manifest.
+    /// The folders of shaders, relative to the manifest.
     packages: Option<Vec<PathBuf>>,
-    /// Features with which modules are validated, by the modules' names.
+    /// The features with which modules are validated, by the names of the modules.
     #[serde(default)]
     features: BTreeMap<String, Vec<String>>,
     /// The folder of goldens, relative to the manifest.
     golden: Option<PathBuf>,
-    /// The Cargo program that is the project's gallery of frames.
+    /// The Cargo binary that is the project's gallery of frames.
     gallery: Option<String>,
 }
 
 impl Settings {
-    /// Reads the settings of a manifest for its workspace, and for its own package.
+    /// Reads the settings of a manifest, for its workspace and for its package.
     fn of(folder: &Path, manifest: &toml::Table) -> anyhow::Result<Vec<(PathBuf, Self)>> {
         let said = ["workspace", "package"]
             .iter()
@@ -64,7 +64,7 @@ pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
 /// The number of levels below the working directory in which Karat searches for tested folders without Cargo.
 const DEPTH: usize = 3;
 
-/// Adds the tested folders without Cargo, each with the time of its last run.
+/// Adds the tested folders without Cargo. Each has the time of its last run.
 fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
     let record = folder.join(".karat").join("run").join("record");
     if let Ok(ran) = record.metadata().and_then(|record| record.modified()) {
@@ -73,18 +73,18 @@ fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBu
     if depth == 0 {
         return;
     }
-    // Links aren't followed: they may form a circle.
+    // Karat doesn't follow links: they may form a circle.
     let own = |path: &PathBuf| path.is_dir() && !path.is_symlink() && !is_of_tools(path);
     visible(folder).filter(own).for_each(|path| tested_below(&path, depth - 1, found));
 }
 
-/// Returns `true` for a home folder and for the root of the disk, which hold many projects.
+/// Checks if a folder is a home folder or the root of the disk. Such folders contain many projects.
 fn is_no_project(folder: &Path) -> bool {
     std::env::home_dir().is_some_and(|home| home == folder) || folder.parent().is_none()
 }
 
-/// Returns the folder below this one that has all of its modules and tests. The search stops at a folder that is
-/// called `shaders` or has a karat.toml.
+/// Returns the folder below `folder` that contains all modules and tests. The search stops at a folder that is called
+/// `shaders` or has a karat.toml.
 fn narrowed(folder: &Path) -> PathBuf {
     let mut at = folder.to_owned();
     loop {
@@ -99,10 +99,11 @@ fn narrowed(folder: &Path) -> PathBuf {
     }
 }
 
-/// The most levels below a folder in which Karat searches for modules.
+/// The largest number of levels below a folder in which Karat searches for modules.
 const DEEPEST: usize = 8;
 
-/// Returns `true` for a file of a package, and for a folder with one. Links aren't followed: they may form a circle.
+/// Checks if a path is a file of a package, or a folder with such a file. Links aren't followed: they may form a
+/// circle.
 fn holds(path: &Path, depth: usize) -> bool {
     if !path.is_dir() {
         let ending = path.extension().unwrap_or_default();
@@ -121,23 +122,23 @@ fn visible(folder: &Path) -> impl Iterator<Item = PathBuf> {
 }
 
 fn here() -> anyhow::Result<PathBuf> {
-    std::env::current_dir().context("the working directory is gone")
+    std::env::current_dir().context("the working directory doesn't exist any more")
 }
 
 /// The project around the working directory.
 #[derive(Debug)]
 pub(super) struct Project {
     root: PathBuf,
-    /// The folders of a workspace's members.
+    /// The folders of the workspace's members.
     members: Vec<PathBuf>,
-    /// The settings of manifests, each with its folder. The project's own come first.
+    /// The settings of all manifests, each with its folder. The project's own settings are first.
     settings: Vec<(PathBuf, Settings)>,
-    /// `true` if it is a Cargo package or workspace.
+    /// `true` for a Cargo package or workspace.
     cargo: bool,
 }
 
-/// Returns the displayed name of a package: its folder's path if another package has the same name, as each crate may
-/// have a folder `shaders`.
+/// Returns the displayed name of a package. If another package has the same name, this is the path of the folder: each
+/// crate may have a folder `shaders`.
 pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Package>) -> String {
     let name = package.name();
     match all.into_iter().filter(|other| other.name() == name).count() {
@@ -146,7 +147,7 @@ pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Pac
     }
 }
 
-/// Prints that tests beside a package of one file didn't run, as they belong to the folder.
+/// Returns a note that the tests beside a package of one file didn't run, because they belong to the folder.
 pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
     let beside = |file: PathBuf| {
         let stem = file.file_stem()?.to_str()?;
@@ -154,18 +155,18 @@ pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
         (file.is_file() && tests.is_file()).then_some(tests)
     };
     let tests = packages.iter().map(Package::root).find_map(beside)?;
-    Some(format!("`{}` didn't run: name its folder instead of the file", shown(&tests)))
+    Some(format!("`{}` didn't run: name the folder instead of the file", shown(&tests)))
 }
 
 impl Project {
-    /// Finds the Cargo workspace of the working directory, or else the nearest package, or else the working directory
-    /// itself or its folder `shaders`.
+    /// Finds the Cargo workspace of the working directory, or otherwise the nearest package. Without any, the project
+    /// is the working directory or its folder `shaders`.
     pub(super) fn find() -> anyhow::Result<Self> {
         Self::at(&here()?)
     }
 
-    /// Finds the project around a folder. Without Cargo it is the folder's `shaders`, or else the folder below it
-    /// that has all modules and tests.
+    /// Finds the project around a folder. Without Cargo, this is the folder's `shaders`, or otherwise the folder below
+    /// it that contains all modules and tests.
     pub(super) fn at(folder: &Path) -> anyhow::Result<Self> {
         let own = Self::around(folder)?;
         let shaders = folder.join(SHADERS);
@@ -177,13 +178,13 @@ impl Project {
         })
     }
 
-    /// Finds the project whose last run a command reports. Without Cargo it is the folder that was tested last, among
-    /// the working directory and the folders below it.
+    /// Finds the project whose last run a command reports. Without Cargo, this is the folder that was tested last: the
+    /// working directory or a folder below it.
     pub(super) fn last_tested() -> anyhow::Result<Self> {
         Self::last_tested_at(&here()?)
     }
 
-    /// [`last_tested`](Self::last_tested) for a folder in place of the working directory.
+    /// Does the work of [`last_tested`](Self::last_tested) for a given folder.
     pub(super) fn last_tested_at(folder: &Path) -> anyhow::Result<Self> {
         let own = Self::at(folder)?;
         if own.cargo {
@@ -196,7 +197,7 @@ impl Project {
         Ok(last.map_or(own, |(_, root)| Self::plain(root)))
     }
 
-    /// The project around a folder.
+    /// Finds the project around a folder.
     pub(super) fn around(here: &Path) -> anyhow::Result<Self> {
         let mut nearest = None;
         for folder in here.ancestors() {
@@ -228,12 +229,10 @@ impl Project {
         Self { root, members: Vec::new(), settings: Vec::new(), cargo: false }
     }
 
-    /// Returns `true` for a Cargo project.
     pub(super) fn is_cargo(&self) -> bool {
         self.cargo
     }
 
-    /// Returns the folder of the manifest.
     pub(super) fn root(&self) -> &Path {
         &self.root
     }
@@ -247,7 +246,7 @@ impl Project {
                 let has = |package: &Package| {
                     package.modules().is_ok_and(|modules| modules.contains(module))
                 };
-                // A module that no package has is reported when the first package is validated.
+                // If no package has a module, Karat reports that when it validates the first package.
                 let own = packages.iter().position(|package| is_below(package) && has(package));
                 let other = || packages.iter().position(has);
                 let index = own.or_else(other).unwrap_or(0);
@@ -259,19 +258,18 @@ impl Project {
         packages
     }
 
-    /// Returns the folder of each manifest: the project's, and its members'.
+    /// Returns the folders of the manifests: the project's, and its members'.
     pub(super) fn manifests(&self) -> impl Iterator<Item = &Path> {
         std::iter::once(&*self.root).chain(self.members.iter().map(PathBuf::as_path))
     }
 
-    /// Returns the packages that manifests declare.
     pub(super) fn declared(&self) -> impl Iterator<Item = PathBuf> {
         self.settings.iter().flat_map(|(folder, settings)| {
             settings.packages.iter().flatten().map(|package| folder.join(package))
         })
     }
 
-    /// Returns `true` if a manifest above a folder lists the packages there.
+    /// Checks if a manifest above a folder lists the packages of that folder.
     pub(super) fn says(&self, folder: &Path) -> bool {
         let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let is_above =
@@ -279,13 +277,13 @@ impl Project {
         self.settings.iter().any(|(above, said)| said.packages.is_some() && is_above(above))
     }
 
-    /// Returns `true` if a manifest has a list of packages, even an empty one.
+    /// Checks if a manifest has a list of packages. The list may be empty.
     pub(super) fn lists_packages(&self) -> bool {
         self.settings.iter().any(|(_, said)| said.packages.is_some())
     }
 
-    /// Returns the folder of goldens: the folder that the project or a member declares, or `golden`, or else the only
-    /// folder that the last run used.
+    /// Returns the folder of goldens that the project or a member declares. Without a declaration, this is `golden`, or
+    /// otherwise the only folder that the last run used.
     pub(super) fn golden(&self) -> PathBuf {
         let declared =
             |(above, said): &(PathBuf, Settings)| Some(above.join(said.golden.as_ref()?));
@@ -302,11 +300,11 @@ impl Project {
         }
     }
 
-    /// Returns the record of the last run. An unreadable record is reported once.
+    /// Returns the record of the last run. Karat reports an unreadable record once.
     pub(super) fn last_run(&self) -> Option<Recorded> {
         static TOLD: Once = Once::new();
         Recorded::read(&self.record()).unwrap_or_else(|error| {
-            TOLD.call_once(|| tell(&format!("warning: the last run isn't known: {error}")));
+            TOLD.call_once(|| tell(&format!("warning: can't read the last run: {error}")));
             None
         })
     }
@@ -327,10 +325,10 @@ impl Project {
         folders.into_iter().collect()
     }
 
-    /// Returns the existing folders of goldens, each once: the project's, its members', and those that the last run
-    /// used.
+    /// Returns the existing folders of goldens: those of the project, of its members, and of the last run. Each folder
+    /// is there once.
     pub(super) fn goldens(&self) -> Vec<PathBuf> {
-        // This includes the project's own folder, as `golden()` may be a member's.
+        // The project's own folder is added, too, because `golden()` may be the folder of a member.
         let of_manifests = self.manifests().map(|manifest| {
             let mut own = self.settings.iter().filter(|(folder, _)| folder == manifest);
             let golden = own.find_map(|(_, settings)| settings.golden.as_deref());
@@ -345,17 +343,16 @@ impl Project {
         all
     }
 
-    /// Returns the Cargo binary that is the project's gallery, if one is declared.
+    /// Returns the Cargo binary that is the project's gallery, if the project declares one.
     pub(super) fn gallery(&self) -> Option<&str> {
         self.settings.iter().find_map(|(_, said)| said.gallery.as_deref())
     }
 
-    /// The folder of records, which has one of each run.
+    /// Returns the folder of the project's records.
     pub(super) fn record(&self) -> PathBuf {
         self.output().join("record")
     }
 
-    /// Returns the folder for the output of runs.
     pub(super) fn output(&self) -> PathBuf {
         if !self.cargo {
             return self.root.join(".karat").join("run");

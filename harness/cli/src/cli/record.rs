@@ -1,4 +1,4 @@
-//! `karat record`: runs another test runner, and keeps the verdicts of its checks as one run.
+//! `karat record`: runs another test runner, and records the verdicts of its checks as one run.
 
 use std::ffi::OsString;
 use std::io::{IsTerminal, Write};
@@ -28,9 +28,9 @@ pub(super) struct Args {
     command: Vec<OsString>,
 }
 
-/// The place of the run's records.
+/// The destination of the run's records.
 enum Place {
-    /// The project, where the run becomes the last run.
+    /// The project. The run becomes its last run.
     Project(Running),
     Folder(PathBuf),
 }
@@ -46,7 +46,7 @@ impl Place {
         let mut entries = std::fs::read_dir(folder).with_context(name)?;
         ensure!(
             entries.next().is_none(),
-            "{} isn't empty, and a record is of one run: remove it, or name another folder",
+            "{} isn't empty, and a record needs an empty folder: remove this one, or name another",
             name()
         );
         // Tests run in the folders of their packages.
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let held = args.output.hold_commands(out)?;
     let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
     let [program, arguments @ ..] = args.command.as_slice() else {
-        anyhow::bail!("no command runs the tests: `karat record -- cargo nextest run`");
+        anyhow::bail!("name the command that runs the tests: `karat record -- cargo nextest run`");
     };
     let mut command = Command::new(program);
     command.args(arguments).env("KARAT_RECORD", place.folder());
@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let Heard { not_run, stopped } = heard;
     let selected = vec![words.join(" ")];
     let run = Run { selected, passed, not_run, stopped, ..Run::default() };
-    run.write(place.folder()).context("can't say how the run was made")?;
+    run.write(place.folder()).context("can't write how the run was made")?;
     let folder = place.end().context("can't keep the record")?;
     let sum = Sum::of(&records, Some(&run));
     tables::write(&records, args.output.all, told)?;
@@ -103,20 +103,20 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// The tests that the runner left out after a failure, according to its output.
+/// The tests that the runner skipped after a failure, according to its output.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Heard {
-    /// The number of these tests, if the runner prints it.
+    /// The number of skipped tests, if the runner prints it.
     not_run: u64,
-    /// `true` if the runner stopped early without a number.
+    /// `true` if the runner stopped early without printing a number.
     stopped: bool,
 }
 
 impl Heard {
-    /// Runs the command, and returns `true` if it succeeds.
+    /// Runs the command, and checks if it succeeds.
     fn run(&mut self, command: &mut Command, out: &mut dyn Write) -> anyhow::Result<bool> {
         let is_seen = std::io::stderr().is_terminal();
-        // The command writes through a pipe, but a person reads it on a terminal.
+        // The command writes into a pipe, but a person reads its output on a terminal.
         if is_seen && std::env::var_os("CARGO_TERM_COLOR").is_none() {
             command.env("CARGO_TERM_COLOR", "always");
         }
@@ -133,8 +133,8 @@ impl Heard {
     }
 
     /// Reads a line of standard error. nextest prints `warning: 4/5 tests were not run due to test failure`. Cargo
-    /// stops at the first test program that fails: `error: test failed, to rerun pass ..`. With `--no-fail-fast`
-    /// Cargo prints the same, but runs all programs, and ends with `error: 2 targets failed:`.
+    /// stops at the first test program that fails, and prints `error: test failed, to rerun pass ..`. With
+    /// `--no-fail-fast`, Cargo prints the same line, but runs all programs, and ends with `error: 2 targets failed:`.
     fn hear(&mut self, line: &str) {
         let line = anstream::adapter::strip_str(line).to_string();
         if let Some((count, _)) = line.split_once(" were not run due to ") {
@@ -173,7 +173,7 @@ mod tests {
         let doctest = "error: doctest failed, to rerun pass `--doc`";
         assert_eq!(heard(doctest), Heard { not_run: 0, stopped: true });
         assert_eq!(heard("test a ... FAILED"), Heard::default());
-        // With --no-fail-fast Cargo runs all test programs.
+        // With `--no-fail-fast`, Cargo runs all test programs.
         for end in ["1 target failed:", "2 targets failed:\n    `--lib`\n    `--doc`"] {
             let all = format!("{cargo}\n{doctest}\nerror: {end}\n");
             assert_eq!(heard(&all), Heard::default(), "{all}");

@@ -1,4 +1,4 @@
-//! `karat render`: builds the project's gallery and runs it.
+//! `karat render`: builds the project's gallery, and runs it.
 
 use std::io::{IsTerminal, Write};
 use std::process::Command;
@@ -10,7 +10,7 @@ use super::project::Project;
 use super::{Ending, Outcome, Reported, child};
 
 const HOW_TO_DECLARE: &str = "\
-this project declares no gallery, which is a cargo binary that lists its frames
+this project declares no gallery. A gallery is a cargo binary that lists frames
 
   in the Cargo.toml of the workspace (or `package.metadata.karat` in that of a package):
 
@@ -41,14 +41,14 @@ pub(super) fn run(arguments: RenderArguments, out: &mut dyn Write) -> Outcome {
     let gallery = project.gallery().context(HOW_TO_DECLARE)?;
     let arguments = arguments.out_or(project.output().join("frames"));
 
-    // Building is a separate step, so that a failed build isn't reported as a failure of the gallery.
+    // Building is a separate step. A failed build must not look like a failure of the gallery.
     let mut build = cargo(&project, "build", gallery);
     if !std::io::stderr().is_terminal() {
         build.arg("--quiet");
     }
     let built = child::pass_on(&mut build, out)?;
     if !built.success() {
-        bail!("the gallery `{gallery}` can't be built, see above");
+        bail!("can't build the gallery `{gallery}`, see above");
     }
 
     let mut run = cargo(&project, "run", gallery);
@@ -62,8 +62,8 @@ pub(super) fn run(arguments: RenderArguments, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Returns a Cargo command for the binary of the project. It runs in the working directory, so that the user's
-/// relative paths are right.
+/// Returns a Cargo command for the binary of the project. It runs in the working directory, because the user's paths
+/// are relative to that directory.
 fn cargo(project: &Project, verb: &str, binary: &str) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.args([verb, "--bin", binary, "--manifest-path"]);

@@ -1,4 +1,4 @@
-//! `karat replay`: runs a failing case of the last run again, by the short name of the failure.
+//! `karat replay`: runs a failing case of the last run again. The failure has a short name.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -21,11 +21,11 @@ pub(super) struct Args {
     print: bool,
 }
 
-/// The fewest characters of a name.
+/// The smallest number of characters of a name.
 const LENGTH: usize = 4;
 
-/// Returns the names of a run's failures. A name is the beginning of a hash of the check, so that a failure keeps its
-/// name from run to run. All names have the same length, which makes them distinct.
+/// Returns the names of a run's failures. A name is the beginning of a hash of the check, so a failure has the same
+/// name in each run. All names have the length that makes them distinct.
 pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     let failed = records.iter().filter(|record| is_failure(record) && command(record).is_some());
     let called = Names::of(records);
@@ -39,7 +39,7 @@ pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     let mut all: Vec<(String, &'r Record)> = Vec::new();
     for record in failed {
         let name = hash(record);
-        // A test may make a check twice. The first one is replayed, as its failure ends the test.
+        // A test may make the same check twice. Karat replays the first failure, because it ends the test.
         if all.iter().all(|(known, _)| *known != name) {
             all.push((name, record));
         }
@@ -53,7 +53,7 @@ pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     all.into_iter().map(|(name, record)| (name[..length].to_owned(), record)).collect()
 }
 
-/// Returns the command that replays the simplest case of a failure, on the first path that has one.
+/// Returns the command that replays the simplest case of a failure, on the first path with such a command.
 fn command(record: &Record) -> Option<&Replay> {
     let details = record.details.as_ref()?;
     let of_path = details.paths.iter().find_map(|details| details.replays().last());
@@ -92,11 +92,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     let Some((_, record)) = found else {
         let Some(name) = args.name.as_deref().filter(|_| !names.is_empty()) else {
-            let none = "no failure of the last run can be replayed: each passed, or has no cases";
+            let none = "no failure of the last run can be replayed: all checks passed, or the failures have no cases";
             return Err(NotThere(none.to_owned()).into());
         };
         let near = nearest(name, known()).map_or_else(list, str::to_owned);
-        let none = format!("no failure of the last run is called `{name}`; there is {near}");
+        let none =
+            format!("no failure of the last run is called `{name}`; the failures are {near}");
         return Err(NotThere(none).into());
     };
     let command = command(record).context("the record has the command")?;
@@ -109,8 +110,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if status.success() { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the folder in which a recorded command runs: the project's folder, or for `karat test FOLDER` the folder
-/// that contains FOLDER.
+/// Returns the folder in which a recorded command runs: the project's folder. For `karat test FOLDER` it is the parent
+/// of FOLDER.
 fn start(project: &Path, arguments: &[String]) -> PathBuf {
     let named = match arguments {
         [verb, folder, ..] if *verb == "test" && !folder.starts_with('-') => Path::new(folder),
@@ -123,14 +124,14 @@ fn start(project: &Path, arguments: &[String]) -> PathBuf {
     root.ancestors().find(has).unwrap_or(project).to_owned()
 }
 
-/// Returns the process of a recorded command. As a record may come from another machine, only known programs and
+/// Returns the process of a recorded command. A record may come from another machine, so only known programs and
 /// variables are allowed.
 fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
     let Replay { variables, program, arguments } = replay;
     let mut command = match &**program {
         "cargo" => Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())),
         "karat" => {
-            Command::new(std::env::current_exe().context("this program isn't where it was")?)
+            Command::new(std::env::current_exe().context("can't find this program's own file")?)
         }
         other => anyhow::bail!("the record's command is another program, `{other}`"),
     };
@@ -139,7 +140,7 @@ fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
         command.env(name, value);
     }
     command.current_dir(start(folder, arguments)).args(arguments);
-    // The required paths of the last run don't apply to this one.
+    // The required paths of the last run don't apply to a replay.
     command.env_remove("KARAT_REQUIRE");
     Ok(command)
 }

@@ -1,4 +1,4 @@
-//! `karat report`, and the reports of a run: a page, JSON, JUnit XML, GitHub's annotations and summary.
+//! `karat report`, and the reports of a run: an HTML page, JSON, JUnit XML, annotations and a summary for GitHub.
 
 pub(super) mod colour;
 mod github;
@@ -39,7 +39,7 @@ use super::list::callable;
 use super::project::Project;
 use super::{NotThere, Outcome, spare};
 
-/// The reports besides the tables.
+/// The options for reports besides the tables.
 #[derive(clap::Args)]
 pub(super) struct OutputArgs {
     /// Writes JUnit XML to this file
@@ -86,7 +86,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::last_tested()?;
-    // A folder of records, or a project that has one.
+    // The path is a folder of records, or a project that has such a folder.
     let of_project =
         |folder: &Path| anyhow::Ok(Recorded::read(&Project::around(folder)?.record())?);
     let recorded = |folder: &Path| {
@@ -130,7 +130,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let mut sum = reasons.into_iter().fold(Sum::of(&records, run.as_ref()), Sum::with);
     if args.merge.is_empty() && args.record.is_none() && was_killed(&project.record()) {
-        let why = "a later run was stopped before its end: this is the one before it";
+        let why = "a later run was stopped early: this is the run before it";
         sum = sum.with(why.to_owned());
     }
     let held = args.output.hold_commands(out)?;
@@ -142,13 +142,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         short::write(&records, (&[], &Opinion::default()), &sum, project.root(), out)?;
     }
     if run.is_none() {
-        writeln!(out, "`karat test` says that a run ended, and `karat record` for another runner")?;
+        writeln!(out, "only `karat test` and `karat record` mark the end of a run")?;
     }
     args.output.write(&records, run.as_ref(), &sum, held, &project, out)?;
     Ok(sum.ending())
 }
 
-/// Writes the page of records that were made path by path, with the paths side by side.
+/// Writes the page of records that were made path by path. The page shows the paths side by side.
 pub(super) fn write_page(
     records: Vec<Record>,
     project: &Project,
@@ -167,13 +167,13 @@ pub(super) fn write_page(
 }
 
 impl OutputArgs {
-    /// Refuses a report that is a file of the record, and two reports in one file.
+    /// Refuses a report that would replace a file of the record, and two reports in one file.
     pub(super) fn spare(&self, record: &Path) -> anyhow::Result<()> {
         let whole = |file| std::path::absolute(file).unwrap_or_else(|_| PathBuf::from(file));
         let files: Vec<PathBuf> = self.files().map(whole).collect();
         let twice = files.iter().enumerate().find(|(at, file)| files[..*at].contains(file));
         if let Some((_, file)) = twice {
-            anyhow::bail!("two reports can't both be `{}`: name two files", file.display());
+            anyhow::bail!("two reports have the same file `{}`: name two files", file.display());
         }
         let entries = std::fs::read_dir(record).into_iter().flatten().flatten();
         let record: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
@@ -189,20 +189,19 @@ impl OutputArgs {
         })
     }
 
-    /// Returns the files to write.
     fn files(&self) -> impl Iterator<Item = &Path> {
         [&self.junit, &self.html, &self.json].into_iter().flatten().map(PathBuf::as_path)
     }
 
-    /// Stops GitHub's runner, if it reads the output, from treating lines as commands until Karat prints its own.
-    /// Names and messages of tests may look like commands.
+    /// Stops GitHub's runner, if it reads the output, from treating lines as commands until Karat prints its own
+    /// commands. Names and messages of tests may look like commands.
     pub(super) fn hold_commands(&self, out: &mut dyn Write) -> std::io::Result<Held> {
         if github::runs_here() && !self.short { Held::begin(out) } else { Ok(Held::default()) }
     }
 
-    /// Removes the report of an earlier run, as this run may end before it writes its own.
+    /// Removes the report of an earlier run: this run may end before it writes a report.
     pub(super) fn clear(&self) -> anyhow::Result<()> {
-        // Devices, pipes and links stay: only a report of an earlier run is removed.
+        // Devices, pipes and links stay. Only a regular file can be the report of an earlier run.
         let is_file = |file: &&Path| file.symlink_metadata().is_ok_and(|found| found.is_file());
         self.files().filter(is_file).try_for_each(|file| match std::fs::remove_file(file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
@@ -236,7 +235,7 @@ impl OutputArgs {
         }
         if let Some(file) = &self.html {
             let packages = project.tested(records)?;
-            // Functions that a filter left out don't count as untested.
+            // Functions that a filter excluded don't count as untested.
             let whole = run.is_some_and(|run| run.selected.is_empty());
             let untested = whole.then(|| untested(records, &packages)).transpose()?.map(names);
             let look =
@@ -250,7 +249,7 @@ impl OutputArgs {
             let errors = run.map_or(&[][..], |run| &run.errors);
             github::write(records, (sum, errors), project, out)?;
         }
-        // This comes after GitHub's summary, which deletes old pictures, as the JUnit file names the new ones.
+        // GitHub's summary deletes old pictures. The JUnit file names the new pictures, so it is written afterwards.
         if let Some(file) = &self.junit {
             write(file, &junit::text(records, sum, project)?)?;
         }
@@ -258,7 +257,7 @@ impl OutputArgs {
     }
 }
 
-/// Returns the functions that no check is about and no WGSL test calls.
+/// Returns the functions that no check tests and no WGSL test calls.
 pub(super) fn untested(
     records: &[Record],
     packages: &[Package],
@@ -272,8 +271,8 @@ pub(super) fn untested(
         .collect();
     let mut all = Vec::new();
     for package in packages {
-        // Invalid modules are reported elsewhere. While a module can't be read its tests can't run, so its functions
-        // don't count as untested.
+        // Other commands report invalid modules. The tests of an unreadable module can't run, so its functions don't
+        // count as untested.
         let Ok(modules) = package.modules() else { continue };
         if modules.iter().any(|module| package.functions_in(module).is_err()) {
             continue;
@@ -293,8 +292,8 @@ fn names(items: Vec<FunctionItem>) -> Vec<String> {
     items.into_iter().map(|item| item.name).collect()
 }
 
-/// Returns how much fails on a path: `3 of 4096 cases`, or `2 of 8 configurations` for a sampler, which is judged
-/// once per configuration.
+/// Returns the number of failures on a path: `3 of 4096 cases`, or `2 of 8 configurations` for a sampler. A sampler is
+/// judged once per configuration.
 fn failing(path: &PathRecord) -> String {
     match path.configurations {
         Some(all) => format!("{} of {}", path.failures, counted(all, "configuration")),
@@ -302,7 +301,7 @@ fn failing(path: &PathRecord) -> String {
     }
 }
 
-/// Returns the tests that failed although all their checks passed, by a panic or another assertion. `failed` has the
+/// Returns the tests that failed by a panic or another assertion, although all their checks passed. `failed` has the
 /// names of all failed tests.
 fn outside(records: &[Record], failed: &[String]) -> Vec<String> {
     let by_check: BTreeSet<&str> = records
@@ -313,7 +312,7 @@ fn outside(records: &[Record], failed: &[String]) -> Vec<String> {
     failed.iter().filter(|test| !by_check.contains(&***test)).cloned().collect()
 }
 
-/// Returns the run's data for the review: the origins of its frames, and the failing functions.
+/// Returns the data of a run for the review: the origins of frames, and the failing functions.
 pub(super) fn review_of(records: &[Record]) -> LastRun {
     let (mut run, names) = (LastRun::default(), Names::of(records));
     for record in records {
@@ -327,7 +326,7 @@ pub(super) fn review_of(records: &[Record]) -> LastRun {
                 let modules =
                     record.read.iter().map(|read| &read.file).filter(module).cloned().collect();
                 let frame = FrameRun { test, place: location.clone(), replays, modules };
-                // Several tests may compare one golden. The failing one made the pending frame.
+                // Several tests may compare the same golden. The failing test made the pending frame.
                 if is_failure(record) || !run.frames.contains_key(golden) {
                     run.frames.insert(golden.clone(), frame);
                 }
@@ -349,19 +348,19 @@ pub(super) fn review_of(records: &[Record]) -> LastRun {
     run
 }
 
-/// Returns the shell commands that replay a failure, with the worst case first.
+/// Returns the shell commands that replay a failure. The first command is for the worst case.
 fn replays(record: &Record) -> Vec<String> {
     record.details.iter().flat_map(Details::replays).map(ToString::to_string).collect()
 }
 
-/// Returns a path's [values], and the command that replays its worst case.
+/// Returns the [values] of a path, and the command that replays the path's worst case.
 fn facts(details: &PathDetails) -> Vec<String> {
     let mut lines = values(details);
     lines.extend(details.replays().next().map(|replay| format!("replay: {replay}")));
     lines
 }
 
-/// Returns a path's failing cases, one per line: arguments, results, failing expectations.
+/// Returns the failing cases of a path, one in each line: arguments, results, failing expectations.
 fn values(details: &PathDetails) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for case in [&details.worst, &details.first, &details.simplest].into_iter().flatten() {
@@ -375,7 +374,7 @@ fn values(details: &PathDetails) -> Vec<String> {
     lines
 }
 
-/// `x = 2; returned = (1, 3); .y = 3; expected = 2; error = 1 (0.5 allowed)`
+/// Formats a case: `x = 2; returned = (1, 3); .y = 3; expected = 2; error = 1 (0.5 allowed)`.
 fn in_a_line(case: &CaseDetails) -> String {
     let CaseDetails { arguments, result, component, actual, expected, error, .. } = case;
     let part = if component.is_empty() { "" } else { actual };
@@ -387,17 +386,16 @@ fn in_a_line(case: &CaseDetails) -> String {
     parts.collect::<Vec<_>>().join("; ")
 }
 
-/// The place of a failure, relative to the project.
+/// The location of a failure, relative to the project.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     pub(super) file: String,
     pub(super) line: u32,
-    /// The column in characters, from 1.
+    /// The column, in characters that count from 1.
     pub(super) column: u32,
 }
 
 impl Place {
-    /// Parses `file:line:column`.
     pub(super) fn of(text: &str) -> Option<Self> {
         let mut parts = text.rsplitn(3, ':');
         let (column, line, file) = (parts.next()?, parts.next()?, parts.next()?);
@@ -405,14 +403,14 @@ impl Place {
     }
 }
 
-/// Returns the place of a failure: the place in its message, or else that of the tested function or frame.
+/// Returns the location of a failure: the location in its message, or otherwise that of the tested function or frame.
 fn wrong_place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     let told = || located(record.details.as_ref()?.place.as_deref()?, root, workspace);
     told().or_else(|| place(record, root, workspace))
 }
 
-/// Returns the place of the WGSL function, of the test that draws the frame, or else of the golden's facts. Files are
-/// relative to the workspace.
+/// Returns the location of the WGSL function, of the test that draws the frame, or otherwise of the golden's
+/// provenance. Paths are relative to the workspace.
 fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     let located = |location: &str, package| {
         located(location, package, workspace).or_else(|| of_read(location, record, workspace))
@@ -430,11 +428,12 @@ fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     }
 }
 
-/// The variables with the repository's folder on GitHub, GitLab and Jenkins.
+/// The variables that contain the repository's folder on GitHub, GitLab and Jenkins.
 const WORKSPACES: [&str; 3] = ["GITHUB_WORKSPACE", "CI_PROJECT_DIR", "WORKSPACE"];
 
-/// Returns the folder to which files are relative in reports for CI: the repository's, if CI or git names it and the
-/// project is in it; otherwise the project's, or the working directory around a folder of shaders.
+/// Returns the folder that paths in reports for CI are relative to. This is the repository's folder, if CI or git names
+/// it and it contains the project. Otherwise it is the project's folder, or the working directory around a folder of
+/// shaders.
 fn workspace(root: &Path) -> PathBuf {
     let whole = |folder: &Path| folder.canonicalize().ok();
     let named = WORKSPACES.iter().filter_map(std::env::var_os).filter(|folder| !folder.is_empty());
@@ -450,8 +449,8 @@ fn workspace(root: &Path) -> PathBuf {
     found.unwrap_or_else(|| root.to_owned())
 }
 
-/// Resolves `file:line:column`. Its file may be relative to any folder above the package: tests run in their
-/// package's folder, and the compiler in the workspace.
+/// Resolves `file:line:column`. The file may be relative to any folder above the package: tests run in their package's
+/// folder, and the compiler runs in the workspace.
 pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Option<Place> {
     let place = Place::of(location)?;
     let mut files = package.ancestors().map(|folder| folder.join(&place.file));
@@ -459,7 +458,8 @@ pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Optio
     Some(Place { file: relative(&file, workspace), ..place })
 }
 
-/// [`located`] among the files that a record depends on, as the record may come from another folder.
+/// Does the work of [`located`] for the files that a record depends on, because the record may come from another
+/// folder.
 fn of_read(location: &str, record: &Record, workspace: &Path) -> Option<Place> {
     let file = Path::new(location.rsplitn(3, ':').nth(2)?);
     let read = record.read.iter().map(|read| &read.file).find(|read| read.ends_with(file))?;
@@ -467,7 +467,7 @@ fn of_read(location: &str, record: &Record, workspace: &Path) -> Option<Place> {
     located(location, above, workspace)
 }
 
-/// Returns a relative path with `/`, as GitHub needs it.
+/// Returns a relative path with `/`, as GitHub requires.
 fn relative(file: &Path, root: &Path) -> String {
     let (file, root) = match (file.canonicalize(), root.canonicalize()) {
         (Ok(file), Ok(root)) => (file, root),

@@ -48,7 +48,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
     if args.files.is_none() {
-        args.ci.check("review, with --from and what this run leaves,")?;
+        args.ci.check("review with --from and this run's artefact")?;
     }
     let goldens = args.folder.open(artefact.as_ref())?;
     let mut review = Review::new(goldens.clone()).with_arguments(&arguments(args));
@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(run) = last_run(artefact.as_ref(), &goldens) {
         review = review.with_run(run);
     }
-    // A static page of a CI run's frames has no shaders to run.
+    // The page can't run shaders if it is static, or if the frames come from a CI run.
     if args.files.is_none() || artefact.is_none() {
         review = review.with_pixels(Arc::new(Told));
     }
@@ -88,10 +88,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         && let Err(error) = open::that_detached(server.url())
     {
         karat::unstable::output::tell(&format!(
-            "no browser opens ({error}); open the URL yourself"
+            "can't open a browser ({error}); open the URL yourself"
         ));
     }
-    // The page shows unusable files, and the terminal, too.
+    // The page shows unusable files. The terminal shows them, too.
     let told = report(&pending.unusable);
     server.run();
     let PendingFrames { frames, unusable } = server.pending();
@@ -105,7 +105,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if frames.is_empty() { Ending::Good } else { Ending::Bad })
 }
 
-/// Taps and traces frames for the page, by running this program.
+/// Runs this program to tap and trace frames for the page.
 #[derive(Debug)]
 struct Told;
 
@@ -122,14 +122,14 @@ impl Told {
         process.arg(command).args(before).args(["--", frame]).args(after);
         let output = process.output().map_err(|error| error.to_string())?;
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
-        // Exit code 1 is an answer, too: the steps differ.
+        // With exit code 1, the steps differ, and the output is valid.
         match text(&output.stdout) {
             told if output.status.success() || told.starts_with('[') => Ok(told),
             _ => Err(text(&output.stderr)),
         }
     }
 
-    /// Returns the size at which the gallery draws a frame. A frame in a `*.test.toml` has its own size.
+    /// Returns the size at which the gallery draws a frame. A frame in a `*.test.toml` sets its own size.
     fn size(frame: &str, (width, height): (u32, u32)) -> Result<Vec<String>, String> {
         let failed = |error: anyhow::Error| format!("{error:#}");
         let project = Project::find().map_err(failed)?;
@@ -153,7 +153,7 @@ impl Pixels for Told {
         let about = Self::ask("tap", &words, frame, &[value.to_owned()])?;
         let is_image = |path: &PathBuf| path.extension().is_some_and(|end| end == "exr");
         let image = files_below(folder.path()).into_iter().find(is_image);
-        // Without an image the numbers give the reason.
+        // If there is no image, the numbers give the reason.
         let image = image.ok_or_else(|| about.clone())?;
         let (image, _) = Image::read_exr(&image).map_err(|error| error.to_string())?;
         let told = image.pixels().iter().filter(|pixel| pixel[3] > 0.0);
@@ -184,22 +184,23 @@ impl Pixels for Told {
     }
 }
 
-/// Returns all files below a folder, as frames may have folders in their names.
+/// Returns all files below a folder, because the names of frames may contain folders.
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let of = |path: PathBuf| if path.is_dir() { files_below(&path) } else { vec![path] };
     entries.flat_map(|entry| of(entry.path())).collect()
 }
 
-/// Returns the verdicts of the project's last run, or of the run that left an artefact. The page works without them,
-/// so an unreadable record is ignored.
+/// Returns the verdicts of the project's last run, or of the run that made the artefact. The page also works without
+/// verdicts, so an unreadable record is ignored.
 fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
     let folder = match artefact {
         Some(artefact) => artefact.folder().to_owned(),
         None => Project::last_tested().ok()?.record(),
     };
     let mut records = Recorded::read(&folder).ok().flatten()?.records;
-    // Several crates may have frames of one name. The folders of another machine can't be compared with those here.
+    // Several crates may have frames of the same name. The folders of another machine can't be compared with those of
+    // this machine.
     let own = goldens.folder().canonicalize().ok();
     records.retain(|record| match &record.subject {
         Subject::Frame { folder, .. } => {
@@ -211,7 +212,7 @@ fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
     Some(review_of(&records))
 }
 
-/// Returns the arguments with which the commands on the page find the same folders.
+/// Returns the arguments that make the commands on the page use the same folders.
 fn arguments(args: &Args) -> String {
     let named = [("--from", args.from.named()), ("--goldens", args.folder.named())];
     let given = named.into_iter().filter_map(|(name, path)| Some((name, path?)));
@@ -224,7 +225,6 @@ fn frames_pending(frames: usize) -> String {
     format!("{frames} pending {}", if frames == 1 { "frame" } else { "frames" })
 }
 
-/// Quotes a word for a POSIX shell.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

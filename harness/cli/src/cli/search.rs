@@ -1,5 +1,4 @@
-//! The search for packages, and for the files in them that declare tests. Each command that runs, validates or lists
-//! shaders calls it.
+//! The search for packages, and for their files with tests. Each command that runs, validates or lists shaders uses it.
 //!
 //! - If `--shaders`, `--crate` or a command's folder names a package, it is the only one.
 //! - `metadata.karat.packages` of a Cargo.toml lists the packages in its folder and below: the workspace's list is
@@ -27,14 +26,13 @@ use super::project::{MANIFEST, Project};
 use super::table::{HEAD, KNOWN};
 use super::test::subjects::Subjects;
 
-/// The folder of shaders beside a manifest.
+/// The name of the folder of shaders beside a manifest.
 pub(super) const SHADERS: &str = "shaders";
 
-/// A package that was found.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     pub(super) package: Package,
-    /// `true` if a manifest or an option declares it. Otherwise only tests show how it is used.
+    /// `true` if a manifest or an option declares the package. Otherwise only tests show its features.
     pub(super) stated: bool,
 }
 
@@ -43,19 +41,19 @@ impl Found {
         Self { package, stated: true }
     }
 
-    /// Returns its place, with links resolved.
+    /// Returns the path of the package, with links resolved.
     pub(super) fn place(&self) -> Option<PathBuf> {
         self.package.root().canonicalize().ok()
     }
 }
 
 impl Project {
-    /// Returns all packages: the declared ones, those beside a manifest, and those that recorded tests used.
+    /// Returns all packages: the declared packages, those beside a manifest, and those that recorded tests used.
     pub(super) fn search(&self, args: &PackageArgs) -> anyhow::Result<Vec<Found>> {
         self.search_with(args, &self.recorded())
     }
 
-    /// [`search`](Self::search) with the folders that tests used.
+    /// Does the work of [`search`](Self::search) with the given folders of tests.
     pub(super) fn search_with(
         &self,
         args: &PackageArgs,
@@ -81,7 +79,7 @@ impl Project {
             let is_toml = folder.is_file() && folder.extension().is_some_and(|end| end == "toml");
             ensure!(
                 !is_toml,
-                "`{}` has no shaders: name a folder of WGSL modules, or one of them; `karat test` takes files of tests",
+                "`{}` has no shaders: name a folder of WGSL modules, or one module; `karat test` accepts files of tests",
                 folder.display()
             );
             found.push(Found::stated(Package::open(folder)?));
@@ -103,7 +101,7 @@ impl Project {
         }
         let mut places = BTreeSet::new();
         found.retain(|one| one.place().is_none_or(|place| places.insert(place)));
-        // A folder `shaders` may have shaders in another language.
+        // A folder `shaders` may contain shaders in another language.
         found.retain(|one| one.stated || !is_empty(&one.package));
         let packages = found.iter().map(|one| one.package.clone()).collect();
         let packages = self.with_features(packages);
@@ -113,13 +111,13 @@ impl Project {
         Ok(found)
     }
 
-    /// Returns the packages of a command, at least one.
+    /// Returns the packages of a command. There is at least one.
     pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
         let found = self.found(args)?;
         Ok(found.into_iter().map(|one| one.package).collect())
     }
 
-    /// [`search`](Self::search), which returns an error if there is no package.
+    /// Does the work of [`search`](Self::search), and returns an error if there is no package.
     pub(super) fn found(&self, args: &PackageArgs) -> anyhow::Result<Vec<Found>> {
         let found = self.search(args)?;
         if !found.is_empty() {
@@ -129,21 +127,22 @@ impl Project {
             true => "`metadata.karat` lists no shader package".to_owned(),
             false => format!(
                 "there is no shader package: no Cargo.toml of the project names one in `metadata.karat`, \
-                 there is no folder `{SHADERS}` beside one, and no recorded test used one; name the shader \
+                 there is no folder `{SHADERS}` beside a Cargo.toml, and no recorded test used a package; name the shader \
                  folder with --shaders DIR, or run `karat test` first"
             ),
         };
         anyhow::bail!(none)
     }
 
-    /// Returns the packages of these records, and those that are known without them.
+    /// Returns the packages of these records, and the packages that are known without records.
     pub(super) fn tested(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
         let used = self.used_by(records, &[]);
         let found = self.search_with(&PackageArgs::default(), &used)?;
         Ok(found.into_iter().map(|one| one.package).collect())
     }
 
-    /// Returns the package that holds a function, or else the first package, for its error message.
+    /// Returns the package that contains a function. If no package has the function, returns the first package, for its
+    /// error message.
     pub(super) fn package_of(&self, args: &PackageArgs, path: &str) -> anyhow::Result<Package> {
         let mut packages = self.packages(args)?;
         let holds = |package: &Package| {
@@ -153,7 +152,7 @@ impl Project {
         Ok(packages.swap_remove(index))
     }
 
-    /// Returns the folders that tests used when they last ran.
+    /// Returns the folders that tests used in their last run.
     pub(super) fn recorded(&self) -> BTreeSet<PathBuf> {
         // If all packages are declared, no other folder is a package.
         if self.says(self.root()) {
@@ -163,8 +162,8 @@ impl Project {
         self.used_by(&last.map(|last| last.records).unwrap_or_default(), &[])
     }
 
-    /// Returns the folders and files of the project that earlier runs used, and those that the tests of this run
-    /// recorded and linked.
+    /// Returns the folders and files of the project that earlier runs used, and those that this run recorded and
+    /// linked.
     pub(super) fn used_by(&self, records: &[Record], linked: &[PathBuf]) -> BTreeSet<PathBuf> {
         let mut used = Subjects::read(&self.record()).packages().clone();
         used.extend(self.used_in(records, linked));
@@ -177,14 +176,14 @@ impl Project {
             Subject::Function { package, .. } => Some(PathBuf::from(package)),
             Subject::Frame { .. } => None,
         });
-        // A text in memory has no place, and the place `.` is relative to the folder of its tests.
+        // Text in memory has no path, and the path `.` is relative to the folder of the tests.
         let all = named.chain(linked.iter().cloned());
         let all = all.filter(|place| !place.as_os_str().is_empty() && place != Path::new("."));
         let all = all.filter_map(|place| self.root().join(place).canonicalize().ok());
         all.filter(|place| self.is_own(place)).collect()
     }
 
-    /// Returns `true` for a place in the project that isn't output of runs.
+    /// Checks if a path is in the project, and isn't output of runs.
     fn is_own(&self, place: &Path) -> bool {
         let (root, output) = (self.root().canonicalize(), self.output().canonicalize());
         root.is_ok_and(|root| place.starts_with(root))
@@ -192,15 +191,15 @@ impl Project {
     }
 }
 
-/// Returns `true` for a folder without a module and without files for Karat.
+/// Checks if a folder has neither a module nor a file for Karat.
 fn is_empty(package: &Package) -> bool {
     let is_for_karat = |file: &PathBuf| file.ends_with(MANIFEST) || karat_suite::is_meant(file);
     matches!(package.modules(), Err(PackageError::Empty(_)))
         && !package.files_beside().unwrap_or_default().iter().any(is_for_karat)
 }
 
-/// Returns the package's folder of a folder without Cargo: its `shaders`, if that has a karat.toml and all modules,
-/// or else the folder itself.
+/// Returns the package's folder for a folder without Cargo: its `shaders`, if this has a karat.toml and all modules, or
+/// otherwise the same folder.
 pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     let shaders = folder.join(SHADERS);
     let declares = |folder: &Path| folder.join(MANIFEST).is_file();
@@ -213,7 +212,7 @@ pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
 struct Outside {
     /// Modules, and folders with modules.
     packages: Vec<Package>,
-    /// Files that should declare tests, in folders without a module.
+    /// The files of tests in folders without a module.
     files: Vec<PathBuf>,
 }
 
@@ -244,7 +243,7 @@ fn outside(folder: &Path) -> anyhow::Result<Outside> {
             }
         }
     }
-    // Tests beside a module belong to its package.
+    // Tests beside a module belong to the module's package.
     let modules: Vec<PathBuf> = all.packages.iter().map(Package::root).collect();
     all.files.retain(|file| {
         let stem = file.file_name().unwrap_or_default().to_string_lossy();
@@ -255,8 +254,8 @@ fn outside(folder: &Path) -> anyhow::Result<Outside> {
     Ok(all)
 }
 
-/// Lists the tests that don't run because Karat tests only the folder's `shaders`. The folder is the named one, or
-/// the working directory if it isn't a Cargo project.
+/// Lists the tests that don't run because Karat tests only the folder's `shaders`. The folder is the named one, or the
+/// working directory if it isn't in a Cargo project.
 pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow::Result<()> {
     let folder = named.unwrap_or(Path::new("."));
     let is_alone = match named {
@@ -275,9 +274,9 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
         beside += count;
         places.extend((count > 0).then_some(place));
     }
-    // A folder with a karat.toml is a package of its own.
+    // A folder with a karat.toml is a separate package.
     let is_package = folder.join(SHADERS).join(MANIFEST).is_file();
-    let all = "`karat test .` runs all".to_owned();
+    let all = "`karat test .` runs all tests".to_owned();
     let some = |places: &[String]| {
         super::test::some(&places.iter().map(String::as_str).collect::<Vec<_>>())
     };
@@ -290,7 +289,7 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
         let count = counted(files.len(), "file");
         let files: Vec<String> = files.iter().map(|file| shown(file)).collect();
         let how = match is_package {
-            true => format!("move them into `{SHADERS}`, beside the modules that they are of"),
+            true => format!("move them into `{SHADERS}`, beside the modules that they test"),
             false => all,
         };
         writeln!(
@@ -302,24 +301,25 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
     Ok(())
 }
 
-/// Refuses a second folder where a filter is expected. As a filter it could match by chance: `t` is in `expect_true`.
+/// Refuses a second folder in the place of a filter. As a filter, a folder's name could match by chance: `t` is in
+/// `expect_true`.
 pub(super) fn expect_filter(folder: &Path, filter: Option<&str>) -> anyhow::Result<()> {
     let second = filter.filter(|second| Path::new(second).exists()).unwrap_or_default();
     ensure!(
         second.is_empty(),
-        "`{second}` is a folder or file that is there, and the second word is a filter: name one folder at a time, `{}` or \
+        "`{second}` is an existing folder or file, but the second argument must be a filter: name only one folder, `{}` or \
          `{second}`",
         folder.display()
     );
     Ok(())
 }
 
-/// Returns `true` for a test with a word in its name.
+/// Checks if the name of a test contains a word.
 pub(super) fn has_word(test: &karat_suite::Test, word: &str) -> bool {
     test.name.split(|c: char| !c.is_alphanumeric()).any(|part| part == word)
 }
 
-/// Returns the files of packages that should declare tests and can't be read.
+/// Returns the unreadable files of tests in these packages.
 pub(super) fn broken_files<'p>(
     packages: impl IntoIterator<Item = &'p Package>,
 ) -> anyhow::Result<Vec<Broken>> {
@@ -330,7 +330,7 @@ pub(super) fn broken_files<'p>(
     Ok(all)
 }
 
-/// Prints the files that can't be read.
+/// Prints the unreadable files.
 pub(super) fn write_broken(broken: &[Broken], out: &mut dyn Write) -> std::io::Result<()> {
     broken.iter().try_for_each(|broken| {
         writeln!(out, "\n{HEAD}{}{HEAD:#}: {}", broken.name, broken.wrong.message.trim_end())

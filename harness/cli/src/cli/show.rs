@@ -38,7 +38,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Prints the module as plain WGSL, for a game engine.
 fn plain(args: &Args, module: &str, out: &mut dyn Write) -> Outcome {
     let packages = Project::find()?.packages(&args.package)?;
     let holds = |package: &&Package| {

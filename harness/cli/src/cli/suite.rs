@@ -1,8 +1,8 @@
 //!
-//! `karat suite`: the tests of a folder of shaders, as a program that `karat test` runs.
+//! `karat suite`: runs the tests of a folder of shaders. `karat test` runs this command as a separate process.
 //!
-//! It is a process of its own, as Cargo's test programs are. A shader that hangs or crashes a driver ends only this
-//! process. Its output has the format of Rust's test runner.
+//! A separate process is needed for the same reason as Cargo's test programs: if a shader hangs or crashes a driver,
+//! only this process ends. Its output has the format of Rust's test runner.
 
 use std::collections::HashMap;
 use std::io::Write;
@@ -51,12 +51,12 @@ pub(super) struct Args {
     features: Vec<(String, Feature)>,
 }
 
-/// Returns the host of a suite's tests: the command that runs a test again, and the folder for failing inputs.
+/// Returns the host of the tests of a suite: the command that runs a test again, and the folder for failing inputs.
 pub(super) fn host(suite: &Suite, folder: &Path, features: &[(String, Feature)]) -> Host {
     Host { folder: suite.folder.clone(), ..host_of(folder, features) }
 }
 
-/// [`host`] for a folder of shaders, which keeps failing inputs inside.
+/// Returns the [`host`] of a folder of shaders. The folder also contains the failing inputs.
 pub(super) fn host_of(folder: &Path, features: &[(String, Feature)]) -> Host {
     let folder_name = karat::unstable::diagnostic::shown(folder);
     let features = written(features).flat_map(|feature| ["--feature".to_owned(), feature]);
@@ -69,7 +69,7 @@ pub(super) fn host_of(folder: &Path, features: &[(String, Feature)]) -> Host {
     }
 }
 
-/// Writes features as arguments of a program: `foo=true`.
+/// Formats features as arguments of a program: `foo=true`.
 pub(super) fn written(features: &[(String, Feature)]) -> impl Iterator<Item = String> {
     features.iter().map(|(name, value)| format!("{name}={value}"))
 }
@@ -87,7 +87,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             std::process::exit(1);
         });
     }
-    // The message of a panic is printed later, with the test's name.
+    // The message of a panic is printed later, with the name of the test.
     std::panic::set_hook(Box::new(|_| {}));
     let suite = Suite::of(featured(Package::open(&args.folder)?, &args.features))?;
     let wanted = |test: &Test| match &args.filter {
@@ -106,7 +106,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     karat::unstable::run::host(host(&suite, &args.folder, &args.features));
     let (tests, unsound) = suite.sound(tests);
-    // Broken files concern every filter, as their tests are unknown.
+    // Unreadable files count under every filter, because their tests are unknown.
     let broken: Vec<&Broken> = suite.broken.iter().chain(&unsound).collect();
     writeln!(out, "running {}", counted(tests.len() + broken.len(), "test"))?;
     let mut failures: Vec<(String, Wrong)> = Vec::new();
@@ -126,7 +126,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !failures.is_empty() {
         failures.sort_by(|(one, _), (other, _)| one.cmp(other));
         writeln!(out, "\nfailures:\n")?;
-        // A race, or a path that doesn't open, fails many tests with one message, which is printed once.
+        // A race, or a path that doesn't open, makes many tests fail with the same message. The message is printed
+        // once.
         let mut told: HashMap<String, &str> = HashMap::new();
         for (name, wrong) in &failures {
             writeln!(out, "---- {name} ----")?;
@@ -135,7 +136,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 Some(first) => {
                     let place = wrong.place.iter().map(|place| format!("  --> {place}\n"));
                     let place: String = place.collect();
-                    writeln!(out, "error: {}\n{place}  as under `{first}`\n", wrong.headline)?;
+                    writeln!(
+                        out,
+                        "error: {}\n{place}  the same error as in `{first}`\n",
+                        wrong.headline
+                    )?;
                 }
                 None => writeln!(out, "{}\n", wrong.message.trim_end())?,
             }
@@ -146,7 +151,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if failures.is_empty() { Ending::Good } else { Ending::Bad })
 }
 
-/// The function that receives a verdict.
+/// The function that receives each verdict.
 type Heard<'h> = &'h mut dyn FnMut(&Test, Result<(), Wrong>) -> std::io::Result<()>;
 
 /// Runs tests on all cores, and passes each verdict on at once.
@@ -154,7 +159,7 @@ fn each(suite: &Suite, tests: &[&Test], heard: Heard<'_>) -> std::io::Result<()>
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let groups = &Suite::groups(tests);
-    // Starting threads takes noticeable time if there is only one test.
+    // If there is only one test, starting threads would take noticeable time.
     if let [test] = tests {
         return heard(test, suite.run_with(test, groups));
     }

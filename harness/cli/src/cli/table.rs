@@ -1,4 +1,4 @@
-//! Columns of text.
+//! Tables of text.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -14,45 +14,43 @@ pub(super) const HEAD: Style = Style::HEAD;
 pub(super) const DIM: Style = Style::DIM;
 pub(super) const PLAIN: Style = Style::PLAIN;
 
-/// Rows whose columns are aligned when printed.
+/// The rows of a table. The printed columns are aligned.
 #[derive(Debug, Default)]
 pub(super) struct Table {
     rows: Vec<(Style, Vec<String>)>,
     right: Vec<usize>,
-    /// The columns that may be cut if the terminal is narrow.
+    /// The columns whose cells may be cut if the terminal is narrow.
     cut: Vec<usize>,
-    /// The columns that are removed, in this order, if cutting isn't enough.
+    /// The columns that may be removed, in this order, if cutting isn't enough.
     leave: Vec<usize>,
 }
 
-/// The gap between columns.
 const GAP: &str = "  ";
 
-/// The mark of a cut.
 const CUT: &str = "..";
 
-/// The fewest characters of a cut column.
+/// The smallest number of characters in a cut column.
 const KEPT: usize = 10;
 
 impl Table {
-    /// Makes a table with a head. Columns in `right` are aligned to the right.
+    /// Makes a table with a head. The columns in `right` are aligned to the right.
     pub(super) fn new(head: &[&str], right: &[usize]) -> Self {
         let head = head.iter().map(ToString::to_string).collect();
         Self { rows: vec![(HEAD, head)], right: right.to_vec(), ..Self::default() }
     }
 
-    /// Allows cutting cells in these columns if the terminal is too narrow. Their full text must be elsewhere.
+    /// Allows cutting cells in these columns if the terminal is too narrow. The full text must appear elsewhere.
     pub(super) fn cutting(self, columns: &[usize]) -> Self {
         Self { cut: columns.to_vec(), ..self }
     }
 
-    /// Allows removing these columns one after the other if cutting isn't enough.
+    /// Allows removing these columns, one after the other, if cutting isn't enough.
     pub(super) fn leaving(self, columns: &[usize]) -> Self {
         Self { leave: columns.to_vec(), ..self }
     }
 
     pub(super) fn row(&mut self, style: Style, cells: Vec<String>) {
-        // Cells have the width that is shown, and one line each.
+        // The width of a cell is that of the visible text, and each cell is one line.
         let cells = cells.iter().map(|cell| one_line(cell).into_owned()).collect();
         self.rows.push((style, cells));
     }
@@ -95,8 +93,8 @@ impl Table {
         Ok(())
     }
 
-    /// Makes columns narrower until a line fits. It first removes columns without cells, then cuts columns, the
-    /// widest first. If that isn't enough, it removes a column, and the others get its space.
+    /// Makes columns narrower until a line fits. First removes columns without cells. Then cuts columns, the widest
+    /// first. If that isn't enough, removes a column, and the other columns get its space.
     fn narrow(&self, widths: &mut [usize], limit: usize) {
         let cells = &self.rows[1..];
         let is_empty = |column: usize| {
@@ -116,7 +114,7 @@ impl Table {
         }
     }
 
-    /// Cuts the columns that may be cut. Returns `true` if a line fits then.
+    /// Cuts the columns that may be cut. Checks if a line now fits.
     fn cut_to(&self, widths: &mut [usize], limit: usize) -> bool {
         while line(widths) > limit {
             let may = self
@@ -131,13 +129,12 @@ impl Table {
     }
 }
 
-/// Returns the width of a line.
 fn line(widths: &[usize]) -> usize {
     let shown = widths.iter().filter(|width| **width > 0);
     shown.map(|width| width + GAP.len()).sum::<usize>().saturating_sub(GAP.len())
 }
 
-/// Returns a cell's text, cut to its column's width.
+/// Returns the text of a cell, cut to the width of its column.
 fn shortened(cell: &str, width: usize) -> Cow<'_, str> {
     if cell.chars().count() <= width {
         return Cow::Borrowed(cell);
@@ -180,7 +177,7 @@ mod tests {
         table.write_within(Some(30), &mut line).expect("memory");
         let line = String::from_utf8(line).expect("UTF-8");
         assert!(!line.contains("WGSL") && line.ends_with("m::f      nothing is left\n"), "{line}");
-        // A removed column gives its space to the others.
+        // A removed column leaves its space to the others.
         let head = ["function", "path", "cases", "worst", "of bound", "asserted"];
         let mut table = Table::new(&head, &[2, 4]).cutting(&[3, 5]).leaving(&[5, 2]);
         let cells = ["module::function", "vulkan", "65536", "0.25 ulp", "6%", "4 ulp or abs 1e-30"];

@@ -64,14 +64,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     tell_of(&frame.map_err(|wrong| anyhow!("{}", wrong.message))?, args, &project, out)
 }
 
-/// Taps the passes of a `[[compute]]`, if there are passes of this name.
+/// Taps the passes of a `[[compute]]`, if there are passes with this name.
 fn passes(args: &Args, project: &Project, out: &mut dyn Write) -> anyhow::Result<Option<Ending>> {
-    // Without a folder of shaders there may be a gallery. The search for frames comes next, and reports the error.
+    // Without a folder of shaders, there may be a gallery. The search for frames is next, and reports the error.
     for package in project.packages(&args.package).unwrap_or_default() {
         let suite = Suite::of(package)?;
         if let Some(compute) = suite.compute(&args.frame) {
             let compute = compute.map_err(|wrong| anyhow!("{}", wrong.message))?;
-            ensure!(!args.beside, "passes have no colours: leave `--beside` out");
+            ensure!(!args.beside, "passes have no colours: remove `--beside`");
             return tell_of(&compute, args, project, out).map(Some);
         }
     }
@@ -84,7 +84,7 @@ fn tell_of(subject: &dyn Tappable, args: &Args, project: &Project, out: &mut dyn
     std::fs::create_dir_all(&folder)?;
     let tap = |value: &String| Tap::new(value).round(args.round).beside(args.beside);
     let taps: Vec<Tap> = args.values.iter().map(tap).collect();
-    // The file has the pass's full name.
+    // The file is named after the full name of the pass.
     let name = args.frame.replace("::", "-");
     match karat_gallery::tap(subject, &name, &folder, path, (&taps, &args.at), out) {
         Ok(()) => Ok(Ending::Good),
@@ -95,7 +95,7 @@ fn tell_of(subject: &dyn Tappable, args: &Args, project: &Project, out: &mut dyn
     }
 }
 
-/// Returns the suite with the `[[frame]]` of a name, or `None`: then the gallery may have the frame.
+/// Returns the suite that has the `[[frame]]`. If this is `None`, the gallery may have the frame.
 pub(super) fn find(
     frame: &str,
     project: &Project,
@@ -104,7 +104,7 @@ pub(super) fn find(
     let mut names: Vec<String> = Vec::new();
     let is_usual = place.package.is_none() && place.krate.is_none();
     let packages = match (project.packages(place), project.gallery()) {
-        // A project may have a gallery and no folder of shaders.
+        // A project may have a gallery without a folder of shaders.
         (Err(_), Some(_)) if is_usual => Vec::new(),
         (packages, _) => packages?,
     };
@@ -122,23 +122,23 @@ pub(super) fn find(
     match nearest(frame, names.iter().map(String::as_str)) {
         Some(near) => bail!("there is no frame `{frame}`; did you mean `{near}`?"),
         None if names.is_empty() => bail!(
-            "there is no frame: no `*.test.toml` has a `[[frame]]`, and Cargo.toml names no gallery, of which `karat render` tells more"
+            "there is no frame: no `*.test.toml` has a `[[frame]]`, and Cargo.toml names no gallery (`karat render` explains galleries)"
         ),
         None => bail!("there is no frame `{frame}`; there are {}", names.join(", ")),
     }
 }
 
-/// Returns the path to draw a `[[frame]]` on, and refuses options that the frame sets itself.
+/// Returns the path on which a `[[frame]]` is drawn. Refuses options for properties that the frame sets.
 pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::Path>> {
     ensure!(
         drawn.size.is_none() && drawn.samples.is_none() && drawn.environment.is_none(),
-        "a `[[frame]]` says its size, its samples and its light itself: leave `--size`, `--samples` and \
-         `--environment` out"
+        "a `[[frame]]` sets its size, samples and light: remove `--size`, `--samples` and \
+         `--environment`"
     );
     Ok(drawn.path)
 }
 
-/// Prints why a value can't be shown. Earlier output stays.
+/// Prints the reason why a value can't be shown. Earlier output stays on the screen.
 pub(super) fn refuse(error: &dyn std::error::Error) {
     let text = error.to_string();
     tell(&if text.starts_with("error") { text } else { format!("error: {text}") });

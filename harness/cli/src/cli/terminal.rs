@@ -1,4 +1,4 @@
-//! The size of the terminal. If the output isn't a terminal, lines have no limit.
+//! The size of the terminal. If the output isn't a terminal, the length of lines is unlimited.
 
 use std::io::IsTerminal;
 use std::sync::OnceLock;
@@ -6,23 +6,23 @@ use std::sync::OnceLock;
 /// The size of a terminal in characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Size {
-    /// The columns of a line; `None` if there is no limit.
+    /// The number of columns. `None` means that there is no limit.
     pub(super) columns: Option<usize>,
     pub(super) rows: usize,
 }
 
-/// The size for an output that isn't a terminal.
+/// The size of an output that isn't a terminal.
 const UNKNOWN: Size = Size { columns: None, rows: 32 };
 
-/// The size of a terminal that doesn't report one.
+/// The size of a terminal that doesn't report its size.
 const SMALL: (u16, u16) = (80, 24);
 
-/// The smallest size that is used.
+/// The smallest size that Karat uses.
 const LEAST: (usize, usize) = (20, 4);
 
 static SIZE: OnceLock<Size> = OnceLock::new();
 
-/// Measures the terminal, if the output is one. `COLUMNS` has priority for the width.
+/// Measures the terminal, if the output is a terminal. `COLUMNS` takes precedence for the width.
 pub(super) fn measure() {
     let size = match std::io::stdout().is_terminal() {
         true => {
@@ -35,13 +35,12 @@ pub(super) fn measure() {
 }
 
 fn of((columns, rows): (u16, u16), told: Option<usize>) -> Size {
-    // A terminal of width 0 has no window, such as that of a script.
+    // A terminal of width 0 has no window. An example is the terminal of a script.
     let (columns, rows) = if columns == 0 || rows == 0 { SMALL } else { (columns, rows) };
     let columns = told.filter(|columns| *columns > 0).unwrap_or(columns.into());
     Size { columns: Some(columns.max(LEAST.0)), rows: usize::from(rows).max(LEAST.1) }
 }
 
-/// Returns the size of the output.
 pub(super) fn size() -> Size {
     SIZE.get().copied().unwrap_or(UNKNOWN)
 }

@@ -67,20 +67,21 @@ pub(super) struct Args {
     package: PackageArgs,
 }
 
-/// The request, with the first argument resolved to a folder or a filter.
+/// The request. The first argument is resolved to a folder or a filter.
 struct Asked<'a> {
     args: &'a Args,
-    /// The folder or file whose own tests alone run.
+    /// The folder or file of shaders. If it is set, only the tests beside the shaders run.
     folder: Option<PathBuf>,
     filter: Option<&'a str>,
-    /// The Rust tests that, in their last run, checked a function or a golden whose name contains the filter.
+    /// The Rust tests that checked a matching function or golden in their last run. The filter matches a part of the
+    /// name.
     about: Vec<String>,
-    /// The names of the only tests to run: those that failed.
+    /// The names of the failed tests, if only these run.
     names: Option<Vec<String>>,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    // Then only the lines of failures are printed.
+    // Then Karat prints only the lines of failures.
     let mut unread = std::io::sink();
     let asked = Asked::of(args)?;
     let project = asked.project()?;
@@ -97,7 +98,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
     if asked.folder.is_none() && project.is_cargo() {
         if !args.package.features.is_empty() {
-            let theirs = "`--feature` is for the modules and their own tests: what a Rust test sets is in its \
+            let theirs = "`--feature` applies to the modules and the tests beside them: features of a Rust test are in its \
                           `package.feature(..)`";
             writeln!(told, "{KNOWN}{theirs}{KNOWN:#}")?;
         }
@@ -133,22 +134,24 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let used = project.used_in(&records, &check::linked(running.folder())?);
     subjects.add_packages(used.clone(), asked.is_whole());
     subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
-    // Replaying one case, or counting lines on `cpu`, doesn't replace the record of the last run.
+    // A replay of one case, or a run that counts lines on `cpu`, doesn't replace the record of the last run.
     let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let is_replay = is_set("KARAT_CASE") || is_set("KARAT_COVERAGE");
     if !is_replay {
         subjects
             .write(&project.record())
-            .context("can't keep which tests check which functions")?;
+            .context("can't store which tests check which functions")?;
     }
     if !passed && suites_passed && progress.done() == 0 && records.is_empty() {
-        anyhow::bail!("no test ran: they weren't built, or ended before the first, see above");
+        anyhow::bail!(
+            "no test ran: the test programs weren't built, or ended before the first test, see above"
+        );
     }
-    // Suites that can't run record nothing, and have reported their error.
+    // Suites that can't run record nothing, and have already reported their error.
     if suites_passed || !records.is_empty() {
         tables::expect_some(&records, asked.filter)?;
     }
-    // Without declared packages, the tests show which folders are packages. A folder that no test uses doesn't make
+    // If no packages are declared, the tests show which folders are packages. A folder that no test uses doesn't make
     // the run fail.
     let is_used =
         |one: &Found| one.stated || one.place().is_some_and(|place| used.contains(&place));
@@ -165,14 +168,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         remarks: remarks(left_out, &opinion).into_iter().chain(tests_beside(&packages)).collect(),
         ..Run::default()
     };
-    run.write(running.folder()).context("can't say how the run was made")?;
+    run.write(running.folder()).context("can't write how the run was made")?;
     let sum = Sum::of(&records, Some(&run));
     let (folder, _of_replay) = match is_replay {
         true => (project.record(), Some(running)),
         false => (running.end().context("can't keep the record")?, None),
     };
     tables::write(&records, args.output.all, told)?;
-    // With a filter, or with some test programs only, most functions are left out on purpose.
+    // With a filter, or with selected test programs, most functions are left out on purpose.
     let is_part = !(args.cargo_packages.is_empty() && args.targets.is_empty());
     if asked.filter.is_none() && asked.names.is_none() && !is_part {
         write_untested(&records, packages, &invalid, told)?;
@@ -188,7 +191,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     check::write_remarks(&opinion, told)?;
     tables::write_sum(&records, &sum, &folder, told)?;
     if args.leaves_frames_out() {
-        writeln!(told, "{KNOWN}frames were left out{KNOWN:#}")?;
+        writeln!(told, "{KNOWN}no frame was drawn{KNOWN:#}")?;
     }
     if asked.is_whole() {
         write_silent(&records, progress.passed(), args.output.all, told)?;
@@ -200,7 +203,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// Returns the remarks of the last line, besides the verdicts.
+/// Returns the remarks for the last line.
 fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
     let left_out =
         (left_out > 0).then(|| format!("{} left out by conditions", counted(left_out, "test")));
@@ -208,11 +211,11 @@ fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
 }
 
 impl Args {
-    /// Returns a test outside of a folder whose name contains the folder's name as a word, with the root of its
-    /// package.
+    /// Returns a test outside of a folder, and the root of the test's package. The test's name contains the folder's
+    /// name as a word.
     fn other_test(&self, word: &str) -> Option<(PathBuf, String)> {
         let folder = Path::new(word).canonicalize().ok()?;
-        // Without a readable project, the word is the folder.
+        // If the project isn't readable, the word means the folder.
         let packages = Project::find().and_then(|project| project.packages(&self.package));
         let others = packages.unwrap_or_default().into_iter();
         let mut others = others.filter_map(|package| {
@@ -232,7 +235,7 @@ impl Args {
         others.next()
     }
 
-    /// Returns `true` if the option or its variable leaves frames out.
+    /// Checks if the option or its variable leaves out frames.
     fn leaves_frames_out(&self) -> bool {
         self.no_frames || std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off")
     }
@@ -240,7 +243,7 @@ impl Args {
 
 impl<'a> Asked<'a> {
     fn of(args: &'a Args) -> anyhow::Result<Self> {
-        // A misspelt path is reported before the build, which takes minutes.
+        // Karat reports a misspelt path before the build, because the build takes minutes.
         for (option, names) in [("--paths", &args.paths), ("--require", &args.require)] {
             // An empty variable counts as unset.
             let names = names.as_deref().filter(|names| !names.trim().is_empty());
@@ -251,15 +254,17 @@ impl<'a> Asked<'a> {
         let is_path = |what: &str| what.contains(['/', '\\']) || what.ends_with(".wgsl");
         match (what, named) {
             (Some(what), None) if filter.is_some() || is_path(what) => {
-                let more = filter
-                    .map_or("", |_| ": of two words the first is a folder, the second a filter");
+                let more = filter.map_or(
+                    "",
+                    |_| ": with two arguments, the first is a folder, the second a filter",
+                );
                 anyhow::bail!("there is no folder or file `{what}`{more}")
             }
             (_, Some(file)) if file.extension().is_some_and(|ending| ending == "toml") => {
                 let of = file.to_string_lossy();
                 let of = of.strip_suffix(".test.toml").unwrap_or(&of);
                 anyhow::bail!(
-                    "`{}` declares tests and has no shader: name the module that it is of, such as `{of}.wgsl`",
+                    "`{}` declares tests and has no shader: name the module that it tests, such as `{of}.wgsl`",
                     file.display()
                 )
             }
@@ -280,7 +285,7 @@ impl<'a> Asked<'a> {
                         });
                     }
                     anyhow::bail!(
-                        "`{word}` is a folder, and a word in the name of the test `{test}`: write `karat test ./{word}` for the \
+                        "`{word}` is a folder, and also a part of the name of the test `{test}`: write `karat test ./{word}` for the \
                          folder's tests, or `karat test {} --exact '{test}'` for that one",
                         shown(&root)
                     );
@@ -290,7 +295,7 @@ impl<'a> Asked<'a> {
                 Ok(Self { args, folder, filter, about, names })
             }
             (Some(what), None) if args.failed => {
-                anyhow::bail!("`--failed` chooses the tests, and `{what}` is no folder")
+                anyhow::bail!("`--failed` selects the tests, and `{what}` isn't a folder")
             }
             (what, None) => {
                 Ok(Self { args, folder: None, filter: what, about: Vec::new(), names: None })
@@ -298,7 +303,7 @@ impl<'a> Asked<'a> {
         }
     }
 
-    /// Adds the names of the tests that failed in the last run, if `--failed` asks for them.
+    /// With `--failed`, adds the names of the tests that failed in the last run.
     fn with_failed(self, project: &Project) -> anyhow::Result<Self> {
         if !self.args.failed {
             let names = (!self.args.named.is_empty()).then(|| self.args.named.clone());
@@ -308,7 +313,7 @@ impl<'a> Asked<'a> {
         let last = Recorded::read(&project.record())?.ok_or_else(none)?;
         let failed = last.records.iter().filter(|record| is_failure(record));
         let mut names: Vec<String> = failed.map(|record| record.test.clone()).collect();
-        // A test that fails without a failing check has no record.
+        // If a test fails without a failing check, it has no record.
         names.extend(Subjects::read(&project.record()).failed().iter().cloned());
         names.sort();
         names.dedup();
@@ -317,7 +322,7 @@ impl<'a> Asked<'a> {
             let why = match passed {
                 true => "no test failed in the last run",
                 false => {
-                    "no check failed in the last run, though a test did, which isn't recorded: run \
+                    "no check failed in the last run. A test failed without a check, and isn't recorded: run \
                      `karat test` without `--failed`"
                 }
             };
@@ -326,13 +331,13 @@ impl<'a> Asked<'a> {
         Ok(Self { names: Some(names), ..self })
     }
 
-    /// Adds the tests that, in their last run, checked a function or golden of the filter.
+    /// Adds the tests that checked a function or golden of the filter in their last run.
     fn with_tests_of_functions(self, project: &Project) -> Self {
         let Some(filter) = self.filter.filter(|_| !self.args.exact) else { return self };
         Self { about: Subjects::read(&project.record()).about(filter), ..self }
     }
 
-    /// Prints, if the filter is a function's name, that the filter can't find tests that have never run.
+    /// If the filter is the name of a function, prints that the filter can't find tests that have never run.
     fn write_unknown(
         &self,
         project: &Project,
@@ -346,18 +351,16 @@ impl<'a> Asked<'a> {
         }
         writeln!(
             out,
-            "{DIM}the filter finds a new Rust test by its own name alone; once `karat test` has run all, it \
+            "{DIM}the filter finds a new Rust test only by its name; after `karat test` has run all tests, it \
              also finds tests by the functions that they check{DIM:#}"
         )
     }
 
-    /// Returns `true` if the run has all tests.
     fn is_whole(&self) -> bool {
         let whole = self.folder.is_none() && self.names.is_none() && !self.args.exact;
         whole && self.selected(false).is_empty()
     }
 
-    /// Returns `true` if the request includes a test.
     fn wants(&self, test: &Test) -> bool {
         match (&self.names, self.filter) {
             (Some(names), _) => names.contains(&test.name),
@@ -366,18 +369,16 @@ impl<'a> Asked<'a> {
         }
     }
 
-    /// Returns the project of the folder, or of the working directory.
     fn project(&self) -> anyhow::Result<Project> {
         let Some(folder) = &self.folder else {
-            // The failures may be those of a folder that the last run named.
+            // The failures may belong to a folder that the last run named.
             return if self.args.failed { Project::last_tested() } else { Project::find() };
         };
-        let folder = folder.canonicalize().context("the folder can't be read")?;
+        let folder = folder.canonicalize().context("can't read the folder")?;
         let folder = if folder.is_file() { folder.parent().unwrap_or(&folder) } else { &folder };
         Project::around(folder)
     }
 
-    /// Returns the tested packages.
     fn packages(&self, project: &Project, used: &BTreeSet<PathBuf>) -> anyhow::Result<Vec<Found>> {
         let Some(folder) = &self.folder else {
             return project.search_with(&self.args.package, used);
@@ -403,21 +404,21 @@ impl<'a> Asked<'a> {
         let tests = counted(tests.len(), "test");
         writeln!(
             out,
-            "{KNOWN}not run: {tests} whose condition doesn't hold, {names}; `--feature NAME` sets one{KNOWN:#}"
+            "{KNOWN}not run: {tests} whose condition is false, {names}; `--feature NAME` turns a feature on{KNOWN:#}"
         )?;
         Ok(count)
     }
 
-    /// Returns the folders of packages that have tests of their own.
+    /// Returns the folders of packages with tests beside their modules.
     fn suites(&self, found: &[Found]) -> anyhow::Result<Vec<PathBuf>> {
-        // The options name Cargo's tests, and these tests aren't Cargo's.
+        // The options select Cargo's tests, and these tests aren't Cargo's.
         if !self.args.cargo_packages.is_empty() || !self.args.targets.is_empty() {
             return Ok(Vec::new());
         }
         let mut folders = Vec::new();
         for Found { package, stated } in found {
             let suite = Suite::of(package.clone())?;
-            // A broken test file counts, even if no test uses its package.
+            // An unreadable test file counts, even if no test uses its package.
             let broken = suite.broken.iter().any(|broken| *stated || broken.is_file);
             let has = suite.tests.iter().any(|test| self.wants(test)) || broken;
             if has && !package.root().as_os_str().is_empty() {
@@ -427,25 +428,25 @@ impl<'a> Asked<'a> {
         Ok(folders)
     }
 
-    /// Returns the error that there is no test to run, with similar names.
+    /// Returns the error that there is no test to run. The error suggests similar names.
     fn nothing(&self, packages: &[Package]) -> NotThere {
         if let Some(names) = &self.names {
             let names = some(&names.iter().map(String::as_str).collect::<Vec<_>>());
-            return NotThere(format!("none of the tests that are asked for is there: {names}"));
+            return NotThere(format!("none of the requested tests exists: {names}"));
         }
         let left_out = |package: &Package| {
             let tests = package.tests_left_out(&package.modules().unwrap_or_default());
             tests.iter().any(|test| self.filter.is_none_or(|filter| test.name.contains(filter)))
         };
         if packages.iter().any(left_out) {
-            let none = "no test runs: the condition of each that is there doesn't hold";
+            let none = "no test runs: the conditions of all tests are false";
             return NotThere(none.to_owned());
         }
         let Some(filter) = self.filter else {
             if let Some(folder) = &self.folder {
                 let none = format!(
                     "`{0}` has no tests: no function with `@test`, and no `*.test.toml`; `karat init {0}` writes a \
-                     first one, and `karat test` alone runs tests in Rust",
+                     first one, and `karat test` without arguments runs tests in Rust",
                     folder.display()
                 );
                 return NotThere(none);
@@ -457,7 +458,7 @@ impl<'a> Asked<'a> {
         let suites = packages.iter().filter_map(|package| Suite::of(package.clone()).ok());
         let names: Vec<String> =
             suites.flat_map(|suite| suite.tests).map(|test| test.name).collect();
-        // The similar name may be of a test, of the subject of several tests, or of a folder.
+        // The similar name may belong to a test, to the subject of several tests, or to a folder.
         let of = |name: &String| name.split(' ').next().unwrap_or_default().to_owned();
         let mut known: Vec<String> = names.iter().cloned().chain(names.iter().map(of)).collect();
         let here = std::fs::read_dir(".").into_iter().flatten().flatten();
@@ -481,13 +482,13 @@ impl<'a> Asked<'a> {
         })
     }
 
-    /// Returns the arguments that select tests, as they were typed.
+    /// Returns the arguments that select tests, as the user typed them.
     fn selected(&self, is_cargo: bool) -> Vec<String> {
         let args = self.args;
         let packages = args.cargo_packages.iter().map(|name| format!("-p {name}"));
         let targets = args.targets.iter().map(|name| format!("--test {name}"));
         let functions = args.no_frames.then(|| "--no-frames".to_owned());
-        // In a Cargo project, a folder's own tests are only a part of the tests.
+        // In a Cargo project, the tests beside a folder's modules are only a part of the tests.
         let folder = self.folder.as_ref().filter(|_| is_cargo);
         let folder = folder.map(|folder| folder.display().to_string());
         let filter = self.filter.iter().map(ToString::to_string);
@@ -504,7 +505,7 @@ impl<'a> Asked<'a> {
             .collect()
     }
 
-    /// Runs the tests beside the modules of a package, and returns `true` if all passed.
+    /// Runs the tests beside the modules of a package, and checks if all passed.
     fn run_suite(
         &self,
         folder: &Path,
@@ -512,7 +513,7 @@ impl<'a> Asked<'a> {
         progress: &mut Progress,
         out: &mut dyn Write,
     ) -> anyhow::Result<bool> {
-        let program = std::env::current_exe().context("this program isn't where it was")?;
+        let program = std::env::current_exe().context("can't find this program's own file")?;
         let suite = Suite::of(self.args.package.featured(Package::open(folder)?))?;
         let no_frames = self.args.leaves_frames_out();
         let asked: Vec<&Test> = suite
@@ -543,7 +544,7 @@ impl<'a> Asked<'a> {
                 };
                 writeln!(
                     out,
-                    "{BAD}error{BAD:#}: the process of the tests ended ({status}){before}"
+                    "{BAD}error{BAD:#}: the process that runs the tests ended ({status}){before}"
                 )?;
             }
             Ok(status.success())
@@ -557,7 +558,7 @@ impl<'a> Asked<'a> {
         Ok(passed)
     }
 
-    /// Runs `cargo test`, and returns `true` if all tests passed.
+    /// Runs `cargo test`, and checks if all tests passed.
     fn run_cargo(
         &self,
         project: &Project,
@@ -590,7 +591,7 @@ impl<'a> Asked<'a> {
             }
         }
         if progress.line().is_seen() {
-            // Cargo writes through a pipe, but a person reads its output on a terminal.
+            // Cargo writes into a pipe, but a person reads its output on a terminal.
             if std::env::var_os("CARGO_TERM_COLOR").is_none() {
                 command.args(["--config", "term.color='always'"]);
             }
@@ -604,7 +605,7 @@ impl<'a> Asked<'a> {
             None if self.args.exact => {
                 command.args(["--", "--exact"]);
             }
-            // Each test runs whose name contains one of several names.
+            // A test runs if its name contains one of these names.
             None if !self.about.is_empty() => {
                 command.arg("--").args(&self.about);
             }
@@ -613,7 +614,7 @@ impl<'a> Asked<'a> {
         Ok(self.run_tests(command, record, progress, out)?.success())
     }
 
-    /// Runs a test program. On a terminal a bar counts the passing tests.
+    /// Runs a test program. On a terminal, a bar counts the passing tests.
     fn run_tests(
         &self,
         mut command: Command,
@@ -636,7 +637,7 @@ impl<'a> Asked<'a> {
                     return Ok(());
                 }
             }
-            // At most one blank line between other lines.
+            // At most one blank line separates other lines.
             let blank = line.is_empty() && told;
             if blank || !is_noise(line) {
                 above.above(|| writeln!(out, "{}", colour::line(line)))?;
@@ -658,7 +659,7 @@ impl<'a> Asked<'a> {
     }
 }
 
-/// Returns the error that the output folder can't be written.
+/// Returns the error that the output folder isn't writable.
 pub(super) fn unwritable(project: &Project) -> String {
     let place = project.record();
     match project.is_cargo() {
@@ -667,7 +668,7 @@ pub(super) fn unwritable(project: &Project) -> String {
             place.display()
         ),
         false => format!(
-            "can't keep a record in `{}`: copy a folder that is read-only, and test that",
+            "can't keep a record in `{}`: the folder is read-only: copy it, and test the copy",
             place.display()
         ),
     }
@@ -690,7 +691,7 @@ fn write_silent(
     writeln!(out, "{DIM}{tests} passed without a check: {}{DIM:#}", some_of(&silent, all))
 }
 
-/// The most names in a list without `--all`.
+/// The largest number of names in a list without `--all`.
 const MOST_NAMES: usize = 5;
 
 /// Returns the first names of a list, and the number of the others.
@@ -708,12 +709,12 @@ fn some_of(names: &[&str], all: bool) -> String {
     }
 }
 
-/// Returns `true` for lines that repeat the table.
+/// Checks if a line repeats the table.
 fn is_noise(line: &str) -> bool {
     line.is_empty() || line.starts_with("test result: ok") || is_count(line)
 }
 
-/// Returns `true` for the count of a program's tests: `running 12 tests`.
+/// Checks if a line is the count of a program's tests: `running 12 tests`.
 fn is_count(line: &str) -> bool {
     let rest = line
         .strip_prefix("running ")
@@ -727,20 +728,20 @@ fn write_untested(
     invalid: &[(String, Invalid)],
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    // Tests of an invalid module can't run, so its functions don't count as untested.
+    // The tests of an invalid module can't run, so its functions don't count as untested.
     let is_valid = |package: &Package| invalid.iter().all(|(name, _)| *name != package.name());
     let (valid, others): (Vec<_>, Vec<_>) = packages.into_iter().partition(is_valid);
     let untested = untested(records, &valid)?;
     if !untested.is_empty() {
         let names: Vec<&str> = untested.iter().map(|item| &*item.name).collect();
         let names = some(&names);
-        writeln!(out, "\n{DIM}functions with no test of their own: {names} (`karat list`){DIM:#}")?;
+        writeln!(out, "\n{DIM}functions without a test: {names} (`karat list`){DIM:#}")?;
     }
     for package in others {
         let name = package.name();
         writeln!(
             out,
-            "\n{DIM}{name}: which functions have no test isn't known before it is valid{DIM:#}"
+            "\n{DIM}{name}: Karat lists functions without a test only for valid modules{DIM:#}"
         )?;
     }
     Ok(())

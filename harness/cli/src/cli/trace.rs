@@ -1,4 +1,4 @@
-//! `karat trace`: shows, step by step, how a frame gets the value of one pixel.
+//! `karat trace`: shows each step that computes one pixel of a frame.
 
 use std::io::Write;
 use std::path::Path;
@@ -65,11 +65,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             write_json(&[&today, &today], out)?;
             return Ok(Ending::Good);
         }
-        writeln!(out, "{DIM}the shaders are those of {revision}: no step differs{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}the shaders are equal to those of {revision}, so no step differs{DIM:#}"
+        )?;
         return Ok(Ending::Good);
     };
     match args.json {
-        // The page of `karat review` reads this form.
+        // The page of `karat review` reads this format.
         true => write_json(&[&before, &traced].map(|one| told(args, one, &project)), out)?,
         false => write_parting(&before, &traced, revision, out)?,
     }
@@ -78,12 +81,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if same && before.engine == traced.engine { Ending::Good } else { Ending::Bad })
 }
 
-/// A pixel in JSON. Numbers are strings, since JSON has no NaN.
+/// A pixel in JSON. Numbers are strings, because JSON has no NaN.
 #[derive(Serialize)]
 struct Told<'t> {
     frame: &'t str,
     pixel: (u32, u32),
-    /// The golden's pixel, if a golden has the frame's name and size.
+    /// The pixel of the golden, if a golden has the frame's name and size.
     golden: Option<String>,
     #[serde(flatten)]
     traced: &'t Traced,
@@ -93,7 +96,7 @@ fn told<'t>(args: &'t Args, traced: &'t Traced, project: &Project) -> Told<'t> {
     Told { frame: &args.frame, pixel: args.pixel, golden: golden(args, project), traced }
 }
 
-/// Traces the pixel. If it can't be traced, prints the reason to standard error and returns `None`.
+/// Traces the pixel. If that isn't possible, prints the reason to standard error and returns `None`.
 fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
     if let Some(suite) = tap::find(&args.frame, project, &args.package)? {
         let path = tap::expect_own(&args.drawn)?;
@@ -114,28 +117,29 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
         return Ok(None);
     }
     let json = String::from_utf8(printed).context("the gallery printed no text")?;
-    let traced = serde_json::from_str(trusted(&json).trim())
-        .context("the gallery printed no pixel: is its `karat-gallery` as old as this program?")?;
+    let traced = serde_json::from_str(trusted(&json).trim()).context(
+        "the gallery printed no pixel: update its `karat-gallery` to the version of this program",
+    )?;
     Ok(Some(traced))
 }
 
-/// Traces the same pixel with the shaders of a revision, or returns `None` if they haven't changed.
+/// Traces the same pixel with the shaders of a revision. Returns `None` if the shaders haven't changed.
 fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result<Option<Traced>> {
-    let folder = tempfile::tempdir().context("no temporary folder")?;
+    let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let overlay = folder.path().join("overlay");
     let mut any = false;
     for package in project.packages(&args.package)? {
         let before = folder.path().join("before");
         shaders_at(revision, &package.root(), &before)?;
         any |= keep_changed(&before, &package.root(), &overlay.join(package.name()))?;
-        std::fs::remove_dir_all(&before).context("no temporary folder")?;
+        std::fs::remove_dir_all(&before).context("can't make a temporary folder")?;
     }
     if !any {
         return Ok(None);
     }
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
-    // The same arguments without the revision, whose shaders are in the overlay.
+    // The arguments are the same, but without the revision: the overlay contains its shaders.
     let mut words = std::env::args_os().skip(1);
     while let Some(word) = words.next() {
         match word.to_str() {
@@ -161,10 +165,10 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
             Ok(())
         },
     )?;
-    ensure!(status.success(), "with the shaders of {revision} the pixel can't be traced:\n{said}");
+    ensure!(status.success(), "can't trace the pixel with the shaders of {revision}:\n{said}");
     let parsed = serde_json::from_str(&lines.join("\n"));
     let mut before: Traced = parsed.context("this program printed no pixel")?;
-    // The files of a revision are in a temporary folder, so messages name the revision.
+    // The files of a revision lie in a temporary folder, so messages name the revision.
     let written = format!("{}{}", overlay.display(), std::path::MAIN_SEPARATOR);
     for row in &mut before.steps {
         let own = row.file.strip_prefix(&written).unwrap_or(&row.file);
@@ -173,7 +177,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     Ok(Some(before))
 }
 
-/// Moves the files that differ today into an overlay. Returns `true` if there are some.
+/// Moves the files that differ from today's files into an overlay. Returns `true` if there are any.
 fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<bool> {
     let mut any = false;
     let mut open = vec![before.to_owned()];
@@ -242,7 +246,7 @@ fn golden(args: &Args, project: &Project) -> Option<String> {
     project.goldens().into_iter().find_map(own)
 }
 
-/// Returns the number of equal steps before the first that differs.
+/// Returns the number of equal steps before the first different step.
 fn first_difference(before: &Traced, after: &Traced) -> usize {
     let pairs = before.steps.iter().zip(&after.steps);
     let alike = |(a, b): &(&Row, &Row)| a.operation == b.operation && a.single == b.single;
@@ -266,7 +270,7 @@ fn write_parting(
             writeln!(out, "{GOOD}no step differs from {revision}{GOOD:#}")?;
         }
         (None, None) => {
-            writeln!(out, "no step that is shown differs from {revision}: a later run of one does")?
+            writeln!(out, "no shown step differs from {revision}: a later run of a step differs")?
         }
         (was, is) => {
             let shown = |row: Option<&Row>| {

@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     ensure!(
         !shader.entry_points().is_empty(),
-        "module `{}` has no entry point, and nothing else is translated: name a function of it, \
+        "module `{}` has no entry point, so there is nothing to translate: name one of its functions, \
          such as `{0}::f`",
         args.what
     );
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         Some(file) => {
             let [translation] = &*translations else {
                 bail!(
-                    "a file of {target} holds one entry point, and `{}` has {}: name one with \
+                    "a file of {target} has one entry point, but `{}` has {}: name one with \
                      --entry-point",
                     args.what,
                     translations.len()
@@ -86,12 +86,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Returns the shader's text, and for a function the entry point that calls it.
+/// Returns the text of the shader. For a function, also returns the name of the entry point that calls it.
 fn source(args: &Args) -> anyhow::Result<(String, Option<String>)> {
     let project = Project::find()?;
     for package in project.packages(&args.package)? {
         let modules = package.modules()?;
-        // In a package of one file the module has no name.
+        // In a package of one file, the module has no name.
         let alone = (package.name() == args.what).then(String::new);
         let module = Some(&args.what).or(alone.as_ref()).filter(|m| modules.contains(m));
         let module = module.or(alone.as_ref().filter(|m| modules.contains(m)));
@@ -104,7 +104,7 @@ fn source(args: &Args) -> anyhow::Result<(String, Option<String>)> {
     let probed = Probed::new(&package, &args.what)?;
     ensure!(
         args.entry_point.is_none(),
-        "`{}` is a function, and gets an entry point of its own: leave --entry-point out",
+        "`{}` is a function, for which Karat writes an entry point: remove --entry-point",
         args.what
     );
     Ok((probed.kernel().to_owned(), Some(Probed::ENTRY_POINT.to_owned())))
@@ -125,7 +125,7 @@ fn print(translation: &Translation, out: &mut dyn Write) -> anyhow::Result<()> {
                 words.len()
             );
         }
-        // SPIR-V doesn't go through `out`, which is for text.
+        // `out` is for text, so SPIR-V doesn't go through it.
         Code::Words(_) => {
             let mut stdout = std::io::stdout().lock();
             let written = stdout.write_all(&translation.code.bytes()).and_then(|()| stdout.flush());
@@ -151,7 +151,10 @@ fn validate(translations: &[Translation], out: &mut dyn Write) -> Outcome {
             writeln!(out, "{}", line(&said))?;
         }
     }
-    ensure!(asked > 0, "no validator of it is installed: `karat doctor` tells how to get one");
+    ensure!(
+        asked > 0,
+        "no validator of this language is installed: `karat doctor` says how to get one"
+    );
     Ok(ending)
 }
 
@@ -159,8 +162,8 @@ fn line(said: &Validation) -> String {
     let (style, text) = match &said.verdict {
         Verdict::Valid => (GOOD, "valid".to_owned()),
         Verdict::Invalid(message) => (BAD, format!("invalid\n{message}")),
-        Verdict::Unable(what) => (BAD, format!("no verdict, as {what}")),
-        Verdict::Broke(how) => (BAD, format!("no verdict, as it {how}")),
+        Verdict::Unable(what) => (BAD, format!("no verdict, because {what}")),
+        Verdict::Broke(how) => (BAD, format!("no verdict, because it {how}")),
     };
     let Validation { version, command, .. } = said;
     let version = if version.is_empty() { String::new() } else { format!(" ({version})") };

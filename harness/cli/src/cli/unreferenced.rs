@@ -1,7 +1,7 @@
 //!
 //! `karat unreferenced`: lists goldens that no test compares, and files that belong to no golden.
 //!
-//! It needs the record of a complete run that passed. Without such a record there is no verdict.
+//! It needs the record of a complete run that passed. Without such a record it gives no verdict.
 
 mod facts;
 mod files;
@@ -51,7 +51,7 @@ struct Report {
     unreferenced: Vec<Golden>,
     /// The goldens of profiles that didn't run.
     unjudged: Vec<Golden>,
-    /// The compared or unjudged goldens whose facts don't match their image.
+    /// The goldens whose provenance doesn't match their image. A test compared them, or their profile didn't run.
     doubtful: Vec<Doubt>,
     stray: Vec<Stray>,
     deleted: Vec<PathBuf>,
@@ -61,15 +61,13 @@ struct Report {
 
 /// The goldens that the tests compared.
 struct Evidence {
-    /// The names of the compared goldens.
     frames: BTreeSet<String>,
-    /// The other folders whose goldens were compared.
+    /// The other folders of compared goldens.
     elsewhere: BTreeSet<String>,
-    /// The profiles that ran.
     profiles: BTreeSet<String>,
     /// The compared pairs of name and profile.
     pairs: BTreeSet<(String, String)>,
-    /// The files that tests read, some of which may be goldens of values.
+    /// The files that tests read. Some of them may be goldens of values.
     read: BTreeSet<PathBuf>,
 }
 
@@ -87,15 +85,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let Files { goldens, stray } = Files::of(&folder)?;
     let shown = folder.display();
     if goldens.is_empty() && stray.is_empty() {
-        let why = "so there is nothing to judge; name the folder of goldens with --goldens DIR";
+        let why = "so Karat can't judge it; name the folder of goldens with --goldens DIR";
         return Err(NotThere(format!("there is no golden in `{shown}`, {why}")).into());
     }
     let none = evidence.frames.is_empty() && evidence.read.is_empty();
     if none && !evidence.elsewhere.is_empty() {
         let elsewhere: Vec<&str> = evidence.elsewhere.iter().map(String::as_str).collect();
         return Err(NotThere(format!(
-            "the last run compared no frame with a golden of `{shown}`, but with those of `{}`; \
-             name their folder with --goldens DIR",
+            "the last run compared no frame with a golden of `{shown}`, only with goldens of `{}`; \
+             name that folder with --goldens DIR",
             elsewhere.join("`, `")
         ))
         .into());
@@ -112,7 +110,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     for golden in goldens {
         let compared = evidence.has(&golden);
-        // An unreferenced golden is to be deleted, so its facts don't matter.
+        // An unreferenced golden is to be deleted, so its provenance doesn't matter.
         if compared != Some(false) {
             report.doubtful.extend(Doubt::of(&golden));
         }
@@ -129,7 +127,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.delete {
         ensure!(
             report.compared > 0 || report.unreferenced.is_empty(),
-            "the run compared none of the goldens in `{shown}`: they aren't deleted, as it may be \
+            "the run compared none of the goldens in `{shown}`: Karat deletes none, because it may be \
              the wrong folder"
         );
         for file in deletable(&report) {
@@ -149,7 +147,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 impl Report {
-    /// Returns `true` if no unreferenced golden and no stray file is left, and all facts match their images.
+    /// Checks that no unreferenced golden and no stray file remains, and that each provenance matches its image.
     fn is_good(&self) -> bool {
         let gone = |file: &PathBuf| self.deleted.contains(file);
         self.doubtful.is_empty()
@@ -173,7 +171,8 @@ fn deletable(report: &Report) -> Vec<PathBuf> {
     all
 }
 
-/// Returns `true` if a file's facts say that it was accepted. A file without them may be another tool's.
+/// Checks if the provenance in a file says that someone accepted it. Without provenance, the file may belong to another
+/// tool.
 fn is_golden(file: &Path) -> bool {
     if Table::read(file).is_ok() {
         return true;
@@ -187,7 +186,7 @@ fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         let file = file.display();
         writeln!(
             out,
-            "{BAD}left alone, as it doesn't say that Karat accepted it: delete it yourself, or \
+            "{BAD}not deleted, because it has no note that Karat accepted it: delete it yourself, or \
              compare it in a test{BAD:#}  {file}"
         )?;
     }
@@ -205,7 +204,7 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         writeln!(out, "{BAD}{reason}{BAD:#}  {}", file.display())?;
     }
     for golden in &report.unjudged {
-        writeln!(out, "{DIM}not judged, as its profile didn't run: {golden}{DIM:#}")?;
+        writeln!(out, "{DIM}not judged, because its profile didn't run: {golden}{DIM:#}")?;
     }
     let (unreferenced, stray) = (report.unreferenced.len(), report.stray.len());
     let doubtful = match report.doubtful.len() {
@@ -220,7 +219,7 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     )
 }
 
-/// Returns the records of the last run, which must be complete.
+/// Returns the records of the last run. The run must be complete.
 fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
     let none = |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
     let recorded = Recorded::read(record)?;
@@ -236,13 +235,13 @@ fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
         run.ok_or_else(|| none(format!("the record `{shown}` doesn't say that its run ended")))?;
     if !run.selected.is_empty() {
         let selected = run.selected.join(" ");
-        return Err(none(format!("the last run left tests out (`{selected}`)")).into());
+        return Err(none(format!("the last run had only some tests (`{selected}`)")).into());
     }
     if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
         return Err(none(format!("the last run had KARAT_OVERLAY={overlay}")).into());
     }
     if !run.passed {
-        let why = "a test failed in the last run, and what it would have compared afterwards is \
+        let why = "a test failed in the last run, and the goldens that it would have compared later are \
                    unknown; mend it, or accept its frames";
         return Err(none(why.to_owned()).into());
     }
@@ -250,7 +249,7 @@ fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
 }
 
 impl Evidence {
-    /// Collects the goldens of a folder that the records compared.
+    /// Collects the goldens in a folder that the records compared.
     fn gather(records: &[Record], golden: &Path) -> Self {
         let (mut frames, mut profiles, mut pairs) =
             <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();
@@ -282,7 +281,7 @@ impl Evidence {
         Self { frames, elsewhere, profiles, pairs, read }
     }
 
-    /// Returns `true` if a test compared a golden, or `None` if its profile didn't run.
+    /// Checks if a test compared a golden. Returns `None` if the profile of the golden didn't run.
     fn has(&self, golden: &Golden) -> Option<bool> {
         if golden.is_table() {
             return Some(golden.file.canonicalize().is_ok_and(|file| self.read.contains(&file)));

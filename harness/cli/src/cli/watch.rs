@@ -1,10 +1,10 @@
 //!
 //! `karat watch`: runs the tests of a project or of a folder of shaders again after each edit.
 //!
-//! Long-lived processes, one per path, run the tests beside the shaders, and keep their devices, pipelines and parsed
-//! modules. Each process knows the shaders and files of every test, so it runs only the tests that an edit affects;
-//! an edit of a comment affects none. If a process hangs or crashes, the screen says so, and the next edit starts
-//! another one. In a Cargo project there is a second process per path, for the Rust tests.
+//! Each path has a long-lived process that runs the tests beside the shaders, and keeps its devices, pipelines and
+//! parsed modules. The process knows the shaders and files of every test, so it runs only the tests that an edit
+//! affects. An edit of a comment affects no test. If a process hangs or crashes, the screen says so, and the next edit
+//! starts another process. In a Cargo project, each path has a second process for the Rust tests.
 
 pub(super) mod files;
 mod keys;
@@ -32,9 +32,9 @@ use screen::Screen;
 use worker::Worker;
 pub(super) use worker::{Reads, Request, Said};
 
-/// The time limit of a shader in seconds, unless KARAT_TIMEOUT sets one. It is short, as a person waits in an editor.
+/// The time limit of a shader in seconds, unless KARAT_TIMEOUT sets one. It is short, because a person is waiting.
 const DEADLINE: &str = "10";
-/// The lines per page when scrolling: half of a usual terminal.
+/// The number of lines that a page key scrolls: half of a usual terminal.
 const PAGE: isize = 12;
 /// The paths, unless KARAT_PATHS sets them.
 const PATHS: &str = "cpu,vulkan";
@@ -56,12 +56,12 @@ pub(super) struct Args {
     once: bool,
 }
 
-/// The place of tests.
+/// The kind of tests, with the folder that contains them.
 #[derive(Clone, Debug)]
 pub(super) enum Source {
-    /// In shaders.
+    /// Tests beside the shaders of a package.
     Shaders(PathBuf),
-    /// In Rust, of a Cargo project.
+    /// Rust tests of a Cargo project.
     Cargo(PathBuf),
 }
 
@@ -72,8 +72,8 @@ impl Source {
         }
     }
 
-    /// Finds the folder to watch and the tests in it: the Rust tests of a Cargo project, and those beside its
-    /// shaders. Without a named folder they are the tests of `karat test`.
+    /// Finds the folder to watch and its tests: the Rust tests of a Cargo project, and the tests beside its shaders. If
+    /// no folder is named, these are the tests of `karat test`.
     fn all(named: Option<&Path>) -> anyhow::Result<(PathBuf, Vec<Self>)> {
         let project = match named {
             None => Project::find()?,
@@ -83,7 +83,8 @@ impl Source {
                     "there is no folder or file `{}`",
                     folder.display()
                 );
-                // The absolute path of now, as the working directory may be moved and replaced by another folder.
+                // The path becomes absolute now, because the working directory may be moved and replaced by another
+                // folder.
                 let whole = folder.canonicalize()?;
                 if !whole.join("Cargo.toml").is_file() {
                     let shaders = if whole.is_dir() { stands_for(&whole)? } else { whole.clone() };
@@ -102,14 +103,11 @@ impl Source {
     }
 }
 
-/// An event to handle.
 pub(super) enum Event {
-    /// Files changed or were removed.
     Files(Vec<PathBuf>),
     /// A worker wrote a line, or ended.
     Worker(usize, Said),
     Key(KeyEvent),
-    /// The terminal has another size.
     Resized,
     /// The reader of the output has ended.
     Unread,
@@ -117,7 +115,7 @@ pub(super) enum Event {
     Stopped,
 }
 
-/// The text that is being typed.
+/// The text that the user is typing.
 #[derive(Clone, Debug)]
 enum Typing {
     Filter(String),
@@ -146,30 +144,27 @@ impl Typing {
 /// The verdicts of one path.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Verdicts {
-    /// The number of tests that the last edit affected.
     pub(super) ran: usize,
     pub(super) took: Duration,
-    /// The number of tests that this path can't judge.
     pub(super) idle: usize,
     /// The reason why there is no verdict.
     pub(super) broken: Option<String>,
-    /// The errors of invalid modules.
     pub(super) invalid: Option<String>,
-    /// The opinion on the modules in a line, and then each remark.
+    /// The opinion on the modules: a line, and then each remark.
     pub(super) remarks: Option<String>,
 }
 
-/// One path with its process.
+/// A path with its process.
 pub(super) struct Lane {
-    /// Its path, with the source of its tests if there are several.
+    /// The name of the path. If there are several sources of tests, it includes the source.
     pub(super) name: String,
     pub(super) resident: Resident,
     pub(super) verdicts: Verdicts,
-    /// `true` if it has all tests of its path.
+    /// `true` if the lane runs all tests of its path.
     pub(super) alone: bool,
-    /// `true` if it validates modules, which the first path does.
+    /// `true` for the first path, which validates the modules.
     validates: bool,
-    /// The files that its tests read.
+    /// The files that the tests read.
     reads: Reads,
     began: Instant,
 }
@@ -189,7 +184,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         files::watch(&folder, move |files| told.send(Event::Files(files)).is_ok())
     });
     let watching = watching.collect::<anyhow::Result<Vec<_>>>()?;
-    let records = tempfile::tempdir().context("records can't be kept")?;
+    let records = tempfile::tempdir().context("can't make a folder for records")?;
     let mut lanes = Vec::new();
     for (at, path) in names.iter().enumerate() {
         for source in &sources {
@@ -243,7 +238,7 @@ struct Watch {
     typing: Option<Typing>,
     /// The message about the last key.
     notice: Option<String>,
-    /// The number of paths whose records a requested report still needs.
+    /// The number of paths that haven't yet sent their records for the requested report.
     reports: Option<usize>,
     lanes: Vec<Lane>,
     screen: Screen,
@@ -258,7 +253,7 @@ impl Watch {
         }
         self.screen.draw(&self.view(), out)?;
         loop {
-            let event = events.recv().context("nobody watches any more")?;
+            let event = events.recv().context("the watch has ended")?;
             match event {
                 Event::Files(mut files) => {
                     files.retain(|file| self.concerns(file) && !self.screen.is_printed_in(file));
@@ -296,7 +291,7 @@ impl Watch {
         }
     }
 
-    /// Returns `true` if there are tests that no path judges.
+    /// Checks if there are tests that no path judges.
     fn is_unjudged(&self) -> bool {
         let of = |lane: &Lane| lane.resident.source.folder().to_owned();
         self.lanes.iter().any(|lane| {
@@ -305,7 +300,7 @@ impl Watch {
         })
     }
 
-    /// Returns `true` for a file that may change a verdict.
+    /// Checks if a file may change a verdict.
     fn concerns(&self, file: &Path) -> bool {
         let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let ending = file.extension().unwrap_or_default();
@@ -405,7 +400,7 @@ impl Watch {
                     return self.all_again();
                 }
                 (KeyCode::Enter, Typing::Reason(_, because)) if because.trim().is_empty() => {
-                    self.notice = Some("nothing was accepted: there was no reason".to_owned());
+                    self.notice = Some("nothing was accepted: a reason is required".to_owned());
                     return Ok(true);
                 }
                 // The goldens are watched files, so the tests that compare with them run again.
@@ -428,7 +423,7 @@ impl Watch {
             KeyCode::Char('f') => self.typing = Some(Typing::Filter(String::new())),
             KeyCode::Char('a') => match self.pending() {
                 none if none.is_empty() => {
-                    self.notice = Some("no frame waits to be accepted".to_owned());
+                    self.notice = Some("no frame is pending".to_owned());
                 }
                 frames => self.typing = Some(Typing::Reason(frames, String::new())),
             },
@@ -451,12 +446,12 @@ impl Watch {
         keys::pending(&self.project, shaders)
     }
 
-    /// Asks each path for its records. The report opens when all have answered.
+    /// Asks each path for its records. The report opens after the last reply.
     fn ask_for_records(&mut self) {
         let asked = self.lanes.iter_mut().map(|lane| lane.resident.ask_for_records());
         let asked = asked.filter(|asked| *asked).count();
         self.reports = (asked > 0).then_some(asked);
-        let wait = "the report opens when the tests have run";
+        let wait = "the report opens after the tests have run";
         self.notice = Some(if asked > 0 { wait } else { "no test has run" }.to_owned());
     }
 
@@ -493,12 +488,11 @@ impl Lane {
     }
 }
 
-/// Returns a request for all tests.
 fn all() -> Request {
     Request { all: true, ..Request::default() }
 }
 
-/// Returns the folder that holds all sources, and the folders outside of it that the packages import from.
+/// Returns the folder that contains all sources, and the outside folders that the packages import from.
 fn outermost(whole: &Path, sources: &[Source]) -> Vec<PathBuf> {
     let mut folders = vec![whole.to_owned()];
     let shaders = sources.iter().filter_map(|source| match source {
@@ -516,7 +510,7 @@ fn outermost(whole: &Path, sources: &[Source]) -> Vec<PathBuf> {
     folders
 }
 
-/// Returns a file's path relative to the watched folder.
+/// Returns the path of a file relative to the watched folder.
 fn shown(file: &Path, folder: &Path) -> String {
     match file.strip_prefix(folder) {
         Ok(below) if below == Path::new("") => ".".to_owned(),
@@ -525,8 +519,8 @@ fn shown(file: &Path, folder: &Path) -> String {
     }
 }
 
-/// Sends an event for a signal, so that temporary folders are deleted before the command ends. A second signal ends
-/// it at once.
+/// Sends an event for a signal, so that the command deletes its temporary folders before it ends. A second signal ends
+/// the command at once.
 fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
     const INTERRUPTED: i32 = 130; // 128 and the number of SIGINT, as shells have it
     let told = AtomicBool::new(false);
@@ -539,13 +533,13 @@ fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
 }
 
 /// Sends an event when the reader of the output has ended. The command may write nothing for hours, so a write error
-/// would come too late.
+/// would be too late.
 #[cfg(unix)]
 fn tell_when_unread(sender: Sender<Event>) {
     use rustix::event::{PollFd, PollFlags, poll};
     std::thread::spawn(move || {
         let stdout = std::io::stdout();
-        // The poll asks for no event, so it reports only errors and the end.
+        // The poll requests no event, so it reports only errors and the end.
         let mut watched = [PollFd::new(&stdout, PollFlags::empty())];
         while let Err(rustix::io::Errno::INTR) = poll(&mut watched, None) {}
         if watched[0].revents().intersects(PollFlags::ERR | PollFlags::HUP) {
@@ -554,7 +548,7 @@ fn tell_when_unread(sender: Sender<Event>) {
     });
 }
 
-/// The error of the next write reports it.
+/// Does nothing. The error of the next write reports that the reader has ended.
 #[cfg(not(unix))]
 fn tell_when_unread(_: Sender<Event>) {}
 

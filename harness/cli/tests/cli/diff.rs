@@ -61,8 +61,8 @@ fn bounds_decide_and_the_exit_code_says_so() {
         (&["a.exr", "hole.exr", "--rel", "1"], 0, "within rel 1\n"),
         (&["a.exr", "hole.exr", "--mask", "mask.exr"], 0, "equal, bit for bit\n"),
         (&["a.exr", "small.exr"], 1, "they differ in size\n"),
-        (&["a.exr", "nan.exr"], 1, "nothing agrees with NaN or an infinity\n"),
-        (&["nan.exr", "nan.exr"], 1, "nothing agrees with NaN or an infinity\n"),
+        (&["a.exr", "nan.exr"], 1, "NaN and infinities agree with no value\n"),
+        (&["nan.exr", "nan.exr"], 1, "NaN and infinities agree with no value\n"),
     ] {
         let ran = diff(&folder, arguments);
         assert_eq!((ran.code, ran.err.as_str()), (Some(code), ""), "{arguments:?}: {ran:?}");
@@ -130,7 +130,7 @@ fn a_mask_is_above_a_half_as_it_is_stored() {
         diff(&folder, &["a.exr", "hole.exr", "--mask", "mask.png"])
     };
     let out = mask(127).good();
-    assert!(out.contains("1472 of 1536 pixels are compared, by the mask\n"), "{out}");
+    assert!(out.contains("1472 of 1536 pixels are compared, selected by the mask\n"), "{out}");
     assert!(out.ends_with("equal, bit for bit\n"), "{out}");
     let ran = mask(128);
     assert!(ran.code == Some(1) && !ran.out.contains("the mask leaves out"), "{ran:?}");
@@ -165,7 +165,7 @@ fn a_bound_is_a_finite_number_of_at_least_0() {
     // What would be another bound isn't one.
     for value in ["1e-50", "1e-46", "5e-324"] {
         let error = diff(&folder, &["a.exr", "same.exr", "--rel", value]).error();
-        assert!(error.contains("smaller than the smallest float: say 0"), "{value}: {error}");
+        assert!(error.contains("smaller than the smallest float: write 0"), "{value}: {error}");
     }
     let out = diff(&folder, &["a.exr", "near.exr", "--rel", "1e-45"]).out;
     assert!(out.ends_with("they differ by more than rel 1e-45\n"), "{out}");
@@ -226,7 +226,7 @@ fn a_heatmap_is_colours_or_the_errors_themselves() {
     let error = diff(&folder, &["a.exr", "hole.exr", "--heatmap", "flip.jpg"]).error();
     assert!(error.contains("name a .png (colours) or an .exr"), "{error}");
     let ran = diff(&folder, &["a.exr", "small.exr", "--heatmap", "none.png"]);
-    assert!(ran.code == Some(1) && ran.err.contains("there is no heatmap"), "{ran:?}");
+    assert!(ran.code == Some(1) && ran.err.contains("no heatmap is written"), "{ran:?}");
     assert!(!folder.path().join("none.png").exists());
 }
 
@@ -360,9 +360,9 @@ fn primaries_that_differ_are_noted_and_nothing_is_converted() {
     write("same.exr", Some(Vec2(0.64, 0.33)), origin);
     write("wide.exr", Some(Vec2(0.708, 0.292)), origin);
     png(&folder, "grey.png", 4, &[128; 8]);
-    let note = "note: the files name other primaries (chromaticities (0.64, 0.33), (0.3, 0.6), \
+    let note = "note: the files name different primaries (chromaticities (0.64, 0.33), (0.3, 0.6), \
                 (0.15, 0.06), (0.3127, 0.329) and (0.708, 0.292), (0.3, 0.6), (0.15, 0.06), \
-                (0.31271, 0.32902)); values are compared as they are\n";
+                (0.31271, 0.32902)); the values are compared as they are\n";
     for (a, b, noted) in [
         ("none.exr", "wide.exr", true),
         ("none.exr", "same.exr", false),
@@ -399,14 +399,14 @@ fn the_mask_of_a_test_is_used() {
     write("scene.new.exr", serde_json::to_string(&facts).ok());
     write("foreign.exr", None);
     let out = diff(&folder, &["a.exr", "scene.new.exr"]).good();
-    let told = "1535 of 1536 pixels are compared, by the part `mask` of b\n";
+    let told = "1535 of 1536 pixels are compared, selected by the part `mask` of b\n";
     assert!(out.contains(told) && out.ends_with("equal, bit for bit\n"), "{out}");
     let report = json(&diff(&folder, &["a.exr", "scene.new.exr", "--json"]).good());
     assert_eq!((&report["own_mask"], &report["compared"]), (&true.into(), &1535.into()));
     // Another tool's part may be anything, unless it is asked for.
     assert_eq!(diff(&folder, &["a.exr", "foreign.exr"]).code, Some(1));
     let out = diff(&folder, &["a.exr", "foreign.exr", "--mask", "foreign.exr"]).good();
-    assert!(out.contains("1535 of 1536 pixels are compared, by the mask\n"), "{out}");
+    assert!(out.contains("1535 of 1536 pixels are compared, selected by the mask\n"), "{out}");
 }
 
 /// Of two PNGs there is the number that other tools have: these are flip-evaluator 1.7's.

@@ -33,13 +33,13 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
         "2 of 7 modules whole",
-        "BLOCK_SIZE = 64 # made up, as nothing declares it",
+        "BLOCK_SIZE = 64 # invented, as nothing declares it",
         "ACT = \"\" # empty",
         "EXTRA = \"\" # empty",
-        "ROWS = 64 # made up",
-        "MAX_LIGHTS = 4 # made up",
-        "fast = true # a name needs it",
-        "slow = true # a name needs it",
+        "ROWS = 64 # invented",
+        "MAX_LIGHTS = 4 # invented",
+        "fast = true # a declaration needs it",
+        "slow = true # a declaration needs it",
         "noise = { path = \"../noise\" }",
         "then 7 of 7 modules are whole",
     ] {
@@ -114,7 +114,7 @@ fn a_doctor_breaks_no_file() {
         let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(
-            ran.out.contains("for a place of your own in") && ran.out.contains("ROWS = 64"),
+            ran.out.contains("you must choose their place in") && ran.out.contains("ROWS = 64"),
             "{ran:?}"
         );
         assert_eq!(std::fs::read_to_string(&file).expect("there"), text, "nothing is written");
@@ -134,6 +134,6 @@ fn a_doctor_breaks_no_file() {
     write(&shaders, "a.wgsl", "alias S = {SCALAR};\nfn s(x: S) -> S { return x; }\n");
     std::fs::remove_file(&file).expect("it is there");
     let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
-    assert!(ran.code == Some(1) && ran.out.contains("not enough by themselves"), "{ran:?}");
+    assert!(ran.code == Some(1) && ran.out.contains("these lines aren't enough"), "{ran:?}");
     assert!(!file.exists(), "{ran:?}");
 }

@@ -186,7 +186,7 @@ fn slope(x: f32) -> f32 {
     let hazards = karat(folder.path(), &["hazards"]);
     assert!(hazards.out.contains("nodes[3]") && hazards.out.contains("pixel ("), "{hazards:?}");
     // Of the functions that write, the one that is no entry point.
-    let unseen = hazards.out.lines().filter(|line| line.starts_with("not looked at: "));
+    let unseen = hazards.out.lines().filter(|line| line.starts_with("not checked: "));
     let unseen: Vec<&str> = unseen.collect();
     assert!(matches!(unseen[..], [one] if one.contains("o::slope")), "{unseen:?}");
 }
@@ -228,7 +228,7 @@ fn a_pass_is_dispatched_and_looked_through() {
     for (wrong, part) in [
         (&["m::reverse", "--dispatch", "0", "--arbitrary"][..], "from 1 to 65535"),
         (&["m::reverse", "--dispatch", "1,x", "--arbitrary"][..], "write workgroups as 4"),
-        (&["m::shade", "--dispatch", "1", "--arbitrary"][..], "no compute entry point"),
+        (&["m::shade", "--dispatch", "1", "--arbitrary"][..], "isn't a compute entry point"),
         (&["m::revers", "--dispatch", "1", "--arbitrary"][..], "did you mean `m::reverse`"),
         (&["m::reverse", "--dispatch", "1"][..], "add --bind"),
         (
@@ -680,7 +680,7 @@ fn draws_that_write_are_counted() {
         write(folder.path(), "m.test.toml", &frame);
         let ran = karat(folder.path(), &["test", ".", "--paths", "vulkan"]);
         assert!(ran.out.contains("1 check, 1 failed"), "no golden is there yet: {ran:?}");
-        ran.out.contains("; 1 check of passes or draws wasn't looked through by the sanitizer")
+        ran.out.contains("; 1 check of passes or draws wasn't checked completely by the sanitizer")
     };
     assert!(last("collect", "with = { count = 0 }\n"));
     // A test that needs no frame runs without.
@@ -688,7 +688,7 @@ fn draws_that_write_are_counted() {
     let declared = std::fs::read_to_string(folder.path().join("m.test.toml")).expect("written");
     write(folder.path(), "m.test.toml", &format!("{declared}{test}"));
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu", "--no-frames"]).good();
-    assert!(ran.contains("1 check, 0 failed") && ran.contains("frames were left out"), "{ran}");
+    assert!(ran.contains("1 check, 0 failed") && ran.contains("no frame was drawn"), "{ran}");
     assert!(!last("plain", ""));
     // The entry points of a frame have a test.
     let list = karat(folder.path(), &["list"]).good();

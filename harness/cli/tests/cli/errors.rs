@@ -80,7 +80,7 @@ fn a_folder_without_a_run_has_no_verdict() {
             let start = format!("error: `{from}` isn't what a run left: it has no frame");
             assert!(error.starts_with(&start), "{error}");
             assert!(error.contains("name what CI uploaded of `target/karat`"), "{error}");
-            let told = inner.map(|inner| format!("perhaps `{inner}` in it is one"));
+            let told = inner.map(|inner| format!("perhaps you mean `{inner}` in it"));
             assert!(told.is_none_or(|told| error.contains(&told)), "{error}");
         }
     }
@@ -112,9 +112,9 @@ fn conflicting_entries_of_an_archive_are_errors() {
     std::fs::write(folder.join("twice.zip"), bytes).expect("written");
     let unpacked = |name: &str, why: &str| format!("its entry `{name}` can't be unpacked: {why}");
     for (from, why) in [
-        ("below.zip", unpacked(below.0, "`x.new.exr` is an entry, too, and no folder")),
-        ("above.zip", unpacked(file.0, "other entries lie in a folder of that name")),
-        ("dot.zip", unpacked("a/./x.new.exr", "another entry is the same file")),
+        ("below.zip", unpacked(below.0, "`x.new.exr` is both a file and a folder in the zip")),
+        ("above.zip", unpacked(file.0, "the zip has a file and a folder of that name")),
+        ("dot.zip", unpacked("a/./x.new.exr", "another entry has the same path")),
         ("twice.zip", "two of its entries have the same name".to_owned()),
     ] {
         let error = error(folder, &["pending", "--from", from]);

@@ -259,12 +259,12 @@ fn a_project_renders_its_own_frames() {
 
     project.write("frames/main.rs", "fn main() { unready }");
     let ran = project.render("", &["flat"]);
-    ran.says(2, "error: the gallery `gallery` can't be built, see above\n");
+    ran.says(2, "error: can't build the gallery `gallery`, see above\n");
     ran.says(2, "cannot find value `unready`");
     project.write("frames/main.rs", "fn main() { panic!(\"unready\") }");
     project.render("", &["flat"]).says(2, "error: the gallery `gallery` ended early (");
     project.declare("[workspace.metadata.karat]\ngallery = \"galery\"\n");
     let ran = project.render("", &["flat"]);
-    ran.says(2, "error: the gallery `galery` can't be built, see above\n");
+    ran.says(2, "error: can't build the gallery `galery`, see above\n");
     ran.says(2, "no bin target named `galery`");
 }

@@ -24,7 +24,7 @@ fn hazards_are_reported_with_their_line() {
         "fault: NaN  pow(1.0 - v_dot_h, 5.0)  shaders/fresnel.wgsl:2:30",
         "for other inputs unbounded",
         "it fails where v_dot_h is 1\n",
-        "drawn from 0 to 1.0000001: v_dot_h",
+        "generated from 0 to 1.0000001: v_dot_h",
         "shaders: 1 fault and 0 requirements in 2 functions",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
@@ -42,7 +42,7 @@ fn hazards_are_reported_with_their_line() {
     karat(folder.path(), &["hazards", "--input", "v_dot_h=0..0.999"]).good();
     for (wrong, message) in [
         (&["--input", "v_dot_g=0..1"][..], "did you mean `v_dot_h`?"),
-        (&["--input", "v_dot_h=1..0"], "1 to 0 is no range"),
+        (&["--input", "v_dot_h=1..0"], "1 to 0 isn't a range"),
         (&["--input", "v_dot_h"], "write NAME=LEAST..MOST"),
         (&["--kind", "nann"], "unknown variant `nann`, expected one of `nan`"),
         (&["--only", "nothing"], "no function of package `shaders` has `nothing` in its name"),
@@ -63,7 +63,8 @@ fn functions_that_are_not_valid_fail_a_run() {
         "fn twice(x: f32) -> f32 { return 2.0 * x; }\nfn broken(x: f32) -> f32 { return x.y; }\n";
     write(&folder.path().join("shaders"), "fresnel.wgsl", text);
     let ran = karat(folder.path(), &["hazards"]);
-    let counted = "1 function not looked at, as naga rejects what they use: `karat check` says why";
+    let counted =
+        "1 function not checked, because naga rejects code that they use: `karat check` says why";
     assert!(ran.code == Some(1) && ran.out.contains(counted), "{ran:?}");
     assert!(ran.out.contains("0 faults and 0 requirements in 1 function,"), "{ran:?}");
 }
@@ -81,7 +82,7 @@ fn requirements_fail_a_run_that_denies_them() {
     for part in [
         "requirement: NaN  0.5 * (b - a) / k  shaders/fresnel.wgsl:2:16",
         "needs another `k`: it fails where k is ",
-        " more that need the same, the next at shaders/fresnel.wgsl:2:",
+        " more that need the same inputs, the next at shaders/fresnel.wgsl:2:",
         "requirements in 4 functions, 1 met, 1 dropped",
     ] {
         assert!(ran.contains(part), "no `{part}` in {ran}");
@@ -179,8 +180,8 @@ fn loops_that_may_not_end_are_hazards() {
     for part in [
         "endless  loop {",
         "fresnel.wgsl:3:5",
-        "1 function not looked at",
-        "not looked at: fresnel::long: on path `cpu` `fresnel::long` was stopped",
+        "1 function not checked",
+        "not checked: fresnel::long: on path `cpu` `fresnel::long` was stopped",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
@@ -209,7 +210,7 @@ fn acceptances_are_true() {
     write(&folder.path().join("shaders"), "fresnel.wgsl", &format!("{SCHLICK}{needs}"));
     let needless = accept("[\"fresnel::needs\"]", "1.0 / x").out;
     assert!(
-        needless.contains("accepts a hazard of fresnel::needs: nothing of it is a fault"),
+        needless.contains("accepts a hazard of fresnel::needs: that hazard isn't a fault"),
         "{needless}"
     );
     write(&folder.path().join("shaders"), "fresnel.wgsl", SCHLICK);

@@ -90,7 +90,7 @@ fn a_first_test_is_written_and_passes() {
     assert_eq!(read(".gitignore"), "target\n**/.karat/run/\n*.new.exr\n*.new.csv\n*.new.png\n");
     assert!(read("shaders/brdf.test.toml").contains("finite = true"));
     assert!(read(".github/workflows/karat.yml").contains("karat test shaders --paths vulkan"));
-    // Broken, the first test is red.
+    // Broken, the first test fails.
     write(
         &folder.path().join("shaders"),
         "brdf.wgsl",
@@ -128,7 +128,7 @@ fn init_skips_functions_that_rust_tests_check() {
     write(&record, "run.json", r#"{"schema":5,"selected":[],"passed":true}"#);
     // Who asks for a workflow wants that alone.
     let ran = karat(path, &["init", "--github"]).good();
-    assert!(ran.contains("there are tests in Rust: none is written"), "{ran}");
+    assert!(ran.contains("there are tests in Rust, so no test is written"), "{ran}");
     assert!(!path.join("shaders/a.test.toml").exists());
     write(path, ".gitignore", "/target\n.karat/\n*.new.exr\n*.new.csv\n");
     let ran = karat(path, &["init"]).good();
@@ -141,7 +141,7 @@ fn init_skips_functions_that_rust_tests_check() {
     std::fs::remove_file(path.join("shaders/a.test.toml")).expect("it was written");
     write(path, "tests/more/b.rs", "SHADERS.function(\"a::h\");\n");
     let ran = karat(path, &["init"]).good();
-    assert!(ran.contains("each function has a test already: none is written"), "{ran}");
+    assert!(ran.contains("each function has a test already, so no test is written"), "{ran}");
     assert!(!path.join("shaders/a.test.toml").exists());
 }
 
@@ -157,7 +157,7 @@ fn a_first_test_may_be_red() {
     for part in [
         "a test of `a::lobe`",
         "1 check, 1 failed",
-        "the first test is red: mend the function, or say in shaders/a.test.toml what a host gives it",
+        "the first test fails: correct the function, or write in shaders/a.test.toml which inputs your program passes to it",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {ran:?}");
     }
@@ -295,7 +295,7 @@ fn a_pass_gets_a_test_of_its_own() {
     assert_eq!(karat(folder.path(), &["test", "."]).code, Some(1));
     std::fs::remove_file(folder.path().join("m.test.toml")).expect("it is there");
     let ran = karat(folder.path(), &["init"]);
-    assert!(ran.code == Some(1) && ran.out.contains("the first test is red"), "{ran:?}");
+    assert!(ran.code == Some(1) && ran.out.contains("the first test fails"), "{ran:?}");
     assert!(ran.out.contains("race on `sums["), "{ran:?}");
 }
 
@@ -373,7 +373,10 @@ fn a_project_for_the_web_gets_a_script() {
     };
     let said = init().good();
     assert!(said.contains("added `npm run test:shaders`"), "{said}");
-    assert!(said.contains("package.json hasn't got it: `npm install --save-dev webgpu`"), "{said}");
+    assert!(
+        said.contains("because package.json doesn't have it: `npm install --save-dev webgpu`"),
+        "{said}"
+    );
     let manifest = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
     let script = "    \"test:shaders\": \"karat test src/shaders\",\n    \"dev\": \"vite\"\n";
     assert!(manifest.contains(script), "{manifest}");
@@ -406,13 +409,13 @@ fn init_writes_tests_for_the_valid_modules() {
     let said = red(run(&["init", "src/wgsl"]));
     for part in [
         "`tone` declares `tone`: write `import package::tone::tone;`",
-        "no test of these modules can pass before they are mended",
+        "no test of these modules can pass until you correct the errors",
         "tone.test.toml, a test of `tone::tone`",
         "1 module isn't valid: use; 1 check passed",
     ] {
         assert!(said.contains(part), "no `{part}` in {said}");
     }
-    assert!(!said.contains("the first test is red"), "{said}");
+    assert!(!said.contains("the first test fails"), "{said}");
     write(&shaders, "karat.toml", "[join]\nuse = [\"tone\"]\n");
     run(&["check", "src/wgsl"]).good();
     let matrix = run(&["matrix", "src/wgsl", "--columns", "vulkan,cpu"]).good();

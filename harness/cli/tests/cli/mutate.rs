@@ -124,7 +124,8 @@ fn lines_are_annotated() {
     let ran = output(github.env("GITHUB_STEP_SUMMARY", &summary));
     let warnings: Vec<&str> =
         ran.out.lines().filter(|line| line.starts_with("::warning ")).collect();
-    let start = "::warning file=shaders/calc.wgsl,line=2,col=35,title=karat mutate::no test sees ";
+    let start =
+        "::warning file=shaders/calc.wgsl,line=2,col=35,title=karat mutate::no test notices ";
     assert!(warnings.len() == 1 && warnings[0].starts_with(start), "{ran:?}");
     assert!(warnings[0].contains("of this line: `x + 3.0` -> `x`"), "{ran:?}");
     let summary = std::fs::read_to_string(summary).expect("it was written");

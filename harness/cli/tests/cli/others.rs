@@ -63,7 +63,7 @@ fn tests_are_listed_with_their_places() {
     let empty = tempfile::tempdir().expect("a temporary folder");
     write(&empty.path().join("shaders"), "m.wgsl", SHADER);
     let error = karat(empty.path(), &["list", "--tests"]).error();
-    assert!(error.contains("no test is beside the shaders"), "{error}");
+    assert!(error.contains("there is no test beside the shaders"), "{error}");
 }
 
 /// A process that stays runs the test that it is asked for, with what it recorded; unedited, the test doesn't run again.

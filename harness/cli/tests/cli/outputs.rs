@@ -20,7 +20,8 @@ fn a_table_replaces_no_input() {
     for name in names.into_iter().filter(|name| cfg!(unix) || *name != "soft.csv") {
         let arguments = ["call", "calc::double", "--table", "x.csv", "--out", name];
         let error = karat(folder, &arguments).error();
-        let message = format!("the table `{name}` would overwrite `x.csv`, which is read");
+        let message =
+            format!("the table `{name}` would overwrite `x.csv`, which the command reads");
         assert!(error.contains(&message) && error.contains("name another file"), "{error}");
         assert_eq!(std::fs::read_to_string(path("x.csv")).expect("there"), "x\n1\n2\n");
     }

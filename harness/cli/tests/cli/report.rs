@@ -464,7 +464,7 @@ fn github_shows_ten_annotations_and_the_last_names_the_rest() {
     let shown = annotations(&ran);
     assert_eq!(shown.len(), 10);
     assert!(shown[8].contains("title=calc%3A%3Af08 agrees_with::error: "), "{shown:?}");
-    let rest = "::error title=3 more checks failed::the log has their messages:%0A\
+    let rest = "::error title=3 more checks failed::their messages are in the log:%0A\
                 calc::f09 agrees_with%0Acalc::f10 agrees_with%0Acalc::f11 agrees_with";
     assert_eq!(shown[9], rest);
 }
@@ -479,7 +479,7 @@ fn a_long_annotation_keeps_its_replay_command() {
     let message = shown[0].split_once("agrees_with::").expect("a message").1;
     let message = message.replace("%0A", "\n").replace("%25", "%");
     assert_eq!(message.encode_utf16().count(), 4096);
-    let end = "\n  ... (the log has the rest)\n  \
+    let end = "\n  ... (the rest is in the log)\n  \
                replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc";
     assert!(message.ends_with(end), "{message}");
 }
@@ -540,7 +540,7 @@ fn tests_that_fail_outside_of_checks_are_counted() {
     assert!(both.out.contains("1 check, 1 failed") && both.out.contains(told), "{both:?}");
     let short = run(&["--short"], "yes");
     let end = format!(
-        "{told}; 1 check, 1 failed; Tint wasn't asked: KARAT_TINT=off; leave --short out to see it\n"
+        "{told}; 1 check, 1 failed; Tint wasn't asked: KARAT_TINT=off; run without --short to see the message\n"
     );
     assert!(short.out.ends_with(&end), "{short:?}");
     let by_check = run(&[], "");
@@ -559,7 +559,7 @@ fn a_filter_says_what_it_cannot_find() {
     let run = |arguments: &[&str]| {
         output(command(folder, &[&["test"], arguments].concat()).env("CARGO", "/bin/sh")).good()
     };
-    let told = "the filter finds a new Rust test by its own name alone";
+    let told = "the filter finds a new Rust test only by its name";
     assert!(run(&["double"]).contains(told), "nothing has ever run whole");
     assert!(!run(&[]).contains(told));
     assert!(run(&["double"]).contains(told));
@@ -574,7 +574,7 @@ fn a_report_needs_a_record() {
     assert!(error.contains("there is no record of a run"), "{error}");
     record(&project, "", true);
     let error = karat(project.path(), &["report"]).error();
-    assert!(error.contains("a run that compared nothing is no success"), "{error}");
+    assert!(error.contains("A run that compared nothing isn't a success"), "{error}");
 }
 
 /// `karat test` with a stand-in for cargo, that records what it is told to.
@@ -711,8 +711,8 @@ fn a_part_that_lacks_checks_says_so() {
     let whole = karat(folder, &["report", "--merge", "a", "b", "c"]);
     assert_eq!(whole.code, Some(1), "{whole:?}");
     for told in [
-        "`a` has 1 check, and lacks 4 tests that didn't run after a failure (--no-fail-fast); ",
-        "; `c` has 1 check, and may lack more: its runner stopped at a failure (--no-fail-fast); ",
+        "`a` has 1 check, and lacks 4 tests that didn't run after a failure (see --no-fail-fast); ",
+        "; `c` has 1 check, and may lack others, because its runner stopped at a failure (see --no-fail-fast); ",
         "; 3 checks, 2 failed",
     ] {
         assert!(whole.out.contains(told), "no `{told}` in {}", whole.out);

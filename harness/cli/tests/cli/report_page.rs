@@ -108,7 +108,10 @@ fn reports_spare_what_is_there() {
         output(&mut command(project.path(), &[&["report", "--record", folder], more].concat()))
     };
     let twice = report(&["--html", "r", "--json", "./r"]);
-    assert!(twice.code == Some(2) && twice.err.contains("two reports can't both be"), "{twice:?}");
+    assert!(
+        twice.code == Some(2) && twice.err.contains("two reports have the same file"),
+        "{twice:?}"
+    );
     // No two rows have one name.
     assert_eq!(report(&["--html", "r.html"]).code, Some(0));
     let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");

@@ -142,7 +142,7 @@ fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
     // It is the last that ended, and no verdict on what was begun later.
     runs.assert_last("before", 1);
     let report = karat(runs.project.path(), &["report"]).out;
-    assert!(report.contains("a later run was stopped before its end"), "{report}");
+    assert!(report.contains("a later run was stopped early"), "{report}");
     // Another one runs while a third begins and ends, and clears what the killed one left.
     let live = runs.start("live", "pass");
     write(runs.project.path(), "go.killed", "");
@@ -167,7 +167,7 @@ fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
     write(runs.project.path(), "go.empty", "");
     let mut test = command(runs.project.path(), &["test"]);
     let ran = output(test.env("CARGO", "/bin/sh").env("RUN", "empty").env("STATUS", "0"));
-    assert!(ran.error().contains("a run that compared nothing is no success"));
+    assert!(ran.error().contains("A run that compared nothing isn't a success"));
     runs.assert_last("before", 1);
     assert_eq!(runs.folders().len(), 1);
 }
@@ -191,7 +191,7 @@ fn tests_without_a_check_and_broken_builds_are_named() {
     write(project.path(), "broken", "");
     let error = run().error();
     assert!(
-        error.contains("no test ran: they weren't built, or ended before the first"),
+        error.contains("no test ran: the test programs weren't built, or ended before the first"),
         "{error}"
     );
 }

@@ -275,7 +275,7 @@ fn a_second_folder_is_refused() {
         ] {
             let error = run(path, command).error();
             assert!(
-                error.contains(&format!("`{second}` is a folder or file that is there")),
+                error.contains(&format!("`{second}` is an existing folder or file")),
                 "{error}"
             );
         }

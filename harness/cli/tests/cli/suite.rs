@@ -47,11 +47,11 @@ fn a_list_after_a_part_of_the_tests_says_so() {
     let folder = folder();
     cpu(folder.path(), &[]).good();
     let all = karat(folder.path(), &["list"]).good();
-    assert!(all.contains("  no ") && !all.contains("the last run was of"), "{all}");
+    assert!(all.contains("  no ") && !all.contains("the last run had only"), "{all}");
     cpu(folder.path(), &["lambert"]).good();
     let part = karat(folder.path(), &["list"]).good();
     assert!(part.contains("not by the last run"), "{part}");
-    assert!(part.contains("the last run was of `lambert` alone"), "{part}");
+    assert!(part.contains("the last run had only `lambert`"), "{part}");
 }
 
 /// A declaration that no check can begin with is in each report, with the place of its key.
@@ -85,7 +85,7 @@ fn a_cause_that_stops_all_tests_is_printed_once() {
     let metal = cpu(folder.path(), &["--require", "metal"]);
     assert_eq!(metal.code, Some(1), "{metal:?}");
     let told = |part: &str| metal.out.matches(part).count();
-    let (failures, others) = (told("\n---- "), told("\n  as under `"));
+    let (failures, others) = (told("\n---- "), told("\n  the same error as in `"));
     assert!(failures > 2 && others == failures - 1, "{}", metal.out);
     assert_eq!(told("execution path `metal` is required, but unavailable"), failures);
     assert_eq!(told(" --> "), failures, "each has its place:\n{}", metal.out);
@@ -113,7 +113,7 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
     }
     assert!(folder.path().join("junit.xml").is_file());
     // What a test in WGSL calls is tested.
-    let untested = ran.split("no test of their own").nth(1).unwrap_or_default();
+    let untested = ran.split("functions without a test").nth(1).unwrap_or_default();
     assert!(untested.contains("brdf::by_pow") && !untested.contains("brdf::blend"), "{ran}");
     // The project of a folder without Cargo is the folder.
     let here = karat(folder.path(), &["test", "--paths", "cpu"]).good();
@@ -133,14 +133,14 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
 #[test]
 fn a_syntax_error_makes_no_function_untested() {
     let folder = folder();
-    let listed = "functions with no test of their own";
+    let listed = "functions without a test";
     assert!(cpu(folder.path(), &[]).out.contains(listed));
     for broken in
         [BRDF.replacen("return", "retrun", 1), BRDF.replacen("return", "return nothing +", 1)]
     {
         write(folder.path(), "brdf.wgsl", &broken);
         let ran = cpu(folder.path(), &["--html", "report.html"]);
-        let told = "which functions have no test isn't known before it is valid";
+        let told = "Karat lists functions without a test only for valid modules";
         assert!(!ran.out.contains(listed) && ran.out.contains(told), "{ran:?}");
     }
 }
@@ -923,7 +923,7 @@ fn a_folder_of_a_cargo_project_is_a_part_of_it() {
     write(folder.path(), "shaders/brdf_test.wgsl", TESTS);
     karat(folder.path(), &["test", "shaders", "--paths", "cpu"]).good();
     let refused = karat(folder.path(), &["unreferenced"]).failure(3);
-    assert!(refused.contains("the last run left tests out (`shaders`)"), "{refused}");
+    assert!(refused.contains("the last run had only some tests (`shaders`)"), "{refused}");
 }
 
 /// Whoever gives whole numbers a tolerance learns why it doesn't help.
@@ -1073,9 +1073,9 @@ fn unwritten_words_are_counted() {
         let out = run(&passes, &with, after);
         match read {
             Some(read) => {
-                let expected = format!("1 line reads what no pass has written: {read}");
+                let expected = format!("1 line reads elements that no pass has written: {read}");
                 assert!(out.contains(&expected), "{passes} {with}: {out}");
-                assert!(out.contains("say `value = 0` beside `size`"), "{out}");
+                assert!(out.contains("add `value = 0` beside `size`"), "{out}");
             }
             None => assert!(!out.contains("no pass has written"), "{passes} {with}: {out}"),
         }

@@ -55,7 +55,9 @@ fn goldens_that_all_are_compared_pass() {
     ];
     record(&project, &all, Some((&[], true)));
     let out = karat(project.path(), &["unreferenced"]).good();
-    assert!(out.contains("not judged, as its profile didn't run: scene of profile metal-apple"));
+    assert!(
+        out.contains("not judged, because its profile didn't run: scene of profile metal-apple")
+    );
     assert!(out.ends_with("3 goldens compared, 0 unreferenced, 0 stray files\n"), "{out}");
     // What `cargo ci test` writes is read, too.
     let folder = record(&project, &all, None);
@@ -106,8 +108,8 @@ fn without_evidence_there_is_no_verdict() {
     let all = [frame(&folder.join("golden"), "scene", &["vulkan"], "pass")];
     for (run, message) in [
         (None, "doesn't say that its run ended"),
-        (Some((&["scene"][..], true)), "the last run left tests out (`scene`)"),
-        (Some((&["-p tests"], true)), "the last run left tests out (`-p tests`)"),
+        (Some((&["scene"][..], true)), "the last run had only some tests (`scene`)"),
+        (Some((&["-p tests"], true)), "the last run had only some tests (`-p tests`)"),
         (Some((&[], false)), "a test failed in the last run"),
     ] {
         record(&project, &all, run);
@@ -167,7 +169,7 @@ fn a_run_that_compared_frames_only_elsewhere_has_no_verdict() {
     for arguments in [&["unreferenced"][..], &["unreferenced", "--delete"]] {
         let error = karat(folder, arguments).failure(3);
         assert!(error.contains("the last run compared no frame with a golden of"), "{error}");
-        assert!(error.contains(&format!("but with those of `{}`;", other.display())), "{error}");
+        assert!(error.contains(&format!("only with goldens of `{}`;", other.display())), "{error}");
     }
     assert!(folder.join("golden/room.exr").is_file(), "nothing was deleted");
     // A number is no golden elsewhere: here nothing is compared any more.
@@ -212,11 +214,11 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         let out = karat(folder, &["unreferenced"]).out;
         assert!(out.contains("scene.exr`: `because`, `tolerance`; restore both"), "{out}");
         write(&golden, file, &marked);
-        fails(file, case, "can't be read as facts: ");
+        fails(file, case, "has no readable facts: ");
         write(&golden, file, "");
-        fails(file, case, "can't be read as facts: missing field");
+        fails(file, case, "has no readable facts: missing field");
         std::fs::remove_file(golden.join(file)).expect("removed");
-        fails(file, case, "is missing, the facts of `");
+        fails(file, case, "is missing: it has the facts of `");
         // Git may have changed the ends of lines.
         write(&golden, file, &facts.replace('\n', "\r\n"));
         karat(folder, &["unreferenced"]).good();
@@ -246,7 +248,10 @@ fn files_that_delete_keeps_still_fail() {
     let ran = karat(project.path(), &["unreferenced", "--delete"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     let end = format!("compare it in a test  {}\ndeleted 0 files\n", sky.display());
-    assert!(ran.out.contains("left alone, as it doesn't say that Karat accepted it"), "{ran:?}");
+    assert!(
+        ran.out.contains("not deleted, because it has no note that Karat accepted it"),
+        "{ran:?}"
+    );
     assert!(ran.out.ends_with(&end), "{ran:?}");
     let ran = karat(project.path(), &["unreferenced", "--delete", "--json"]);
     let report = json(&ran.out);
@@ -283,8 +288,7 @@ fn stray_files_are_reported_and_only_ours_are_deleted() {
     sky.write_exr(&golden.join("sky.exr"), Precision::Half, None).expect("written");
     let ran = karat(project.path(), &["unreferenced"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    for reason in
-        ["facts without a golden", "a file that isn't a golden's", "a preview without an image"]
+    for reason in ["facts without a golden", "not a file of a golden", "a preview without an image"]
     {
         assert!(ran.out.contains(reason), "no `{reason}`: {ran:?}");
     }

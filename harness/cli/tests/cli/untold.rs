@@ -32,7 +32,7 @@ fn features_reach_the_tests_of_a_folder() {
         &gated.replace("#ifdef SLOW\n", "").replace("#endif\n", ""),
     );
     let without = test(folder.path(), &["--feature", "fast=false"]);
-    let told = "not run: 1 test whose condition doesn't hold, b_test::gated @if(fast)";
+    let told = "not run: 1 test whose condition is false, b_test::gated @if(fast)";
     assert!(without.out.contains(told), "{without:?}");
     assert!(without.out.contains(" compared; 1 test left out by conditions;"), "{without:?}");
     let with = test(folder.path(), &["--feature", "fast"]);
@@ -88,7 +88,7 @@ fn a_file_that_was_meant_as_a_test_is_red() {
     }
     let declared = karat(folder.path(), &["test", "wgsl/a.test.toml"]).error();
     assert!(
-        declared.contains("name the module that it is of, such as `wgsl/a.wgsl`"),
+        declared.contains("name the module that it tests, such as `wgsl/a.wgsl`"),
         "{declared}"
     );
 }
@@ -361,7 +361,7 @@ fn a_folder_whose_tests_all_have_a_condition_says_so() {
     write(folder.path(), "wgsl/a.wgsl", "fn f(x: f32) -> f32 { return x; }\n");
     write(folder.path(), "wgsl/a_test.wgsl", text);
     let error = test(folder.path(), &[]).failure(3);
-    assert!(error.contains("the condition of each that is there doesn't hold"), "{error}");
+    assert!(error.contains("the conditions of all tests are false"), "{error}");
     test(folder.path(), &["--feature", "fast"]).good();
 }
 

@@ -157,7 +157,7 @@ fn keys_do_what_the_last_line_says() {
     terminal.press("half\u{7f}v\r");
     terminal.until("cpu: 1 test passes; 1 ran");
     terminal.press("a");
-    terminal.until("no frame waits to be accepted");
+    terminal.until("no frame is pending");
     terminal.edit("calc.wgsl", &SHADER.replace("0.5", "0.25"));
     terminal.until("cpu: 1 of 1 tests fail");
     terminal.press("o");
@@ -217,7 +217,7 @@ fn a_pending_frame_is_accepted() {
     terminal.press("a");
     terminal.until("accept scene because: _");
     terminal.press("\r");
-    terminal.until("nothing was accepted: there was no reason");
+    terminal.until("nothing was accepted: a reason is required");
     assert!(!golden.join("scene.exr").exists());
     terminal.press("a");
     terminal.until("accept scene because: _");

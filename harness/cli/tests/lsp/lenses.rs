@@ -77,7 +77,7 @@ fn a_lens_that_cannot_run_says_why() {
     editor.ask("workspace/executeCommand", run(lonely));
     editor.wait_said("`calc::lonely` has no test");
     editor.ask("workspace/executeCommand", run(json!(["untitled:a", "f"])));
-    editor.wait_said("is in no package of shaders");
+    editor.wait_said("isn't in a package of shaders");
     for (command, arguments) in
         [("karat.run", json!([])), ("karat.run", json!([1, 2])), ("karat.fly", json!(["a", "b"]))]
     {
@@ -166,10 +166,10 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
         editor.wait_said(&format!("`{function}`"))
     };
     // Which function a Rust test checks is known once it has run.
-    editor.wait_lens(FILE, 1, "karat: no test is known: `karat test` tells");
+    editor.wait_lens(FILE, 1, "karat: no test is known: run `karat test`");
     assert_eq!(
         run(&mut editor, "calc::half"),
-        "karat: no test of `calc::half` is known: `karat test` tells"
+        "karat: no test of `calc::half` is known: run `karat test`"
     );
     let ran = tested(folder.path(), &[]);
     assert!(ran.contains("2 checks"), "{ran}");
@@ -207,6 +207,6 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
     let said = run(&mut editor, "calc::half");
     assert_eq!(
         said,
-        "karat: `calc::half`: error: no test ran a check; a run that compared nothing is no success"
+        "karat: `calc::half`: error: no test ran a check. A run that compared nothing isn't a success"
     );
 }

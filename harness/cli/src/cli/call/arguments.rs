@@ -1,4 +1,4 @@
-//! Arguments of a call as words: numbers, derivatives, and one range that is swept.
+//! The arguments that a call gets from the command line: numbers, derivatives, and one range to sweep.
 
 use anyhow::{Context, anyhow, bail, ensure};
 use karat::unstable::diagnostic::nearest;
@@ -7,30 +7,27 @@ use karat::unstable::reflect::Function;
 use karat::unstable::value::{Scalar, Shape};
 use karat_suite::hexadecimal;
 
-/// The most points of a sweep.
 const MOST_POINTS: u32 = 1 << 22;
 
-/// The arguments of the command line.
 pub(super) struct Given {
-    /// The lanes of all arguments in order, each with its derivatives if it has some.
+    /// The 32-bit lanes of all arguments in order. The derivatives of an argument follow its value.
     pub(super) lanes: Vec<u32>,
     /// For each argument, `true` if it has derivatives.
     pub(super) varying: Vec<bool>,
     pub(super) sweep: Option<Sweep>,
 }
 
-/// A component that takes several values in turn.
+/// A component that gets several values, one after the other.
 pub(super) struct Sweep {
-    /// The index of the component among the lanes.
+    /// The index of the component's lane.
     pub(super) lane: usize,
-    /// The values in order.
     pub(super) values: Vec<u32>,
 }
 
 impl Given {
-    /// Reads the arguments of a function: each `0.5`, `1,0,0`, `0..1:100` (a sweep), JSON or, of functions
-    /// that take derivatives, `0.5@0.1@0` (its value, and how it changes to the right and downwards). Each
-    /// may have its parameter's name in front: `x=0.5`.
+    /// Reads the arguments of a function. An argument is `0.5`, `1,0,0`, `0..1:100` (a sweep) or JSON. If the function
+    /// uses derivatives, an argument may be `0.5@0.1@0`: the value, its change to the right, and its change downwards.
+    /// The name of the parameter may stand in front: `x=0.5`.
     pub(super) fn read(function: &Function, arguments: &[String]) -> anyhow::Result<Self> {
         let ordered = ordered(function, arguments)?;
         let mut given = Self { lanes: Vec::new(), varying: Vec::new(), sweep: None };
@@ -45,7 +42,7 @@ impl Given {
             let parts: Vec<&str> = text.split('@').collect();
             ensure!(
                 matches!(parts.len(), 1 | 3),
-                "argument `{name}`: derivatives are two, to the right and downwards: \
+                "argument `{name}` needs two derivatives, to the right and downwards: \
                  `{}@DX@DY`",
                 parts[0]
             );
@@ -62,7 +59,7 @@ impl Given {
         let scalars = shape.lanes();
         ensure!(
             words.len() == scalars.len(),
-            "argument `{name}` is a {shape} of {}, `{text}` has {}{}",
+            "argument `{name}` is a {shape} with {}, but `{text}` has {}{}",
             counted(scalars.len(), "component"),
             words.len(),
             match shape {
@@ -76,7 +73,7 @@ impl Given {
             match word.split_once("..") {
                 None => self.lanes.push(parse(word, scalar).with_context(of)?),
                 Some((least, rest)) => {
-                    ensure!(self.sweep.is_none(), "one component is swept, not two");
+                    ensure!(self.sweep.is_none(), "a call can sweep only one component");
                     let values = swept(scalar, least, rest).with_context(of)?;
                     self.lanes.push(values[0]);
                     self.sweep = Some(Sweep { lane, values });
@@ -87,12 +84,12 @@ impl Given {
     }
 }
 
-/// Returns `true` if an argument is written as JSON, as a structure or a list.
+/// Checks if an argument is a structure or list in JSON.
 fn is_json(text: &str) -> bool {
     text.trim_start().starts_with(['{', '['])
 }
 
-/// The arguments in the order of the parameters.
+/// Returns the arguments in the order of the parameters.
 fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<Vec<&'a str>> {
     let parameters = &function.parameters;
     let mut found: Vec<Option<&str>> = vec![None; parameters.len()];
@@ -104,7 +101,7 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
                 let Some(place) = place else {
                     if let Some(binding) = function.bindings.iter().find(|b| b.name() == name) {
                         let kind = binding.kind;
-                        bail!("`{name}` is a {kind}, which is bound: --bind {name}={value}");
+                        bail!("`{name}` is a {kind}, not a parameter: write --bind {name}={value}");
                     }
                     let near = nearest(name, parameters.iter().map(|(known, _)| known.as_str()));
                     let near = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
@@ -136,7 +133,7 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
     Ok(found.into_iter().flatten().collect())
 }
 
-/// A value of a type in JSON: `{"roughness": 0, "f0": [0, 0, 0]}`.
+/// Returns a value of a type in JSON: `{"roughness": 0, "f0": [0, 0, 0]}`.
 fn example(shape: &Shape) -> String {
     let list = |one: String, count: usize| format!("[{}]", vec![one; count].join(", "));
     match shape {
@@ -156,31 +153,31 @@ fn example(shape: &Shape) -> String {
     }
 }
 
-/// The values of `least..most:count`.
+/// Returns the values of `least..most:count`.
 fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
-    let (most, count) = rest
-        .split_once(':')
-        .with_context(|| format!("`{least}..{rest}`: a sweep says how many points: `0..1:100`"))?;
+    let (most, count) = rest.split_once(':').with_context(|| {
+        format!("`{least}..{rest}`: a sweep needs the number of points: `0..1:100`")
+    })?;
     ensure!(
         !most.starts_with('.'),
-        "`{least}..{rest}` has a dot too many: `{least}..0{most}:{count}`"
+        "`{least}..{rest}` has one dot too many: write `{least}..0{most}:{count}`"
     );
     let most = most.strip_prefix('=').unwrap_or(most);
-    let count: u32 = count.trim().parse().with_context(|| format!("`{count}` is no number"))?;
+    let count: u32 = count.trim().parse().with_context(|| format!("`{count}` isn't a number"))?;
     ensure!(
         (2..=MOST_POINTS).contains(&count),
         "a sweep has 2 to {MOST_POINTS} points, not {count}"
     );
     let end = |word: &str| Ok::<_, anyhow::Error>(scalar.decode(parse(word, scalar)?));
-    ensure!(scalar != Scalar::Bool, "a bool isn't swept");
+    ensure!(scalar != Scalar::Bool, "a bool can't be swept");
     let (least, most) = (end(least)?, end(most)?);
-    ensure!(least.is_finite() && most.is_finite(), "a sweep goes from one number to another");
+    ensure!(least.is_finite() && most.is_finite(), "both ends of a sweep must be finite");
     let distinct = (most - least).abs() + 1.0;
     ensure!(
         scalar.is_float() || f64::from(count) <= distinct,
-        "there are {distinct} integers from {least} to {most}, not {count}"
+        "there are only {distinct} integers from {least} to {most}, so a sweep can't have {count} points"
     );
-    ensure!(!scalar.is_float() || least != most, "a sweep's ends are two numbers");
+    ensure!(!scalar.is_float() || least != most, "the two ends of a sweep must differ");
     let value = |index: u32| {
         let value = least + (most - least) * f64::from(index) / f64::from(count - 1);
         #[expect(
@@ -198,8 +195,9 @@ fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     Ok((0..count).map(value).collect())
 }
 
-/// A scalar's lane. Decimals are rounded to the nearest f32, which the shortest decimals of that
-/// f32 name exactly; hexadecimal floats (`0x1.8p-3`) are exact, or refused.
+/// Parses a scalar, and returns its lane. A decimal number is rounded to the nearest f32. The shortest decimal that
+/// denotes an f32 exactly is read back as that f32. A hexadecimal float (`0x1.8p-3`) that isn't exactly an f32 is an
+/// error.
 pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
     let word = word.trim();
     let bad = || format!("`{word}` isn't a value of type {}", scalar.wgsl());
@@ -211,7 +209,7 @@ pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
                     let single = value as f32;
                     ensure!(
                         f64::from(single).to_bits() == value.to_bits(),
-                        "`{word}` is no f32: it has more than 24 binary digits, or is too large"
+                        "`{word}` isn't an f32: it has more than 24 binary digits, or is too large"
                     );
                     single
                 }
@@ -257,7 +255,7 @@ mod tests {
         let values: Vec<f32> = values.into_iter().map(f32::from_bits).collect();
         assert_eq!(values, [0.0, 0.25, 0.5, 0.75, 1.0]);
         assert_eq!(swept(Scalar::U32, "3", "=6:4").expect("a sweep"), [3, 4, 5, 6]);
-        for (rest, part) in [("1", "how many points"), ("1:1", "2 to"), ("x:3", "f32")] {
+        for (rest, part) in [("1", "number of points"), ("1:1", "2 to"), ("x:3", "f32")] {
             let error = format!("{:#}", swept(Scalar::F32, "0", rest).expect_err(rest));
             assert!(error.contains(part), "{error}");
         }

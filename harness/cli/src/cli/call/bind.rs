@@ -13,7 +13,7 @@ use karat::unstable::value::Scalar;
 use karat_inspect::made_up::MadeUp;
 use toml::Value;
 
-/// The values of overrides: `GAIN=2`.
+/// Parses values of overrides: `GAIN=2`.
 pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<String, f64>> {
     let one = |text: &String| {
         let (name, value) = parted("override", text)?;
@@ -37,7 +37,8 @@ pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<Str
     Ok(all)
 }
 
-/// Returns the values of overrides. A name that no package has is an error, as it may be misspelt.
+/// Returns the values of overrides. It is an error if no package has an override of that name: the name may be
+/// misspelt.
 pub(in crate::cli) fn overrides_in(
     packages: &[Package],
     given: &[String],
@@ -49,7 +50,7 @@ pub(in crate::cli) fn overrides_in(
     }
 }
 
-/// Returns the overrides that a package has.
+/// Returns the values of the overrides that a package has.
 pub(in crate::cli) fn overrides_of(
     package: &Package,
     given: &BTreeMap<String, f64>,
@@ -61,7 +62,7 @@ pub(in crate::cli) fn overrides_of(
     own
 }
 
-/// Refuses `true` and `false` for numbers.
+/// Refuses `true` and `false` as values of numeric overrides.
 pub(super) fn expect_types(probed: &Probed, given: &[String]) -> anyhow::Result<()> {
     for text in given {
         let (name, value) = parted("override", text)?;
@@ -77,7 +78,7 @@ fn parted<'a>(option: &str, text: &'a str) -> anyhow::Result<(&'a str, &'a str)>
     text.split_once('=').with_context(|| format!("--{option} {text}: write NAME=VALUE"))
 }
 
-/// The fixtures of a function's variables.
+/// Returns the fixtures of a function's variables.
 pub(super) fn fixtures(
     probed: &Probed,
     given: &[String],
@@ -115,7 +116,7 @@ pub(super) fn fixtures(
         let (name, kind) = (missing.name(), missing.kind);
         let place = missing.span.as_ref().map_or_else(String::new, |span| format!(" ({span})"));
         bail!(
-            "`{name}`, a {kind}, is used{place}: add --bind {name}={}, or --arbitrary",
+            "`{name}`, a {kind}, is used{place} and has no value: add --bind {name}={}, or --arbitrary",
             example(missing.kind)
         );
     }
@@ -131,11 +132,11 @@ fn example(kind: BindingKind) -> &'static str {
     }
 }
 
-/// Parses a value: JSON, numbers joined by commas, or else a word, such as the name of a file.
+/// Parses a value: JSON, numbers joined by commas, or otherwise text, such as the name of a file.
 fn parsed(text: &str) -> anyhow::Result<Value> {
     let json = |text: &str| {
         let value = karat_suite::json(text)?;
-        Value::try_from(value).context("`null` is no value of WGSL")
+        Value::try_from(value).context("`null` isn't a WGSL value")
     };
     if text.starts_with(['{', '[']) {
         return json(text);

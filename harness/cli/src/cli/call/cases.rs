@@ -1,4 +1,4 @@
-//! `karat call --table`: evaluates a table of cases, and compares the results with a column of it.
+//! `karat call --table`: evaluates a table of cases, and compares the results with one of its columns.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -20,20 +20,19 @@ use karat_suite::{Places, Wanted, begins_with_mark, head_of, line_of};
 use super::arguments::parse;
 use super::{BAD, Ending, Outcome};
 
-/// The rows that are evaluated between two steps of the progress bar.
+/// The number of rows between two updates of the progress bar.
 const STEP: usize = 65_536;
-/// The most bytes of a table. The table and all results stay in memory until the output is written.
+/// The largest size of a table, in bytes. The table and all results stay in memory until Karat writes the output.
 const LONGEST: u64 = 256 << 20;
 const MOST_CASES: usize = 1 << 22;
-/// The most failing rows that are shown.
+/// The largest number of failing rows that Karat prints.
 const SHOWN: usize = 10;
 
-/// A request to evaluate a table.
 pub(super) struct Request<'a> {
     pub(super) probed: &'a Probed,
     pub(super) fixtures: &'a Fixtures,
     pub(super) paths: &'a [Path],
-    /// The file for the results; `None`: standard output.
+    /// The file for the results. `None` means standard output.
     pub(super) output: Option<&'a FilePath>,
     /// `true` if floats are written in hexadecimal.
     pub(super) exact: bool,
@@ -41,30 +40,28 @@ pub(super) struct Request<'a> {
     pub(super) expect: Option<(&'a str, Tolerance)>,
 }
 
-/// The cases of a table.
 #[derive(Default)]
 struct Table {
     rows: Vec<Vec<u32>>,
     text: String,
-    /// The offset of each row in the text.
+    /// The byte offset of each row in the file.
     starts: Vec<usize>,
     /// The expected results of each row.
     expected: Vec<Vec<f64>>,
-    /// The columns that aren't arguments: their names, and their words in each row.
+    /// The columns that aren't arguments: the name, and the cell of each row.
     others: Vec<(String, Vec<String>)>,
 }
 
-/// Evaluates a table.
 pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Write) -> Outcome {
     let function = request.probed.function();
     let columns = columns(function);
     ensure!(
         !columns.is_empty(),
-        "`{}` takes no arguments, so a table has no columns",
+        "`{}` has no parameters, so a table can't have columns for them",
         function.name
     );
     let table = read(input, &columns, function, request.expect.as_ref())?;
-    ensure!(!table.rows.is_empty(), "`{}` holds no case", input.display());
+    ensure!(!table.rows.is_empty(), "`{}` has no cases", input.display());
     let given = results(request, &table.rows)?;
     eprint!("{}", given.printed);
     match &request.expect {
@@ -86,20 +83,20 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
 /// The results on a path, with one row per case.
 pub(super) type OfPath = (Path, Vec<Vec<u32>>);
 
-/// The results of paths.
+/// The results of all paths.
 pub(super) struct Given {
     pub(super) results: Vec<OfPath>,
     /// The paths without results, each with its error.
     stopped: Vec<(Path, ProbeError)>,
-    /// The tables of values that the shader's `karat: print` lines printed.
+    /// The output of the shader's `karat: print` lines.
     pub(super) printed: String,
-    /// The error of an assertion in the shader that fails for a row.
+    /// The error of the first assertion in the shader that fails for a row.
     asserted: Result<(), ProbeError>,
 }
 
 impl Given {
-    /// Returns an error that names the paths without results. Call it after the results of the other paths are
-    /// written.
+    /// Returns an error that names the paths without results. Call this function after writing the results of the other
+    /// paths.
     pub(super) fn ending(&self) -> Outcome {
         let told = |(path, error): &(Path, ProbeError)| {
             let error = error.to_string();
@@ -118,7 +115,7 @@ impl Given {
     }
 }
 
-/// Returns the results on each path. A path that fails doesn't stop the others; if all fail, that is an error.
+/// Returns the results of each path. If a path fails, the others still run. It is an error if all paths fail.
 pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Result<Given> {
     let steps = (rows.len() * request.paths.len()) as u64;
     let bar = ProgressBar::new(steps).with_style(
@@ -154,7 +151,7 @@ pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Resul
     Ok(Given { results, stopped, printed, asserted })
 }
 
-/// Writes a lane as the shortest decimals that read back to the same bits, or in hexadecimal.
+/// Formats a lane: in hexadecimal, or as the shortest decimal that reads back as the same bits.
 fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
     match exact && scalar.is_float() {
         true => hexfloat(f32::from_bits(lane)),
@@ -162,7 +159,7 @@ fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
     }
 }
 
-/// Writes an expected value, with the digits of an `f32` if it is one.
+/// Formats an expected value. A value that is an `f32` gets the digits of an `f32`.
 fn wanted(scalar: Scalar, value: f64) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "it is compared")]
     let single = value as f32;
@@ -188,7 +185,7 @@ pub(super) fn write_table(
         let lanes = function.result.lane_names().into_iter();
         results_head.extend(lanes.map(|lane| format!("{path}{lane}")));
     }
-    // A table that this command wrote already has columns of these names.
+    // If this command wrote the table, it already has columns of these names.
     let carried = |name: &String| match results_head.contains(name) {
         true => format!("given.{name}"),
         false => name.clone(),
@@ -217,7 +214,7 @@ pub(super) fn write_table(
     Ok(())
 }
 
-/// Compares the results with the expected ones, and shows the first rows that differ.
+/// Compares the results with the expected values, and prints the first rows that differ.
 fn compare(
     request: &Request<'_>,
     columns: &[(String, Scalar)],
@@ -268,7 +265,7 @@ fn compare(
     Ok(ending)
 }
 
-/// Name and type of each scalar that a case consists of.
+/// Returns the name and type of each scalar of a case.
 pub(super) fn columns(function: &Function) -> Vec<(String, Scalar)> {
     let of = |(name, shape): &(String, Shape)| {
         let lanes = shape.lane_names().into_iter().map(|lane| format!("{name}{lane}"));
@@ -281,7 +278,7 @@ fn names(columns: &[(String, Scalar)]) -> String {
     columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",")
 }
 
-/// Returns, for each argument, `true` if the table's head gives it derivatives: `x.value`, `x.dx`, `x.dy`.
+/// Returns a flag for each argument: `true` if the table's head gives it derivatives (`x.value`, `x.dx`, `x.dy`).
 pub(super) fn varying(input: &FilePath, function: &Function) -> anyhow::Result<Vec<bool>> {
     let text = text(input)?;
     let mut reader = csv::ReaderBuilder::new()
@@ -332,14 +329,14 @@ fn read(
         let line = || line_of(text.as_bytes(), start);
         ensure!(
             !begins_with_mark(text.as_bytes(), start),
-            "`{shown}` line {} begins with `#`, and comments stand above the head: remove it, or quote its \
+            "`{shown}` line {} begins with `#`, but comments may stand only above the head: remove the line, or quote its \
              first cell",
             line()
         );
         if index == 0 && record.iter().any(is_name) {
             if let Some(both) = expected.iter().find(|name| columns.iter().any(|(c, _)| c == *name))
             {
-                bail!("`{both}` is an argument, and no result is expected to be one");
+                bail!("`{both}` is an argument, so it can't be the expected result");
             }
             let head: Vec<&str> = record.iter().collect();
             let own: Vec<&str> = columns.iter().map(|(name, _)| &**name).collect();
@@ -358,7 +355,7 @@ fn read(
         );
         ensure!(
             record.len() == width,
-            "`{shown}` line {} has {}, {} has {width}: {}",
+            "`{shown}` line {} has {}, but {} has {width}: {}",
             line(),
             counted(record.len(), "column"),
             if width == columns.len() { "a case" } else { "its head" },
@@ -400,7 +397,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     let mut text = String::new();
     let mut length = announced;
     if announced <= LONGEST {
-        // A device or a pipe has no known size, and may never end.
+        // A device or a pipe has no known size, and may have no end.
         length = file.take(LONGEST + 1).read_to_string(&mut text).with_context(failed)? as u64;
     }
     ensure!(
@@ -411,7 +408,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Returns `true` if a word of a table's first row is a name: it isn't a value of any type.
+/// Checks if a cell of a table's first row is a name: it isn't a value of any type.
 fn is_name(word: &str) -> bool {
     word.parse::<f64>().is_err() && word.parse::<bool>().is_err()
 }
@@ -421,7 +418,7 @@ mod tests {
     use super::*;
     use karat::{Abs, Package};
 
-    /// The rows of each path are compared, and not only the rows of the first path.
+    /// Karat compares the rows of each path, not only those of the first path.
     // Lesson 172
     #[test]
     fn rows_that_differ_on_the_second_path_alone_are_bad() {
@@ -459,7 +456,6 @@ mod tests {
         }
     }
 
-    /// A path without results makes the command fail, even if other paths have results.
     // Lesson 172
     #[test]
     fn a_path_without_results_is_bad() {

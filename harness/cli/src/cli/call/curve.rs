@@ -1,4 +1,4 @@
-//! The results of a sweep as a curve: in a file, or in the terminal.
+//! The results of a sweep as a curve, in a file or in the terminal.
 
 use std::io::Write;
 use std::path::Path as FilePath;
@@ -10,25 +10,25 @@ use plotters::prelude::*;
 
 use crate::cli::terminal::{self, Size};
 
-/// A component of the result on one path.
+/// A component of the result, on one path.
 pub(super) struct Curve {
     pub(super) name: String,
     pub(super) points: Vec<(f64, f64)>,
 }
 
-/// The characters beside and below a curve in a terminal.
+/// The number of characters in a terminal that the curve leaves free at its left and below it.
 const BESIDE: usize = 15;
 const BELOW: usize = 6;
-/// The size of a curve in characters, without a terminal.
+/// The width of a curve in characters, if there is no terminal.
 const COLUMNS: usize = 65;
 const ROWS: usize = 18;
-/// The smallest number of columns and rows that can show a curve.
+/// The smallest number of columns or rows that can show a curve.
 const LEAST: usize = 8;
 
-/// The marks of the curves, in order.
+/// The marks of the first curve, the second curve, and so on.
 const MARKS: [char; 6] = ['*', 'o', '+', 'x', '#', '@'];
 
-/// Returns the ends of the axes, or `None` if no value is finite.
+/// Returns the smallest and the largest value of both axes, or `None` if no value is finite.
 fn ends(curves: &[Curve]) -> Option<[(f64, f64); 2]> {
     let points = || {
         let all = curves.iter().flat_map(|curve| &curve.points);
@@ -37,18 +37,18 @@ fn ends(curves: &[Curve]) -> Option<[(f64, f64); 2]> {
     let of = |value: &dyn Fn(&(f64, f64)) -> f64| {
         let values = || points().map(value);
         let (lo, hi) = (values().reduce(f64::min)?, values().reduce(f64::max)?);
-        // A constant gets room on both sides.
+        // If the value is constant, the axis extends on both sides.
         let room = if lo < hi { 0.0 } else { 0.5 * lo.abs().max(1.0) };
         Some((lo - room, hi + room))
     };
-    // The axis covers the whole sweep, also where the result isn't finite.
+    // The axis covers the whole sweep, including points with a result that isn't finite.
     let swept = || curves.iter().flat_map(|curve| &curve.points).map(|point| point.0);
     let swept = (swept().reduce(f64::min)?, swept().reduce(f64::max)?);
     let across = if swept.0 < swept.1 { swept } else { of(&|point| point.0)? };
     Some([across, of(&|point| point.1)?])
 }
 
-/// Writes a number at an axis, which is never wide.
+/// Formats a number at an axis, in few characters.
 fn tick(value: f64) -> String {
     match value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
         true => format!("{value:.4}"),
@@ -59,7 +59,7 @@ fn tick(value: f64) -> String {
 /// Draws curves with characters.
 pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let Some([(left, right), (bottom, top)]) = ends(curves) else {
-        anyhow::bail!("nothing is finite, so there is no curve");
+        anyhow::bail!("no value is finite, so there is no curve");
     };
     let Size { columns, rows } = terminal::size();
     let wide = columns.map_or(COLUMNS, |columns| columns.saturating_sub(BESIDE).max(LEAST));
@@ -75,7 +75,7 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
         let at = (share * (count - 1) as f64).round() as usize;
         at.min(count - 1)
     };
-    // The first curve is drawn last, on top.
+    // The first curve is drawn last, over the other curves.
     for (index, curve) in curves.iter().enumerate().rev() {
         let mark = MARKS[index % MARKS.len()];
         for (x, y) in curve.points.iter().filter(|(_, y)| y.is_finite()) {
@@ -112,7 +112,7 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
 /// Draws curves into an SVG.
 pub(super) fn write_svg(curves: &[Curve], axis: &str, file: &FilePath) -> anyhow::Result<()> {
     let ends = ends(curves);
-    ensure!(ends.is_some(), "nothing is finite, so there is no curve");
+    ensure!(ends.is_some(), "no value is finite, so there is no curve");
     let [(left, right), (bottom, top)] = ends.unwrap_or_default();
     let mut text = String::new();
     {
@@ -127,7 +127,7 @@ pub(super) fn write_svg(curves: &[Curve], axis: &str, file: &FilePath) -> anyhow
             chart.configure_mesh().x_desc(axis).draw()?;
             for (index, curve) in curves.iter().enumerate() {
                 let colour = Palette99::pick(index).to_rgba();
-                // A point that isn't finite splits the curve.
+                // A point that isn't finite splits its curve.
                 for part in curve.points.split(|(_, y)| !y.is_finite()) {
                     chart.draw_series(LineSeries::new(part.iter().copied(), colour))?;
                 }

@@ -10,7 +10,7 @@ use karat::unstable::compute::{Content, left, printed, violations};
 use super::super::table::{BAD, DIM, HEAD, KNOWN};
 use super::super::{Ending, Outcome};
 
-/// The most elements of an array that are shown.
+/// The largest number of elements of an array that Karat prints.
 const SHOWN: usize = 16;
 
 /// Parses `4`, `4,2` or `4,2,1`.
@@ -27,7 +27,7 @@ pub(super) fn invocation(text: &str) -> Result<[u32; 3], String> {
     numbers(text, 0).ok_or_else(|| wrong.to_owned())
 }
 
-/// Parses up to three numbers; the missing ones are `others`.
+/// Parses up to three numbers, and fills the missing ones with `others`.
 fn numbers(text: &str, others: u32) -> Option<[u32; 3]> {
     let all: Result<Vec<u32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     match all.as_deref() {
@@ -69,17 +69,17 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     let fails = found.iter().any(|(one, _)| one.kind.fails());
     for name in unlike {
         let why = match fails {
-            true => "the reason may be what follows",
-            false => "it may depend on the order of invocations",
+            true => "the problem below may be the reason",
+            false => "the results may depend on the order of invocations",
         };
-        writeln!(out, "{KNOWN}paths leave other numbers in `{name}`: {why}{KNOWN:#}")?;
+        writeln!(out, "{KNOWN}paths have different results in `{name}`: {why}{KNOWN:#}")?;
     }
     for (one, message) in &found {
         let style = if one.kind.fails() { BAD } else { DIM };
         writeln!(out, "\n{style}{message}{style:#}")?;
     }
     if !watched.reason.is_empty() {
-        writeln!(out, "{DIM}not looked through whole: {}{DIM:#}", watched.reason)?;
+        writeln!(out, "{DIM}not checked completely: {}{DIM:#}", watched.reason)?;
     }
     for table in printed(compute)? {
         write!(out, "{table}")?;
@@ -88,14 +88,14 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     Ok(if fails { Ending::Bad } else { Ending::Good })
 }
 
-/// Returns `true` if integers or booleans differ, which no driver rounds.
+/// Checks if integers or booleans differ. No driver rounds them.
 fn differ(one: &Content, other: &Content) -> bool {
     let scalars = one.shape.lanes();
     let mut lanes = one.lanes.iter().zip(&other.lanes).zip(&scalars);
     lanes.any(|((one, other), scalar)| one != other && !scalar.is_float())
 }
 
-/// Writes the content of a resource, or the first elements of a long array.
+/// Formats the content of a resource. A long array shows only its first elements.
 fn shown(content: &Content) -> String {
     let width = content.element().lanes().len().max(1);
     let count = content.lanes.len() / width;

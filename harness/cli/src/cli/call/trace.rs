@@ -1,4 +1,4 @@
-//! `karat call --trace`: each intermediate value beside its line.
+//! `karat call --trace`: prints each intermediate value beside its line.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -12,12 +12,10 @@ use karat_gallery::{Row, rows};
 
 use super::super::table::{BAD, DIM, KNOWN, PLAIN, Table};
 
-/// Prints the steps of a call.
 pub(super) fn write_text(steps: &[Step], out: &mut dyn Write) -> anyhow::Result<()> {
     write_rows(&rows(steps), out)
 }
 
-/// Prints steps.
 pub(in crate::cli) fn write_rows(rows: &[Row], out: &mut dyn Write) -> anyhow::Result<()> {
     writeln!(out)?;
     let mut table = Table::new(&["place", "operation", "f32", "f64", "WGSL allows"], &[]);
@@ -34,7 +32,7 @@ pub(in crate::cli) fn write_rows(rows: &[Row], out: &mut dyn Write) -> anyhow::R
     }
     table.write(out)?;
     if rows.is_empty() {
-        writeln!(out, "{DIM}it computes nothing{DIM:#}")?;
+        writeln!(out, "{DIM}the function computes nothing{DIM:#}")?;
     }
     Ok(())
 }
@@ -54,7 +52,7 @@ pub(super) fn write_html(name: &str, steps: &[Step], file: &Path) -> anyhow::Res
         writeln!(page, "<h2>{}</h2><table>", html(&source.name))?;
         writeln!(page, "<tr><th><th>operation<th>f32<th>f64<th>WGSL allows")?;
         let own = || rows.iter().filter(|row| row.file == source.name);
-        /// The lines of source above and below a line with a step.
+        /// The number of source lines that Karat shows above and below a line with a step.
         const ABOUT: usize = 3;
         let mut gap = false;
         for (index, text) in source.text.lines().enumerate() {

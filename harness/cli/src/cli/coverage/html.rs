@@ -1,4 +1,4 @@
-//! A page of all files. A click on a line shows the tests that run it.
+//! An HTML page of all files. A click on a line shows the tests that run it.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::union::{File, Line, Sum, Union, word};
 
-/// The most tests that a line shows.
+/// The largest number of tests that the page lists for a line.
 const SHOWN: usize = 20;
 
 pub(super) fn page(union: &Union) -> anyhow::Result<String> {
@@ -32,9 +32,9 @@ pub(super) fn page(union: &Union) -> anyhow::Result<String> {
                 p { (union.sum()) "." }
                 (summary(union))
                 p.key {
-                    span.run { "runs" } " " span.weak { "runs, and no test looks at what it computes" } " "
-                    span.never { "no test runs it" } " " span.part { "a way is never taken" } " "
-                    span.unmeasured { "not measured: frames and drivers alone run it" }
+                    span.run { "runs" } " " span.weak { "runs, but no test checks its value" } " "
+                    span.never { "no test runs it" } " " span.part { "a side of a branch never runs" } " "
+                    span.unmeasured { "not measured: only frames and drivers run it" }
                 }
                 @for (number, (file, own, text)) in files.iter().enumerate() {
                     h2 id={ "file" (number) } { (shown(file)) }
@@ -123,7 +123,7 @@ fn who(line: &Line<'_>) -> Markup {
                     li { (test) ": " (came.count) @if let Some(input) = &came.input { ", first for " code { (input) } } }
                 }
                 @if tests.len() > SHOWN { li { "and " (tests.len() - SHOWN) " more tests" } }
-                @if tests.is_empty() { li { "no test comes here" } }
+                @if tests.is_empty() { li { "no test runs this line" } }
             }
         }
     }

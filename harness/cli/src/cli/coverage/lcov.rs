@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::union::{File, Seen, Union};
 
-/// Writes one record without a test, for all lines, and one record per test and file.
+/// Formats one record without a test for all lines, and one record for each test and file.
 pub(super) fn written(union: &Union) -> String {
     let mut text = String::new();
     for (file, own) in union.files() {
@@ -20,10 +20,10 @@ pub(super) fn written(union: &Union) -> String {
     text
 }
 
-/// Adds the record of a test and a file. `None`: all lines, with a count of 0.
+/// Adds the record of a test and a file. If the test is `None`, the record has all lines with a count of 0.
 fn record(text: &mut String, file: &Path, own: &File, test: Option<&String>) {
     let count = |seen: &Seen| test.and_then(|test| seen.tests.get(test)).map_or(0, |own| own.count);
-    // A name has letters, digits and `_`.
+    // A name consists of letters, digits and `_`.
     let name = |test: &str| test.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
     let mut line = |line: std::fmt::Arguments<'_>| writeln!(text, "{line}").expect("memory");
     line(format_args!("TN:{}", test.map_or(String::new(), |test| name(test))));

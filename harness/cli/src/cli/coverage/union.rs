@@ -1,4 +1,4 @@
-//! The lines that all tests ran together, by files.
+//! The sum of the lines that all tests ran, by files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -7,35 +7,32 @@ use std::path::{Path, PathBuf};
 
 use karat::unstable::interpret::{Counted, CountedKind, Ran};
 
-/// A statement's first and last line, its column and its kind.
 type Key = ([usize; 2], usize, CountedKind);
 
-/// Files, with the statements that tests ran.
+/// The files, with the statements that tests ran.
 #[derive(Debug, Default)]
 pub(super) struct Union {
     files: BTreeMap<PathBuf, File>,
-    /// The names of functions that are tests.
+    /// The names of test functions.
     tests: BTreeSet<String>,
 }
 
-/// The statements of a file.
 #[derive(Debug, Default)]
 pub(super) struct File {
     pub(super) statements: BTreeMap<Key, Seen>,
 }
 
-/// A statement, and the tests that ran it.
 #[derive(Debug)]
 pub(super) struct Seen {
     pub(super) sum: Counted,
-    /// `true` if a path without counts ran it.
+    /// `true` if a path that doesn't count statements ran the statement.
     unmeasured: bool,
-    /// The tests that ran it, each with the count, the first input and the sides of branches that it took.
+    /// The tests that ran the statement. Each has a count, the first input, and the sides of branches that it took.
     pub(super) tests: BTreeMap<String, Came>,
     variants: BTreeSet<String>,
 }
 
-/// A test's visit to a statement.
+/// The runs of a statement by one test.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Came {
     pub(super) count: u64,
@@ -46,17 +43,16 @@ pub(super) struct Came {
 /// A line with statements.
 #[derive(Clone, Debug)]
 pub(super) struct Line<'u> {
-    /// The number of runs of the line.
+    /// The number of times that the line ran.
     pub(super) count: u64,
     /// `false` if only frames and drivers run it.
     pub(super) measured: bool,
-    /// `true` if it runs, but no checked value depends on it.
+    /// `true` if the line runs, but no checked value depends on it.
     pub(super) weak: bool,
-    /// The statements on the line.
     pub(super) seen: Vec<&'u Seen>,
 }
 
-/// The numbers of lines, sides of branches and functions, and how many of each are covered.
+/// The numbers of lines, sides of branches and functions, and the numbers of covered ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub(super) struct Sum {
     pub(super) lines: usize,
@@ -75,14 +71,14 @@ impl Union {
         let root = root.canonicalize().unwrap_or_else(|_| root.to_owned());
         for one in all {
             let file = canonical(&one.file);
-            // Modules that are imported from other packages have tests of their own.
+            // Modules that are imported from other packages belong to the tests of those packages.
             if file.starts_with(&root) {
                 self.files.entry(file).or_default().seen(&one);
             }
         }
     }
 
-    /// Leaves out functions that are tests.
+    /// Excludes test functions from the counts.
     pub(super) fn leave_out(&mut self, tests: impl Iterator<Item = String>) {
         self.tests.extend(tests);
     }
@@ -91,7 +87,8 @@ impl Union {
     pub(super) fn run(&mut self, ran: &Ran) {
         for one in &ran.statements {
             let Some(file) = self.files.get_mut(&canonical(&one.file)) else { continue };
-            // Under another variant a file has other statements. Each importing package names it in its own way.
+            // A file may have other statements under another variant. Each package that imports the file has its own
+            // name for it.
             let is_new = !file.statements.contains_key(&(one.lines, one.column, one.kind));
             let is = |test: &String| format!("::{}", one.function).ends_with(&format!("::{test}"));
             if is_new && self.tests.iter().any(is) {
@@ -111,7 +108,7 @@ impl Union {
                 }
             }
             if one.count.is_some_and(|count| count > 0) {
-                // A run that doesn't reach the statement doesn't show whether its value is checked.
+                // A run that doesn't reach the statement doesn't show whether a test checks its value.
                 match seen.sum.count {
                     Some(0) => {
                         let function = std::mem::take(&mut seen.sum.function);
@@ -123,7 +120,7 @@ impl Union {
         }
     }
 
-    /// Keeps only the statements in some lines of files.
+    /// Keeps only the statements on the given lines.
     pub(super) fn keep_lines(&mut self, lines: &BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>) {
         for (file, own) in &mut self.files {
             let kept = lines.get(file);
@@ -146,8 +143,7 @@ impl Union {
         self.files.values().fold(Sum::default(), |sum, file| sum.and(file.sum()))
     }
 
-    /// Returns each variant, with the number of lines that ran under it, and of those that ran under no other
-    /// variant.
+    /// Returns each variant with two numbers: the lines that ran under it, and the lines that ran only under it.
     pub(super) fn variants(&self) -> Vec<(&str, usize, usize)> {
         let mut known: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
         for line in self.files.values().flat_map(|file| file.lines().into_values()) {
@@ -249,8 +245,8 @@ impl File {
         }
     }
 
-    /// Returns the gaps, in the order of lines: the first and last line, a description, and `true` if a test could
-    /// run more.
+    /// Returns the gaps, in the order of their lines. Each has its first and last line, a description, and `true` if a
+    /// test could run more.
     pub(super) fn missing(&self) -> Vec<([usize; 2], String, bool)> {
         let mut all: Vec<([usize; 2], String, bool)> = Vec::new();
         let mut add = |line: usize, why: String, is_gap: bool| match all.last_mut() {
@@ -261,11 +257,11 @@ impl File {
         for (number, line) in &lines {
             let function = &line.seen[0].sum.function;
             if !line.measured {
-                add(*number, format!("not measured, of `{function}`"), false);
+                add(*number, format!("not measured, in `{function}`"), false);
             } else if line.count == 0 {
-                add(*number, format!("no test runs it, of `{function}`"), true);
+                add(*number, format!("no test runs it, in `{function}`"), true);
             } else if line.weak {
-                add(*number, format!("no test looks at what it computes, of `{function}`"), false);
+                add(*number, format!("no test checks its value, in `{function}`"), false);
             }
         }
         for seen in self.branches().filter(|seen| seen.count() > 0) {
@@ -274,7 +270,6 @@ impl File {
             if !never.is_empty() {
                 let what = match seen.sum.kind {
                     CountedKind::Clause(number) => format!("clause {} of `switch`", number + 1),
-                    // A line may have several branches.
                     kind @ (CountedKind::Logical | CountedKind::Select) => {
                         format!("`{}` at column {}", word(kind), seen.sum.column)
                     }
@@ -289,7 +284,7 @@ impl File {
     }
 }
 
-/// Returns the word or operator of a branch in WGSL.
+/// Returns the WGSL keyword or operator of a branch.
 pub(super) fn word(kind: CountedKind) -> &'static str {
     match kind {
         CountedKind::Plain => "statement",
@@ -326,18 +321,18 @@ impl Sum {
         }
     }
 
-    /// Returns the share of the measured lines that ran, in per cent, or `None` if no line is measured.
+    /// Returns the percentage of the measured lines that ran, or `None` if no line is measured.
     pub(super) fn percent(&self) -> Option<f64> {
         per_cent(self.ran, self.lines - self.unmeasured)
     }
 
-    /// A share as people read it.
+    /// Formats a percentage.
     pub(super) fn share(some: usize, all: usize) -> String {
         per_cent(some, all).map_or_else(|| "-".to_owned(), |percent| format!("{percent}%"))
     }
 }
 
-/// Returns per cent, rounded down, so that 100 means all.
+/// Returns a percentage, rounded down, so that 100 means all lines.
 #[expect(clippy::cast_precision_loss, reason = "a share to a tenth of a per cent")]
 fn per_cent(some: usize, all: usize) -> Option<f64> {
     (all > 0).then(|| (1000 * some / all) as f64 / 10.0)

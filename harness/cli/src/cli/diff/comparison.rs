@@ -1,4 +1,5 @@
-//! The measured difference of two images. Its JSON is for other programs: fields may be added, and never change.
+//! The measured difference of two images. Other programs read its JSON: fields may be added, and existing fields don't
+//! change.
 
 use std::path::Path;
 
@@ -10,8 +11,8 @@ use karat::unstable::metric::{
 };
 use serde::{Serialize, Serializer};
 
-/// The distance up to which primaries count as equal. Programs round differently: D65 is 0.3127 or 0.31271. Different
-/// sets of primaries are further apart.
+/// The largest distance at which primaries count as equal. Programs round differently: D65 is 0.3127 or 0.31271.
+/// Different sets of primaries are further apart.
 const SAME_PRIMARY: f32 = 5e-4;
 
 /// The bounds of the difference.
@@ -24,12 +25,13 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Returns the bounds. Without options they are those of frames; with a relative bound alone, FLIP has no bounds.
+    /// Returns the bounds. Without options, these are the bounds of frames. If only a relative bound is given, FLIP has
+    /// no bounds.
     pub(super) fn new(rel: Option<f64>, flip_tile: Option<f64>, flip_mean: Option<f64>) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "checked when it was parsed")]
         let relative = rel.map_or(DEFAULT_RELATIVE, |rel| rel as f32);
         let gate = Gate { relative, absolute: None };
-        // If one bound of FLIP is given, the other one keeps its default.
+        // If an option sets one bound of FLIP, the other bound keeps its default.
         let (flip_tile, flip_mean) = match rel {
             None => (flip_tile.or(Some(0.01)), flip_mean.or(Some(0.005))),
             Some(_) => (flip_tile, flip_mean),
@@ -51,26 +53,23 @@ pub(super) struct Comparison {
     pub(super) a: Side,
     pub(super) b: Side,
     pub(super) verdict: Ending,
-    /// The reason why the images differ.
     pub(super) reason: Option<Reason>,
-    /// The tolerance, in words.
+    /// The tolerance, as a sentence for people.
     pub(super) tolerance: String,
     /// The number of compared pixels.
     pub(super) compared: usize,
-    /// `true` if a mask in the second file chose the pixels.
+    /// `true` if the second file has a mask that selected the pixels.
     pub(super) own_mask: bool,
-    /// The result of the gate; `None` if nothing can be measured.
+    /// The result of the gate, or `None` if nothing can be measured.
     pub(super) gate: Option<GateResult>,
     pub(super) flip: Option<FlipResult>,
-    /// LDR-FLIP of two PNGs; no bound applies to it.
+    /// LDR-FLIP of two PNGs. It has no bound.
     pub(super) ldr_flip: Option<LdrResult>,
-    /// The file of the heatmap.
     pub(super) heatmap: Option<String>,
-    /// The error that the heatmap's last colour stands for; `None` if it holds the errors themselves.
+    /// The error that has the heatmap's last colour. `None` if the heatmap contains the errors as numbers.
     pub(super) heatmap_full: Option<f32>,
 }
 
-/// An image.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Side {
     pub(super) file: String,
@@ -82,9 +81,9 @@ pub(super) struct Side {
     pub(super) infinite: usize,
     /// The column and row of the first pixel with a NaN or an infinity.
     pub(super) first_non_finite: Option<(u32, u32)>,
-    /// The names of the parts with colours, if there are several. The first one is compared.
+    /// The names of the parts with colours, if there are several. Karat compares the first one.
     pub(super) parts: Vec<String>,
-    /// CIE x and y of red, green, blue and white, as the file names them.
+    /// CIE x and y of red, green, blue and white, from the file.
     pub(super) chromaticities: [f32; 8],
 }
 
@@ -113,7 +112,7 @@ pub(super) struct GateResult {
     #[serde(serialize_with = "rect")]
     pub(super) bounds: Option<Rect>,
     pub(super) worst: Option<Worst>,
-    /// The shares of pixels above 1, 10, 100 and 1000 times the bound, in per cent.
+    /// The percentages of pixels above 1, 10, 100 and 1000 times the bound.
     pub(super) sweep: [f32; 4],
 }
 
@@ -124,13 +123,13 @@ pub(super) struct Worst {
     pub(super) channel: &'static str,
     pub(super) a: f32,
     pub(super) b: f32,
-    /// The difference divided by the bound; `null` in JSON if the bound is 0.
+    /// The difference divided by the bound. It is `null` in JSON if the bound is 0.
     pub(super) ratio: f32,
 }
 
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct FlipResult {
-    /// The largest mean of a tile; `null` in JSON if FLIP can't measure the difference.
+    /// The largest mean of a tile. It is `null` in JSON if FLIP can't measure the difference.
     pub(super) largest_tile: f64,
     #[serde(serialize_with = "rect")]
     pub(super) tile: Option<Rect>,
@@ -145,7 +144,6 @@ pub(super) struct FlipResult {
 /// LDR-FLIP, which other tools compute for display images.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct LdrResult {
-    /// The largest mean of a tile.
     pub(super) largest_tile: f64,
     #[serde(serialize_with = "rect")]
     pub(super) tile: Option<Rect>,
@@ -183,7 +181,7 @@ impl Side {
 }
 
 impl Comparison {
-    /// Returns the comparison of images that can't be measured.
+    /// Returns the comparison of images whose difference can't be measured.
     pub(super) fn impossible([a, b]: [Side; 2], bounds: &Bounds, reason: Reason) -> Self {
         let (verdict, reason) = (Ending::Differs, Some(reason));
         let tolerance = bounds.tolerance.to_string();
@@ -229,7 +227,7 @@ impl Comparison {
         }
     }
 
-    /// Returns `true` if the files name different primaries, so that equal values are different colours.
+    /// Checks if the files name different primaries. Then equal values are different colours.
     pub(super) fn of_other_primaries(&self) -> bool {
         let mut pairs = self.a.chromaticities.iter().zip(&self.b.chromaticities);
         !pairs.all(|(a, b)| (a - b).abs() <= SAME_PRIMARY)
@@ -275,7 +273,7 @@ impl FlipResult {
         }
     }
 
-    /// Returns `true` if FLIP has bounds and both are met. NaN is above any bound.
+    /// Checks if FLIP has bounds and both are met. NaN is above any bound.
     fn passes(&self) -> bool {
         let within = |value: f64, bound: Option<f64>| bound.is_none_or(|bound| value <= bound);
         (self.tile_bound.is_some() || self.mean_bound.is_some())

@@ -1,4 +1,4 @@
-//! A comparison in words.
+//! The text that describes a comparison.
 
 use std::io::{self, Write};
 
@@ -18,7 +18,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     if comparison.of_other_primaries() {
         writeln!(
             out,
-            "note: the files name other primaries (chromaticities {} and {}); values are compared \
+            "note: the files name different primaries (chromaticities {} and {}); the values are compared \
              as they are",
             primaries(a),
             primaries(b)
@@ -33,7 +33,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     let all = u64::from(a.width) * u64::from(a.height);
     if comparison.gate.is_some() && (comparison.compared as u64) < all {
         let by = if comparison.own_mask { "the part `mask` of b" } else { "the mask" };
-        writeln!(out, "{} of {all} pixels are compared, by {by}", comparison.compared)?;
+        writeln!(out, "{} of {all} pixels are compared, selected by {by}", comparison.compared)?;
     }
     if let Some(file) = &comparison.heatmap {
         let scale = comparison.heatmap_full.map(|full| format!(", colours from 0 to {full}"));
@@ -46,13 +46,13 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         (Ending::Within, _) => writeln!(out, "{GOOD}within {tolerance}{GOOD:#}"),
         (_, Some(Reason::Size)) => writeln!(out, "{BAD}they differ in size{BAD:#}"),
         (_, Some(Reason::NonFinite)) => {
-            writeln!(out, "{BAD}they differ: nothing agrees with NaN or an infinity{BAD:#}")
+            writeln!(out, "{BAD}they differ: NaN and infinities agree with no value{BAD:#}")
         }
         _ => writeln!(out, "{BAD}they differ by more than {tolerance}{BAD:#}"),
     }
 }
 
-/// `(0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329)`
+/// Formats primaries: `(0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329)`.
 fn primaries(side: &Side) -> String {
     let points: Vec<_> = side
         .chromaticities
@@ -62,7 +62,7 @@ fn primaries(side: &Side) -> String {
     points.join(", ")
 }
 
-/// Names the parts of the file that aren't compared.
+/// Names the parts of the file that Karat doesn't compare.
 fn write_parts(side: &Side, out: &mut dyn Write) -> io::Result<()> {
     let [compared, others @ ..] = side.parts.as_slice() else { return Ok(()) };
     write!(out, ", part `{compared}`, not `{}`", others.join("`, `"))
@@ -94,14 +94,14 @@ fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Re
     let (x, y, channel) = (worst.x, worst.y, worst.channel);
     write!(out, "  worst: pixel ({x}, {y}) {channel}: {b} instead of {a}, ")?;
     match f64::from(worst.ratio) {
-        // A bound of 0 has no multiples.
+        // No number is a multiple of a bound of 0.
         ratio if ratio.is_infinite() => {
             let error = short(f64::from((worst.b - worst.a).abs()));
             writeln!(out, "abs {error}, and nothing is allowed")?;
         }
         ratio => writeln!(out, "{} times what is allowed", short(ratio))?,
     }
-    // Multiples of 0 are 0.
+    // All multiples of 0 are 0.
     if *relative == 0.0 {
         return Ok(());
     }
@@ -131,7 +131,7 @@ fn write_ldr(flip: &LdrResult, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "LDR-FLIP: largest tile {tile}; mean {mean}; no bound applies to it")
 }
 
-/// Writes three significant digits.
+/// Formats a number with three significant digits.
 fn short(value: f64) -> String {
     let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
     if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) {

@@ -1,4 +1,4 @@
-//! `karat doctor --executor NAME`: jobs with known answers.
+//! `karat doctor --executor NAME`: sends jobs with known results.
 
 use std::io::Write;
 
@@ -12,7 +12,7 @@ use karat_inspect::conform::{Answer, Answered, conform};
 use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::super::{Ending, Outcome, write_json};
 
-/// The path of a program that KARAT_EXECUTORS names, or else the path of this name.
+/// Returns the path of a program that KARAT_EXECUTORS names, or otherwise the path of this name.
 fn path(name: &str) -> Result<Path, PathError> {
     if let Some(own) = programs()?.into_iter().find(|path| path.driver() == Some(name)) {
         return Ok(own);
@@ -28,7 +28,7 @@ pub(super) fn run(name: &str, json: bool, out: &mut dyn Write) -> Outcome {
         let driver = if driver.is_empty() { driver } else { format!(", {driver}") };
         writeln!(out, "{HEAD}{path}{HEAD:#}: {}{}\n", visible(&name), visible(&driver))?;
     }
-    // A write error is returned after all questions are asked.
+    // A write error is returned after the last job.
     let mut written = Ok(());
     let report = conform(path, &mut |one| {
         if !json && written.is_ok() {

@@ -1,5 +1,5 @@
-//! `karat doctor PACKAGE`: finds the lines of `karat.toml` that make modules whole, and lists the modules that these
-//! lines don't mend.
+//! `karat doctor PACKAGE`: finds the lines that `karat.toml` needs so that modules become whole, and lists the modules
+//! that stay incomplete.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -18,31 +18,32 @@ use super::super::project::Project;
 use super::super::table::{BAD, DIM, GOOD, HEAD};
 use super::super::{Ending, Outcome, write_json};
 
-/// The most rounds of adding lines: one error of a module hides the next.
+/// The largest number of rounds that add lines. Several rounds are needed because one error of a module hides the next.
 const ROUNDS: usize = 32;
 
-/// The most modules that get a line of output each, as a screen has no more.
+/// The largest number of modules with a line of output each. More wouldn't fit on a screen.
 const TOLD: usize = 12;
 
-/// A remark for a value that only the engine knows.
-const MADE_UP: &str = "made up: write what your engine gives";
+/// The remark on a value that only the engine knows.
+const MADE_UP: &str = "invented: write the value of your engine";
 
-/// The value of a feature with an unknown number: an array of 4 elements is small.
+/// The value for a feature with an unknown number. An array of 4 elements is small.
 const FEATURE: &str = "4";
 
-/// The value of a placeholder: most placeholders are sizes of workgroups.
+/// The value for a placeholder. Most placeholders are sizes of workgroups.
 const VALUE: &str = "64";
 
-/// A remark for an undeclared name in capitals.
-const UNDECLARED: &str = "made up, as nothing declares it: a macro of your engine's, or a slip";
+/// The remark on an undeclared name in capitals.
+const UNDECLARED: &str =
+    "invented, as nothing declares it: a macro of your engine, or a misspelt name";
 
-/// A remark for a feature that switches declarations on or off.
-const VARIANT: &str = "a name needs it: your engine may set another variant";
+/// The remark on a feature that switches declarations on or off.
+const VARIANT: &str = "a declaration needs it: your engine may set another variant";
 
-/// A remark for a text that only the engine knows.
-const TEXT: &str = "empty: write what your engine puts there";
+/// The remark on a text that only the engine knows.
+const TEXT: &str = "empty: write the text that your engine inserts";
 
-/// Returns advice for an error that needs the author's knowledge.
+/// Returns advice on an error that only the author can correct.
 fn advice(mend: &Mend) -> Option<String> {
     match mend {
         Mend::Elsewhere(sentence) => Some(sentence.clone()),
@@ -72,13 +73,12 @@ impl Line {
     }
 }
 
-/// A module that isn't whole.
 #[derive(Clone, Debug, Serialize)]
 struct Left {
     module: String,
     location: Option<String>,
     message: String,
-    /// A line that only its author can write.
+    /// The advice on a line that only the author can write.
     advice: Option<String>,
 }
 
@@ -91,19 +91,19 @@ struct Report {
     lines: Vec<Line>,
     /// The number of modules that are whole with the new lines.
     then_whole: usize,
-    /// Lines that errors ask for, but that make no module whole alone, or don't fit into the file.
+    /// Lines that errors ask for, but that don't fit into the file, or don't make any module whole without further
+    /// changes.
     not_enough: Vec<Line>,
     left: Vec<Left>,
-    /// The reason why `karat check` refuses the file itself.
+    /// The reason why `karat check` refuses the file.
     refused: Option<String>,
     written: bool,
 }
 
-/// A package with the lines that were found for it.
+/// A package with the lines that Karat found for it.
 struct Trial<'p> {
     package: &'p Package,
     file: PathBuf,
-    /// The present text of the file.
     text: String,
     table: toml::Table,
     modules: Vec<String>,
@@ -159,13 +159,13 @@ impl<'p> Trial<'p> {
                 return Err(error).with_context(|| format!("can't read `{}`", shown(&file)));
             }
         };
-        // Errors of the file itself are those of other commands.
+        // Other commands report the errors of the file.
         let modules = package.modules()?;
         let table = text.parse().with_context(|| format!("`{}`", shown(&file)))?;
         Ok(Self { package, file, text, table, modules, lines: Vec::new() })
     }
 
-    /// Returns the file's text with new lines, which end as the file's own lines do.
+    /// Returns the file's text with new lines. Their line ends are those of the file.
     fn with(&self, lines: &[Line]) -> String {
         let is_windows = self.text.contains("\r\n");
         let mut text = self.text.replace("\r\n", "\n");
@@ -193,8 +193,8 @@ impl<'p> Trial<'p> {
         if is_windows { text.replace('\n', "\r\n") } else { text }
     }
 
-    /// Returns `true` if a line fits into the file. It doesn't if its section is there in another form, and would be
-    /// declared twice.
+    /// Checks if a line fits into the file. A line doesn't fit if the file has its section in another form: the section
+    /// would be declared twice.
     fn fits(&self, line: &Line) -> bool {
         self.with(std::slice::from_ref(line))
             .trim_start_matches('\u{feff}')
@@ -202,7 +202,7 @@ impl<'p> Trial<'p> {
             .is_ok()
     }
 
-    /// Removes the lines that make no module whole, and returns them.
+    /// Removes the lines that make no module whole, and returns these lines.
     fn sift(&mut self) -> Vec<Line> {
         let all = self.errors(&self.lines).len();
         let without = |at: usize| {
@@ -219,7 +219,7 @@ impl<'p> Trial<'p> {
         others
     }
 
-    /// Returns the error of `karat check` for the file with these lines, if each module is whole.
+    /// Returns the error that `karat check` has for the file with these lines, if each module is whole.
     fn refused(&self) -> Option<String> {
         let package = self.package.unsaved(&self.file, &self.with(&self.lines));
         match package.try_is_valid() {
@@ -256,7 +256,7 @@ impl<'p> Trial<'p> {
             .collect()
     }
 
-    /// Adds lines while errors ask for new ones. Returns the lines that don't fit into the file.
+    /// Adds lines until errors ask for no new ones. Returns the lines that don't fit into the file.
     fn mend(&mut self) -> Vec<Line> {
         let mut tried: BTreeSet<String> = BTreeSet::new();
         let mut by_hand = Vec::new();
@@ -277,7 +277,7 @@ impl<'p> Trial<'p> {
                     }
                 }
             }
-            // One feature may exclude another: each is kept unless it breaks more modules than it makes whole.
+            // One feature may exclude another. A feature stays unless it breaks more modules than it makes whole.
             for line in &conditions {
                 let plain = [&*self.lines, &found].concat();
                 let with = [&*plain, std::slice::from_ref(line)].concat();
@@ -293,7 +293,7 @@ impl<'p> Trial<'p> {
         by_hand
     }
 
-    /// Returns the lines that an error asks for, and `true` for a feature that switches declarations.
+    /// Returns the lines that an error asks for. The flag is `true` for a feature that switches declarations on or off.
     fn lines_of(&self, error: &ReflectError, mend: Option<Mend>) -> Vec<(Line, bool)> {
         let line = |section, key: &str, value: &str, about| {
             let (key, value) = (key.to_owned(), value.to_owned());
@@ -303,7 +303,7 @@ impl<'p> Trial<'p> {
             let names: Vec<String> = unknown.iter().map(|(name, _)| format!("{name:?}")).collect();
             let listed =
                 self.table.get("features").is_some_and(|own| own.get("set_by_engine").is_some());
-            // A name close to a known one is misspelt, and the message says so.
+            // A name close to a known one is misspelt: the error message says that already.
             let has = listed || unknown.iter().any(|(_, near)| near.is_some());
             let list = line("features", "set_by_engine", &format!("[{}]", names.join(", ")), "");
             return if has { Vec::new() } else { vec![(list, false)] };
@@ -327,7 +327,7 @@ impl<'p> Trial<'p> {
         }
     }
 
-    /// Returns the place of a package that modules import from: beside this package, or in a crate that the project
+    /// Returns the location of a package that modules import from: beside this package, or in a crate that the project
     /// builds.
     fn dependency(&self, name: &str) -> Option<String> {
         let root = self.package.root();
@@ -360,7 +360,7 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
         writeln!(out, "\nthen {then_whole} of {all} are whole{refused}")?;
     }
     if !not_enough.is_empty() {
-        writeln!(out, "\nnot enough by themselves, or for a place of your own in {file}:\n")?;
+        writeln!(out, "\nthese lines aren't enough, or you must choose their place in {file}:\n")?;
         write_lines(not_enough, out)?;
         writeln!(out)?;
     }
@@ -380,11 +380,11 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
         more => format!(", {more} of them not listed here: `karat check` has all"),
     };
     let with = if lines.is_empty() { "" } else { " with these lines" };
-    let first = "; each module shows its first obstacle, which hides the others";
+    let first = "; each module shows only its first error";
     writeln!(out, "\n{} not whole{with}{rest}{first}", counted(left.len(), "module"))
 }
 
-/// Prints lines under the heads of their sections.
+/// Prints lines under the headers of their sections.
 fn write_lines(lines: &[Line], out: &mut dyn Write) -> std::io::Result<()> {
     let mut sections: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for line in lines {

@@ -1,29 +1,27 @@
-//! The optimisation of the crates that tests wait for.
+//! The optimisation of the crates whose speed tests depend on.
 
 use std::path::Path;
 
 use serde::Serialize;
 
-/// The crates that need optimisation, each with the level that README recommends, and the work that is slow without
-/// it.
+/// The crates that need optimisation. Each has the level that README recommends, and the effect of a lower level.
 const CRATES: [(&str, i64, &str); 3] = [
-    ("karat-core", 2, "arguments are drawn slowly, and frames compared"),
+    ("karat-core", 2, "sampling arguments and comparing frames is slow"),
     ("karat-engine", 3, "the path `cpu`, `Spec` and hazards are slow"),
     ("naga", 1, "each test starts slowly"),
 ];
 
-/// A crate with less optimisation than recommended.
 #[derive(Debug, PartialEq, Eq, Serialize)]
 pub(in crate::cli) struct Unoptimised {
     pub(in crate::cli) name: &'static str,
-    /// The level in its profile.
+    /// The level that the project's profile sets.
     pub(in crate::cli) level: i64,
     pub(in crate::cli) recommended: i64,
     pub(in crate::cli) about: &'static str,
 }
 
-/// Returns the crates that the project in a folder compiles with less optimisation than recommended, or none if it
-/// has no crate `karat`.
+/// Returns the crates that the project in a folder compiles with less optimisation than recommended. Returns none if
+/// the project doesn't use the crate `karat`.
 pub(in crate::cli) fn unoptimised(root: &Path) -> Vec<Unoptimised> {
     let read = |file: &str| std::fs::read_to_string(root.join(file)).ok();
     let uses_karat =
@@ -38,7 +36,7 @@ fn of(manifest: &toml::Table) -> Vec<Unoptimised> {
     let dev = manifest.get("profile").and_then(|profile| profile.get("dev"));
     let level = |table: &toml::Value| match table.get("opt-level")? {
         toml::Value::Integer(level) => Some(*level),
-        // The levels for size do nearly all that level 2 does.
+        // The levels for size speed the crates up nearly as much as level 2.
         _ => Some(2),
     };
     let package = |name: &str| dev?.get("package")?.get(name).and_then(level);
@@ -69,7 +67,6 @@ mod tests {
         assert_eq!(found(own), [("karat-engine", 2)]);
     }
 
-    /// The profile that README recommends is enough.
     #[test]
     fn the_profile_of_readme_is_enough() {
         let readme = crate::cli::doctor::beside("README.md");

@@ -1,20 +1,20 @@
-//! An image of 8-bit colours, with numbers drawn into it.
+//! An image of 8-bit colours, and the numbers in it.
 
-/// The colour where nothing is drawn: neither end of the scale of errors.
+/// The colour of the background. It differs from both ends of the colour scale of errors.
 const GROUND: [u8; 3] = [56, 56, 56];
 
-/// Rows of 8-bit sRGB colours, from the top.
+/// The rows of an image in 8-bit sRGB colours. The top row is the first.
 #[derive(Debug)]
 pub(super) struct Canvas {
     pub(super) width: u32,
     bytes: Vec<u8>,
 }
 
-/// Columns and rows of a glyph.
+/// The columns and rows of a glyph.
 pub(super) const GLYPH: (u32, u32) = (3, 5);
 
-/// The digits and the point, row by row from the top, with the leftmost pixel in the highest bit. Crates with fonts
-/// bring a drawing library, and numbers need only these glyphs.
+/// The glyphs of the digits and the point. The rows begin at the top, and the highest bit of a row is the leftmost
+/// pixel. Crates with fonts depend on a drawing library, and numbers need only these glyphs.
 const GLYPHS: [(char, [u8; 5]); 11] = [
     ('0', [0b111, 0b101, 0b101, 0b101, 0b111]),
     ('1', [0b010, 0b110, 0b010, 0b010, 0b111]),
@@ -45,13 +45,11 @@ impl Canvas {
         height
     }
 
-    /// Colours a pixel.
     pub(super) fn set(&mut self, x: u32, y: u32, colour: [u8; 3]) {
         let start = (y as usize * self.width as usize + x as usize) * 3;
         self.bytes[start..start + 3].copy_from_slice(&colour);
     }
 
-    /// Colours a rectangle.
     pub(super) fn fill(
         &mut self,
         (left, top): (u32, u32),

@@ -6,40 +6,40 @@ use super::canvas::{Canvas, GLYPH};
 
 const INK: [u8; 3] = [230, 230, 230];
 
-/// Lengths, in units of the legend.
+/// The margin of the legend, in units.
 const MARGIN: u32 = 4;
 const BAR: u32 = 8;
 const TICK: u32 = 3;
-/// The size of a glyph's pixel: glyphs of three by five pixels would be hard to read.
+/// The number of pixels on each side of a glyph's dot. Glyphs of three by five pixels would be hard to read.
 const DOT: u32 = 2;
-/// The width of an image in pixels up to which a unit is a pixel. In wider images the unit grows, as people view them
-/// scaled down.
+/// The widest image, in pixels, whose legend has a unit of one pixel. In wider images the unit grows, because people
+/// view them scaled down.
 const UNIT: u32 = 960;
-/// The width in units of a bar that has room for [`PARTS`] numbers.
+/// The width of a bar that has room for [`PARTS`] numbers, in units.
 const WIDE: u32 = 300;
-/// A fifth of 1, 2 or 5 has no more digits than half of it, or fewer.
+/// The number of parts of a wide bar. A fifth of 1, 2 or 5 has at most as many digits as a half.
 const PARTS: u32 = 5;
 /// The width of the shortest bar in units.
 const SHORT: u32 = 60;
 
-/// The strip below a picture.
+/// The legend below an image.
 #[derive(Debug)]
 pub(super) struct Legend {
-    /// The pixels per unit.
+    /// The number of pixels per unit.
     unit: u32,
-    /// The pixels from the left edge to the bar, with room for half a number.
+    /// The distance from the left edge of the image to the bar, in pixels. It has room for half a number.
     left: u32,
     /// The width of the bar in pixels.
     bar: u32,
-    /// The numbers, from 0 to the last, at equal distances.
+    /// The numbers below the bar, at equal distances, from 0 to the number of the last colour.
     numbers: Vec<String>,
 }
 
 impl Legend {
-    /// Makes the legend for an image of this width, whose last colour stands for `full`.
+    /// Makes the legend for an image of this width. `full` is the error that has the last colour.
     pub(super) fn of(width: u32, full: f32) -> Self {
         let unit = (width / UNIT).max(1);
-        // The widest of all possible numbers, as their count isn't known yet.
+        // The count of numbers isn't known yet, so the width of the widest possible number is used.
         let widest = numbers(full, PARTS).iter().map(|number| Canvas::measure(number, DOT)).max();
         let left = (MARGIN + widest.unwrap_or(0).div_ceil(2)) * unit;
         let bar = width.saturating_sub(2 * left).max(SHORT * unit);
@@ -76,7 +76,7 @@ impl Legend {
     }
 }
 
-/// Writes the ends of equal parts from 0 to `full`.
+/// Formats the ends of equal parts from 0 to `full`.
 fn numbers(full: f32, parts: u32) -> Vec<String> {
     // A fifth of a thousandth has four decimals, and no scale is shorter.
     let number =
@@ -106,7 +106,7 @@ mod tests {
                 let mut canvas = Canvas::new(wide, legend.height());
                 legend.draw(&mut canvas, 0);
                 assert!(wide < width + 200, "{width} became {wide}");
-                // The bar runs from the first colour to the last.
+                // The bar shows all colours from the first to the last.
                 let row = (MARGIN * legend.unit) as usize * wide as usize;
                 let at = |x: u32| {
                     let start = (row + x as usize) * 3;

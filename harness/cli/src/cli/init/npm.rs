@@ -1,4 +1,4 @@
-//! A project for the web: gets a script in its `package.json`, and requires Tint's verdict.
+//! Changes to a project for the web: a script in its `package.json`, and a line that requires Tint's verdict.
 
 use std::io::Write;
 use std::path::Path;
@@ -10,16 +10,14 @@ use serde_json::Value;
 
 use crate::cli::table::{DIM, GOOD};
 
-/// The name of the script.
 const SCRIPT: &str = "test:shaders";
 
-/// The file of npm's settings.
 const FILE: &str = "package.json";
 
 /// The npm package that has Tint, as a part of Dawn.
 const TINT: &str = "webgpu";
 
-/// Adds the script and the requirement in a project for the web. Changes no other project.
+/// Adds the script and the required verdict to a project for the web. Other projects stay unchanged.
 pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let whole = folder.canonicalize()?;
     let Some(root) = whole.ancestors().find(|folder| folder.join(FILE).is_file()) else {
@@ -31,14 +29,13 @@ pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     ask_for_tint(folder, (&whole, &root.join(FILE)), out)
 }
 
-/// Returns `true` if the `package.json` of a folder has Karat, so that `npm ci` installs it.
+/// Checks if the `package.json` of a folder depends on Karat. Then `npm ci` installs Karat.
 pub(super) fn brings_karat(folder: &Path) -> bool {
     let text = std::fs::read_to_string(folder.join(FILE)).unwrap_or_default();
     let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
     has(&manifest, "karat")
 }
 
-/// Returns `true` if a `package.json` depends on a package.
 fn has(manifest: &Value, package: &str) -> bool {
     let kinds = ["dependencies", "devDependencies", "optionalDependencies"];
     kinds.iter().any(|kind| manifest[kind].get(package).is_some())
@@ -49,11 +46,11 @@ fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result
     let name = shown(file);
     let text = std::fs::read_to_string(file).with_context(|| format!("`{name}`"))?;
     let Ok(manifest) = serde_json::from_str::<Value>(&text) else {
-        writeln!(out, "{DIM}{name} is no JSON: no script is added{DIM:#}")?;
+        writeln!(out, "{DIM}{name} isn't valid JSON: no script is added{DIM:#}")?;
         return Ok(());
     };
     if !manifest.is_object() || !matches!(manifest["scripts"], Value::Null | Value::Object(_)) {
-        writeln!(out, "{DIM}{name} isn't npm's: no script is added{DIM:#}")?;
+        writeln!(out, "{DIM}{name} isn't a package.json of npm: no script is added{DIM:#}")?;
         return Ok(());
     }
     if manifest["scripts"][SCRIPT].is_string() {
@@ -76,8 +73,8 @@ fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result
     Ok(())
 }
 
-/// Returns the text with one more member of `scripts`, in the layout of its author, or `None` if the layout isn't
-/// clear. The caller compares the parsed result with the expected one.
+/// Returns the file's text with one more member of `scripts`, in the author's layout. Returns `None` if the layout
+/// isn't clear. The caller compares the parsed result with the expected one.
 fn inserted(text: &str, member: &str) -> Option<String> {
     let scripts = text.find("\"scripts\"");
     let open = match scripts {
@@ -85,7 +82,7 @@ fn inserted(text: &str, member: &str) -> Option<String> {
         None => text.find('{')?,
     };
     let rest = &text[open + 1..];
-    // The new member is placed as the next member is: on its own line, or on the same one.
+    // The new member copies the layout of the next member: on a new line, or on the same line.
     let blank: String = rest.chars().take_while(|c| c.is_whitespace()).collect();
     let is_empty = rest.trim_start().starts_with('}');
     let comma = if is_empty { "" } else { "," };
@@ -100,8 +97,8 @@ fn inserted(text: &str, member: &str) -> Option<String> {
     Some(format!("{}{before}{own}{comma}{after}{rest}", &text[..=open]))
 }
 
-/// Makes a project for the web require that both compilers accept the shaders: Firefox has naga, other browsers have
-/// Tint.
+/// Writes a setting for web projects that requires both compilers to accept the shaders: Firefox uses naga, other
+/// browsers use Tint.
 fn ask_for_tint(
     folder: &Path,
     (whole, manifest): (&Path, &Path),
@@ -116,28 +113,28 @@ fn ask_for_tint(
     if known.contains("[compilers]") {
         return Ok(());
     }
-    // Only `package.json` counts: a colleague's machine may lack a Tint that this machine has.
+    // Only `package.json` counts: another developer's machine may lack the Tint of this machine.
     let text = std::fs::read_to_string(manifest).unwrap_or_default();
     let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
     if !has(&manifest, TINT) {
         writeln!(
             out,
-            "{DIM}Chrome's compiler isn't required, as {FILE} hasn't got it: `npm install --save-dev {TINT}`, and run this \
+            "{DIM}Chrome's compiler isn't required, because {FILE} doesn't have it: `npm install --save-dev {TINT}`, and run this \
              again{DIM:#}"
         )?;
         return Ok(());
     }
-    // A package that requires Tint fails without it, and the first run should pass.
+    // Without Tint, a package that requires Tint fails. The first run should pass.
     if let Err(missing) = Tint::beside(whole, true) {
         let remedy = &missing.remedy;
         writeln!(
             out,
-            "{DIM}Chrome's compiler isn't asked: {missing}; {remedy}, and run this again{DIM:#}"
+            "{DIM}Chrome's compiler isn't used: {missing}; {remedy}, and run this again{DIM:#}"
         )?;
         return Ok(());
     }
     let blank = if known.is_empty() { "" } else { "\n" };
-    let asked = "# Chrome, Edge and Node compile WGSL by Tint: what it rejects isn't valid here.\n\
+    let asked = "# Chrome, Edge and Node compile WGSL with Tint: a module that Tint rejects isn't valid.\n\
                  [compilers]\nrequire = [\"tint\"]\n";
     std::fs::write(&file, format!("{known}{blank}{asked}"))
         .with_context(|| format!("`{}`", file.display()))?;
@@ -169,7 +166,6 @@ mod tests {
             let mut said = Vec::new();
             add_script(&file, ".", &mut said).expect("a script");
             assert_eq!(std::fs::read_to_string(&file).expect("it is there"), expected, "{text}");
-            // A second call adds nothing.
             add_script(&file, ".", &mut said).expect("a script");
             assert_eq!(std::fs::read_to_string(&file).expect("it is there"), expected, "{text}");
         }
@@ -178,10 +174,10 @@ mod tests {
     #[test]
     fn an_unusual_package_json_is_not_edited() {
         for (text, expected) in [
-            ("{ \"scripts\"", "is no JSON"),
-            ("[]", "isn't npm's"),
-            ("{ \"scripts\": 3 }", "isn't npm's"),
-            ("{ \"scripts\": [] }", "isn't npm's"),
+            ("{ \"scripts\"", "isn't valid JSON"),
+            ("[]", "isn't a package.json of npm"),
+            ("{ \"scripts\": 3 }", "isn't a package.json of npm"),
+            ("{ \"scripts\": [] }", "isn't a package.json of npm"),
             // The first braces after the word aren't those of the scripts.
             (
                 "{ \"files\": [\"scripts\"], \"config\": { \"a\": 1 }, \"scripts\": { \"a\": \"b\" } }",

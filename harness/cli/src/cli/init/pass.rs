@@ -1,4 +1,4 @@
-//! A first `[[compute]]` for a compute entry point, with resources whose sizes follow from the dispatch.
+//! A first `[[compute]]` test of a compute entry point. The sizes of its resources follow from the dispatch.
 
 use karat::Package;
 use karat::unstable::package::FunctionItem;
@@ -6,14 +6,14 @@ use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage, Texels, T
 use karat::unstable::value::{Scalar, Shape};
 use karat_inspect::Usual;
 
-/// The fewest elements of an array without a length.
+/// The smallest number of elements of an array without a length.
 const LEAST: u32 = 64;
 
-/// The most elements of an array with a length that a test spells out.
+/// The largest length of an array that a test lists element by element.
 const SPELLED: u32 = 16;
 
-/// Returns a test of a pass, or `None` if a resource's size doesn't follow from the dispatch, or the pass writes no
-/// resource.
+/// Returns a test of a pass. Returns `None` if the size of a resource doesn't follow from the dispatch, or if the pass
+/// writes no resource.
 pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<String> {
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let program = Program::of_items(package, module, &[name]).ok()?;
@@ -59,9 +59,8 @@ pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<Stri
         let grows = program.buffer_of(binding, elements as usize + 1)? != shape;
         let value = match &shape {
             Shape::Array { element, .. } if grows => array(element, Some(elements)),
-            // A structure that ends in an array is too large to write down.
             _ if grows => return None,
-            // The array is too long to spell out.
+            // The array is too long to list.
             Shape::Array { element, length } if *length > SPELLED => array(element, None),
             _ => value(&shape, binding.name(), numbers)?,
         };
@@ -73,9 +72,9 @@ pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<Stri
     let [x, y, z] = groups;
     let first = written.first()?;
     Some(format!(
-        "[[compute]]\nentry = \"{name}\"\nworkgroups = [{x}, {y}, {z}]\n# What the resources hold before: values, \
-         files, or so many elements of a range.\nwith = {{ {} }}\n# No race, no barrier that some invocations miss, no \
-         index outside.\nno_hazards = true\n# What they hold afterwards:\n# [compute.after.{first}]\n# finite = true\n",
+        "[[compute]]\nentry = \"{name}\"\nworkgroups = [{x}, {y}, {z}]\n# The resources before the pass: values, \
+         files, or a number of elements from a range.\nwith = {{ {} }}\n# No race, no barrier that some invocations miss, no \
+         index outside of an array.\nno_hazards = true\n# The resources after the pass:\n# [compute.after.{first}]\n# finite = true\n",
         with.join(", ")
     ))
 }
@@ -99,7 +98,7 @@ fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
     Some(format!("{{ size = {size}, range = \"{range}\" }}"))
 }
 
-/// Returns an array, with a size if the shader doesn't set its length.
+/// Returns an array, and its length if the shader doesn't set one.
 fn array(element: &Shape, size: Option<u32>) -> String {
     let size = size.map(|size| format!("size = {size}"));
     let range = range(element).map(|range| format!("range = \"{range}\""));
@@ -109,7 +108,7 @@ fn array(element: &Shape, size: Option<u32>) -> String {
     }
 }
 
-/// Returns the range of elements that are numbers or vectors.
+/// Returns the range of the elements, if they are numbers or vectors.
 fn range(element: &Shape) -> Option<&'static str> {
     let is_number = matches!(element, Shape::Scalar(_) | Shape::Vector { .. });
     is_number.then(|| match element.lanes().first() {
@@ -118,8 +117,8 @@ fn range(element: &Shape) -> Option<&'static str> {
     })
 }
 
-/// Returns a value of a shape. The name of an integer chooses its value from the dispatch; other integers get the
-/// usual one.
+/// Returns a value of a type. For an integer, the name decides if the value comes from the dispatch. Other integers get
+/// the usual value.
 fn value(shape: &Shape, name: &str, (usual, count): (&Usual, u32)) -> Option<String> {
     let number = |lane, lanes| {
         let own = usual.number(name, lane, lanes);

@@ -1,4 +1,4 @@
-//! The open files of the editor, whose text may be unsaved.
+//! The files that are open in the editor. Their text may be unsaved.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
@@ -13,13 +13,13 @@ use super::place;
 
 /// An open file.
 pub(super) struct Document {
-    /// The URI as the editor writes it.
+    /// The URI in the editor's spelling.
     pub(super) uri: Uri,
     pub(super) version: i32,
     pub(super) text: String,
 }
 
-/// The open documents, by their files.
+/// The open documents, by their paths.
 #[derive(Default)]
 pub(super) struct Documents(BTreeMap<PathBuf, Document>);
 
@@ -42,7 +42,7 @@ impl Documents {
         self.0.get(file)
     }
 
-    /// Returns the text that the author sees, or an empty text if there is none.
+    /// Returns the text that the author sees, or an empty text if there is no such file.
     pub(super) fn text(&self, file: &Path) -> String {
         match self.0.get(file) {
             Some(document) => document.text.clone(),
@@ -52,7 +52,7 @@ impl Documents {
         }
     }
 
-    /// Returns a package with the unsaved texts. Without unsaved texts it keeps its cached programs.
+    /// Returns a package with the unsaved texts. If there are none, the package keeps its cached programs.
     pub(super) fn applied(&self, package: &Package) -> Package {
         let mut package = package.clone();
         for (file, document) in self.unsaved() {
@@ -61,7 +61,7 @@ impl Documents {
         package
     }
 
-    /// Returns `true` if a file below a folder has unsaved text.
+    /// Checks if a file below a folder has unsaved text.
     pub(super) fn is_unsaved_below(&self, folder: &Path) -> bool {
         self.unsaved().any(|(file, _)| file.starts_with(folder))
     }
@@ -74,7 +74,7 @@ impl Documents {
     }
 }
 
-/// The present state of files, each read once.
+/// The present contents of files. Each file is read once.
 pub(super) struct Now<'d> {
     documents: &'d Documents,
     known: RefCell<HashMap<PathBuf, FileRead>>,
@@ -85,13 +85,13 @@ impl<'d> Now<'d> {
         Self { documents, known: RefCell::default() }
     }
 
-    /// Returns `true` if a verdict is about the text that the author sees, because no file that it depends on has
-    /// changed. A change of a Rust reference counts only once it is built.
+    /// Checks if a verdict belongs to the text that the author sees: no file that the verdict depends on has changed. A
+    /// changed Rust reference counts only after it is built.
     pub(super) fn is_current(&self, record: &Record, declared: Option<&Path>) -> bool {
         if record.overlay.is_some() || record.read.is_empty() {
             return false;
         }
-        // The file that declares a test isn't among the files that the test read.
+        // The test didn't read the file that declares it.
         let saved = declared.and_then(|file| file.metadata().ok()?.modified().ok());
         let redeclared = saved.is_some_and(|saved| began_before(record.time.as_ref(), saved));
         !redeclared && record.read.iter().all(|read| self.hash(&read.file) == read.hash)
@@ -107,7 +107,7 @@ impl<'d> Now<'d> {
     }
 }
 
-/// Returns `true` if a verdict began before a file was saved, or if its time is unknown. Records have milliseconds: a
+/// Checks if a verdict began before a file was saved. An unknown time counts as earlier. Records have milliseconds: a
 /// file saved within the first millisecond counts as read.
 fn began_before(time: Option<&Time>, saved: SystemTime) -> bool {
     let started = time.and_then(|time| humantime::parse_rfc3339(&time.started).ok());

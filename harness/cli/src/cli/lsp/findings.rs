@@ -1,4 +1,4 @@
-//! Errors and failures, as diagnostics of files.
+//! Errors and failures as diagnostics.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use super::super::report::{Names, Place, is_failure};
 use super::documents::Documents;
 use super::place;
 
-/// Diagnostics by their files.
+/// The diagnostics of each file.
 pub(super) type Findings = BTreeMap<PathBuf, Vec<Diagnostic>>;
 
 fn error(range: Range, message: String) -> Diagnostic {
@@ -29,7 +29,7 @@ fn error(range: Range, message: String) -> Diagnostic {
     }
 }
 
-/// Adds the errors of invalid modules. Returns errors without a place in a file, for the log.
+/// Adds the errors of invalid modules. Returns the errors without a location in a file, for the log.
 pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<String> {
     let Invalid::Modules { errors, .. } = invalid else { return vec![invalid.to_string()] };
     let mut placeless = Vec::new();
@@ -44,7 +44,8 @@ pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<Stri
     placeless
 }
 
-/// Adds an opinion's remarks as warnings. Remarks that `karat.toml` makes errors are already there as errors.
+/// Adds the remarks of an opinion as warnings. If `karat.toml` turns a remark into an error, the error is already
+/// there.
 pub(super) fn of_opinion(opinion: &Opinion, findings: &mut Findings) {
     for (file, mut diagnostic) in opinion.remarks().into_iter().filter_map(placed) {
         let own = findings.get(&file).map_or(&[][..], Vec::as_slice);
@@ -89,8 +90,8 @@ pub(super) fn file_of(span: &karats::Span) -> Option<PathBuf> {
     (!name.starts_with('<')).then(|| place::resolved(Path::new(name)))
 }
 
-/// Adds the failures in records about the present files. `last` are the records of the last run, whose failures have
-/// names for `karat replay`.
+/// Adds the failures in records that belong to the present files. `last` are the records of the last run; `karat
+/// replay` has names for their failures.
 pub(super) fn of_records(
     records: &[Record],
     last: &[Record],
@@ -112,7 +113,7 @@ pub(super) fn of_records(
     }
 }
 
-/// Adds a finding that has a place. A lens or the log shows other findings.
+/// Adds a finding that has a location. Other findings appear in a lens or in the log.
 pub(super) fn add(
     finding: Finding,
     name: Option<String>,

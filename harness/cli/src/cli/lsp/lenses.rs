@@ -1,4 +1,4 @@
-//! The lenses beside each function: its verdict, and a command that runs its tests.
+//! The lenses beside each function: the verdict, and a command that runs the tests.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,18 +17,19 @@ use super::findings::file_of;
 use super::place::{Lines, resolved};
 use super::root::Verdicts;
 
-/// The command of lenses that run tests: the URI of a file, and the name of a function in it.
+/// The command that a lens sends to run tests. Its arguments are the URI of a file, and the name of a function in the
+/// file.
 pub(super) const RUN: &str = "karat.run";
 
 /// The functions and WGSL tests that have lenses.
 pub(super) struct Subjects {
     package: String,
     tests: Tests,
-    /// The names with their places.
+    /// The names of the subjects, with their locations.
     pub(super) all: Vec<(String, Span)>,
 }
 
-/// The tests of the shaders, by the functions that they check, call or are.
+/// The tests of the shaders. The key is a function that the test checks, calls or is.
 #[derive(Default)]
 struct Tests(BTreeMap<String, BTreeSet<String>>);
 
@@ -36,7 +37,7 @@ impl Tests {
     fn of(tests: &[Test]) -> Self {
         let mut by_function: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for test in tests {
-            // A declared test has a name such as `brdf::schlick is symmetric`.
+            // A test in a TOML file has a name such as `brdf::schlick is symmetric`.
             let spaces = test.name.match_indices(' ').map(|(space, _)| &test.name[..space]);
             for function in spaces.chain([&*test.name]).chain(test.calls()) {
                 let own = by_function.entry(function.to_owned()).or_default();
@@ -78,7 +79,7 @@ impl<'r> Records<'r> {
         found
     }
 
-    /// Returns the records about a function or about a test that calls it, in order.
+    /// Returns the records of a function and of the tests that call it, in order.
     fn about(&self, function: &str, tests: &BTreeSet<String>) -> Vec<&'r Record> {
         let of_tests = tests.iter().filter_map(|test| self.by_test.get(&**test));
         let of_function = self.by_function.get(function);
@@ -87,17 +88,17 @@ impl<'r> Records<'r> {
     }
 }
 
-/// The state of the package besides its records.
+/// The state of the package, without its records.
 pub(super) struct Known<'k> {
     pub(super) verdicts: &'k Verdicts,
     /// `true` while tests run.
     pub(super) busy: bool,
-    /// `true` if a run had all tests.
+    /// `true` if one of the runs had all tests.
     pub(super) whole: bool,
 }
 
 impl Subjects {
-    /// Returns the functions of a module, and the tests in its file, or none if it can't be read.
+    /// Returns the functions of a module and the tests in its file, or none if the module can't be read.
     pub(super) fn of(package: &Package, module: &str, file: &Path) -> Self {
         let functions = package.functions_in(module).unwrap_or_default();
         let functions = functions.into_iter().filter(|item| item.entry_point.is_none());
@@ -112,7 +113,6 @@ impl Subjects {
         Self { package, tests, all }
     }
 
-    /// Returns the names of all tests of a function.
     pub(super) fn names(&self, function: &str, verdicts: &Verdicts) -> BTreeSet<String> {
         let tests = self.tests.about(function);
         let records = [&verdicts.current, &verdicts.stale];
@@ -122,7 +122,8 @@ impl Subjects {
         names.chain(tests.iter().cloned()).collect()
     }
 
-    /// Returns two lenses for each function: its verdict, and a command that runs its tests, if it has some.
+    /// Returns two lenses for each function: the verdict, and a command that runs the function's tests if there are
+    /// any.
     pub(super) fn lenses(&self, uri: &Uri, known: &Known<'_>) -> Vec<CodeLens> {
         let mut lenses = Vec::new();
         let current = Records::of(&self.package, &known.verdicts.current);
@@ -143,7 +144,7 @@ impl Subjects {
             let current = current.about(name, tests);
             let is_stale = !stale.about(name, tests).is_empty();
             let untested = current.is_empty() && !is_stale && tests.is_empty();
-            // A lens with an empty command is text.
+            // A lens with an empty command is only text.
             lens(format!("karat: {}", title(&current, is_stale, !untested, known)), "");
             if !untested {
                 lens("run".to_owned(), RUN);
@@ -160,7 +161,7 @@ fn title(current: &[&Record], is_stale: bool, is_tested: bool, known: &Known<'_>
             (true, _) => "changed since it was tested",
             (false, true) => "not run yet",
             (false, false) if known.whole => "no test",
-            (false, false) => "no test is known: `karat test` tells",
+            (false, false) => "no test is known: run `karat test`",
         };
         return why.to_owned();
     }
@@ -181,7 +182,7 @@ fn title(current: &[&Record], is_stale: bool, is_tested: bool, known: &Known<'_>
     format!("{verdict}{issues}{}, {cases}", worst(paths()).unwrap_or_default())
 }
 
-/// Returns the worst error, its assertion and its path, or `None` if no error was measured.
+/// Returns the worst error with its assertion and path, or `None` if no error was measured.
 fn worst<'p>(paths: impl Iterator<Item = &'p PathRecord>) -> Option<String> {
     // A failing path without a ratio counts as infinite.
     let ratio = |path: &PathRecord| match path.ratio {

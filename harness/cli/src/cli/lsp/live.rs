@@ -16,25 +16,22 @@ use super::place::resolved;
 pub(super) struct Lane {
     pub(super) package: PathBuf,
     pub(super) resident: Resident,
-    /// The time of the last request.
     asked: SystemTime,
-    /// `true` once all tests have a verdict.
+    /// `true` after all tests have a verdict.
     pub(super) done: bool,
-    /// Files and functions that can't be read as tests.
+    /// The files and functions that can't be read as tests.
     pub(super) broken: Vec<Wrong>,
     pub(super) verdicts: Vec<Record>,
 }
 
-/// A message of a process for the rest of the server.
+/// A message of a process to the rest of the server.
 pub(super) enum Told {
     Nothing,
-    /// There are new verdicts.
     Verdicts,
     /// The process ended, with this error text.
     Ended(String),
 }
 
-/// All lanes.
 pub(super) struct Live {
     paths: Vec<String>,
     lanes: Vec<Lane>,
@@ -51,7 +48,7 @@ impl Live {
         self.lanes.iter()
     }
 
-    /// Runs the tests that an edit in a package affects. Starts processes for a package that has its first test.
+    /// Runs the tests that an edit in a package affects. If the package now has its first test, starts its processes.
     pub(super) fn ask(&mut self, package: &karat::Package) -> anyhow::Result<()> {
         let folder = resolved(&package.root());
         if !self.lanes.iter().any(|lane| lane.package == folder) {
@@ -83,7 +80,7 @@ impl Live {
     pub(super) fn hear(&mut self, index: usize, said: Said) -> anyhow::Result<Told> {
         let Some(lane) = self.lanes.get_mut(index) else { return Ok(Told::Nothing) };
         let told = lane.hear(said);
-        // A waiting request is sent after any message.
+        // A waiting request is sent after the next message of the process.
         if lane.resident.waited().is_some() {
             lane.ask(index, &self.sender)?;
         }
@@ -108,15 +105,15 @@ impl Lane {
             Said::Done { tests, broken, .. } => {
                 self.verdicts.retain(|record| tests.contains(&record.test));
                 (self.broken, self.done) = (broken, true);
-                // The process stays busy until its records are written.
+                // The process stays busy until it has written its records.
                 self.resident.busy = self.resident.ask_for_records();
                 Told::Verdicts
             }
             Said::Reported { error } => {
                 self.resident.busy = false;
-                // The lane keeps the last verdicts that could be written.
+                // The lane keeps the last verdicts that the process could write.
                 if let Some(error) = error {
-                    bail!("verdicts can't be reported: {error}");
+                    bail!("can't read the verdicts: {error}");
                 }
                 self.verdicts = read(&self.resident.report());
                 // Tests that the edit didn't affect also count as judged at this time.
@@ -128,19 +125,19 @@ impl Lane {
             }
             Said::Ended { why } => {
                 self.done = false;
-                // Its verdicts are still true for the files that it read.
+                // The verdicts of the ended process remain true for the files that it read.
                 Told::Ended(why)
             }
         })
     }
 
-    /// Returns `true` if a test is in this lane.
+    /// Checks if a test belongs to this lane.
     pub(super) fn has(&self, test: &str) -> bool {
         self.resident.tests.contains(test)
     }
 }
 
-/// Reads the records in a file. An invalid line is from a process that was ended while it wrote.
+/// Reads the records in a file. An invalid line comes from a process that ended while it wrote.
 fn read(file: &Path) -> Vec<Record> {
     let text = std::fs::read_to_string(file).unwrap_or_default();
     text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()

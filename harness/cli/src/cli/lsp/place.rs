@@ -1,4 +1,4 @@
-//! Places in the protocol's form: URIs, and columns in UTF-16 units.
+//! Locations in the form of the protocol: URIs, and columns in UTF-16 units.
 
 use std::ops::Range as Bytes;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,10 @@ use std::str::FromStr;
 use karat::unstable::diagnostic::Span;
 use lsp_types::{Position, Range, Uri};
 
-/// Returns the file of a `file` URI. Links are resolved if the file exists.
+/// Returns the file of a `file` URI. Resolves links if the file exists.
 pub(super) fn file(uri: &str) -> Option<PathBuf> {
     let rest = uri.strip_prefix("file://")?;
-    // The URI may have a host before the path. Only this machine's files can be read.
+    // The URI may have a host before the path. Only files of this machine can be read.
     let path = rest.strip_prefix("localhost").unwrap_or(rest);
     let path = decoded(path.split(['?', '#']).next()?)?;
     let path = match path.as_bytes() {
@@ -22,7 +22,7 @@ pub(super) fn file(uri: &str) -> Option<PathBuf> {
     Some(resolved(Path::new(path)))
 }
 
-/// Returns a file's path with its links resolved, or the path itself if the file doesn't exist.
+/// Returns a file's path with links resolved, or the same path if the file doesn't exist.
 pub(super) fn resolved(path: &Path) -> PathBuf {
     let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     whole.canonicalize().unwrap_or(whole)
@@ -63,20 +63,20 @@ pub(super) fn uri(file: &Path) -> Option<Uri> {
     Uri::from_str(&text).ok()
 }
 
-/// Returns the place of a span in its author's text.
+/// Returns the range of a span in the author's text.
 pub(super) fn of(span: &Span) -> Range {
     let (text, bytes) = span.written();
     Lines::of(&text).range(&bytes)
 }
 
-/// A text with an index of places, so that finding a place doesn't read the whole text before it.
+/// A text with an index of positions. Finding a position doesn't read the whole text before it.
 pub(super) struct Lines<'t> {
     text: &'t str,
-    /// Offsets with their places, some characters apart.
+    /// Offsets with their positions, some characters apart.
     marks: Vec<(usize, Position)>,
 }
 
-/// The bytes between two marks; the last character may exceed it.
+/// The distance of two marks in bytes. The last character may exceed it.
 const STEP: usize = 64;
 
 impl<'t> Lines<'t> {
@@ -92,7 +92,7 @@ impl<'t> Lines<'t> {
         Self { text, marks }
     }
 
-    /// Returns the place of a range of bytes. A range behind the text's end is at that end.
+    /// Returns the position of a range of bytes. A range behind the end of the text is moved to the end.
     pub(super) fn range(&self, bytes: &Bytes<usize>) -> Range {
         let place = |offset: usize| {
             let (mut at, read) = self.before(offset);
@@ -102,7 +102,7 @@ impl<'t> Lines<'t> {
         Range { start: place(bytes.start), end: place(bytes.end.max(bytes.start)) }
     }
 
-    /// Returns the last mark before an offset, and the text between them.
+    /// Returns the last mark before an offset, and the text between the mark and the offset.
     fn before(&self, offset: usize) -> (Position, &'t str) {
         let offset = self.text.floor_char_boundary(offset);
         let behind = self.marks.partition_point(|(mark, _)| *mark <= offset);
@@ -111,7 +111,6 @@ impl<'t> Lines<'t> {
     }
 }
 
-/// Moves a position behind a character.
 fn advance(at: &mut Position, c: char) {
     if c == '\n' {
         *at = Position { line: at.line.saturating_add(1), character: 0 };
@@ -120,7 +119,7 @@ fn advance(at: &mut Position, c: char) {
     }
 }
 
-/// Returns the range from a column to the end of its line. Line and column count from 1, the column in characters. A
+/// Returns the range from a column to the end of its line. Lines and columns count from 1; columns count characters. A
 /// missing line has an empty range.
 pub(super) fn rest_of_line(text: &str, line: u32, column: u32) -> Range {
     let index = line.saturating_sub(1);

@@ -1,4 +1,4 @@
-//! A project in the editor: its packages, and the results of its last runs.
+//! A project that is open in the editor: its packages, and the results of its last runs.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -17,27 +17,27 @@ use super::place::resolved;
 pub(super) struct Root {
     pub(super) project: Project,
     pub(super) packages: Vec<Package>,
-    /// The packages without a declaration, which only tests use.
+    /// The packages that only tests use. No file declares them.
     unstated: Vec<PathBuf>,
-    /// The packages as tests used them, with the tests' features and dependencies.
+    /// The packages with the features and dependencies that tests used.
     uses: Vec<Package>,
     /// The latest records of each test.
     records: Vec<Record>,
-    /// The records of the last run, whose failures `karat replay` finds.
+    /// The records of the last run. `karat replay` finds their failures.
     pub(super) last: Vec<Record>,
-    /// `true` if one of the runs had all tests, so that a function without a record has no test.
+    /// `true` if one of the runs had all tests. Then a function without a record has no test.
     whole: bool,
     stamp: Option<Stamp>,
 }
 
-/// The run that ended last, and its time.
+/// The last run that ended, and the time of its end.
 type Stamp = (String, Option<SystemTime>);
 
-/// The verdicts of the records for the present files.
+/// The verdicts that belong to the present files.
 #[derive(Default)]
 pub(super) struct Verdicts {
     pub(super) current: Vec<Record>,
-    /// Records of files that have changed since.
+    /// The records of files that have changed since their run.
     pub(super) stale: Vec<Record>,
 }
 
@@ -62,17 +62,17 @@ impl Root {
         Ok(())
     }
 
-    /// Returns `true` if all tests are known. Without Cargo all tests are beside the shaders.
+    /// Checks if all tests are known. Without Cargo, all tests are beside the shaders.
     pub(super) fn knows_all(&self) -> bool {
         self.whole || !self.project.is_cargo()
     }
 
-    /// Returns the package that has a file, with the module's name in it.
+    /// Returns the package that contains a file, and the name of the file's module.
     pub(super) fn module_of(&self, file: &Path) -> Option<(&Package, String)> {
         self.packages.iter().find_map(|package| Some((package, module_in(package, file)?)))
     }
 
-    /// Reads the record if another run has ended. Returns `true` if there are new records.
+    /// If another run has ended, reads its record. Checks if there are new records.
     pub(super) fn read_record(&mut self) -> anyhow::Result<bool> {
         let folder = self.project.record();
         let name = std::fs::read_to_string(folder.join("last")).unwrap_or_default();
@@ -95,7 +95,7 @@ impl Root {
         };
         match run.is_some_and(|run| run.selected.is_empty()) {
             true => (self.records, self.whole) = (records.clone(), true),
-            // Only some tests ran. Earlier runs have the records of the other tests.
+            // Only some tests ran. The records of the other tests come from earlier runs.
             false => {
                 let has = |test: &str| records.iter().any(|record| record.test == test);
                 self.records.retain(|record| !has(&record.test));
@@ -127,14 +127,14 @@ impl Root {
         (all, opinion)
     }
 
-    /// Returns the verdicts of the runs for the present files.
+    /// Returns the verdicts of the runs that belong to the present files.
     pub(super) fn verdicts(&self, now: &Now<'_>) -> Verdicts {
         self.sorted(self.records.iter().cloned(), now)
     }
 
-    /// Separates the records of the present files from older ones.
+    /// Separates the records of the present files from older records.
     pub(super) fn sorted(&self, records: impl Iterator<Item = Record>, now: &Now<'_>) -> Verdicts {
-        // Tests write places relative to their own folders.
+        // Tests write paths relative to their own folders.
         let records = records.map(|mut record| {
             if let Subject::Function { location, package, .. } = &mut record.subject {
                 let root = self.project.root();
@@ -151,7 +151,7 @@ impl Root {
         Verdicts { current, stale }
     }
 
-    /// Returns the file that declares tests of a record's function.
+    /// Returns the file that declares the test of a record.
     fn declared(&self, record: &Record) -> Option<PathBuf> {
         let Subject::Function { location, package, .. } = &record.subject else { return None };
         let root = self.project.root();
@@ -160,7 +160,6 @@ impl Root {
     }
 }
 
-/// Returns the name of the module in a file of a package.
 pub(super) fn module_in(package: &Package, file: &Path) -> Option<String> {
     let root = resolved(&package.root());
     if root.is_file() {

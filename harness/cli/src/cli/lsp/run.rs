@@ -12,14 +12,13 @@ use serde_json::json;
 use super::Event;
 use super::wire::Client;
 
-/// The current run; there is at most one.
+/// The current run. There is at most one.
 #[derive(Default)]
 pub(super) struct Runs {
     running: Option<String>,
     count: u64,
 }
 
-/// The result of a run.
 pub(super) struct Ended {
     typ: MessageType,
     message: String,
@@ -37,13 +36,13 @@ impl Runs {
         sender: &Sender<Event>,
     ) {
         if let Some(running) = &self.running {
-            let message = format!("karat: the tests of `{running}` still run");
+            let message = format!("karat: the tests of `{running}` are still running");
             return client.tell(MessageType::WARNING, message);
         }
         if names.is_empty() {
             let message = match whole {
                 true => format!("karat: `{function}` has no test"),
-                false => format!("karat: no test of `{function}` is known: `karat test` tells"),
+                false => format!("karat: no test of `{function}` is known: run `karat test`"),
             };
             return client.tell(MessageType::WARNING, message);
         }
@@ -84,7 +83,7 @@ impl Runs {
 }
 
 fn run(function: &str, names: &BTreeSet<String>, folder: PathBuf) -> anyhow::Result<Ended> {
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     command.current_dir(folder).args(["test", "--short"]);
     for name in names {
@@ -93,7 +92,7 @@ fn run(function: &str, names: &BTreeSet<String>, folder: PathBuf) -> anyhow::Res
     // Standard input and output belong to the protocol.
     let ran = command.stdin(Stdio::null()).output().context("can't run `karat test`")?;
     let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
-    // The last line of a run counts its verdicts, or says why there are none.
+    // The last line of a run counts the verdicts, or gives the reason why there are none.
     let count = out.lines().last().filter(|_| matches!(ran.status.code(), Some(0 | 1)));
     let why = || err.lines().find(|line| line.starts_with("error")).unwrap_or("it ended");
     let said = count.unwrap_or_else(why).to_owned();

@@ -1,4 +1,4 @@
-//! The session: the editor's messages and the server's answers.
+//! The session: messages of the editor, and replies of the server.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -27,7 +27,6 @@ use super::run::Runs;
 use super::wire::{Client, Heard, Refusal};
 use super::{Event, Said};
 
-/// The phase of the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     New,
@@ -43,18 +42,18 @@ pub(super) struct Server {
     pub(super) live: Live,
     runs: Runs,
     sender: Sender<Event>,
-    /// The watched packages. `None` if the system can't watch files: then only saves in the editor count.
+    /// The watched packages. `None` means that the system can't watch files: then only saves in the editor count.
     watched: BTreeMap<PathBuf, Option<Watching>>,
     /// The errors of modules after the last edit.
     pub(super) invalid: Findings,
     /// The diagnostics that the editor shows.
     pub(super) published: Findings,
-    /// `true` if modules or verdicts may have changed since they were shown.
+    /// `true` if modules or verdicts may have changed since the server sent them.
     pub(super) edited: bool,
     pub(super) judged: bool,
 }
 
-/// A request that can't be answered.
+/// A request that the server refuses, with the reason.
 struct Refused(Refusal, String);
 
 impl Server {
@@ -79,17 +78,17 @@ impl Server {
         })
     }
 
-    /// Returns `true` if the editor no longer reads.
+    /// Checks if the editor no longer reads.
     pub(super) fn is_gone(&self) -> bool {
         self.client.gone
     }
 
-    /// Returns `true` if the shown diagnostics may be out of date.
+    /// Checks if the shown diagnostics may be out of date.
     pub(super) fn is_unsettled(&self) -> bool {
         self.edited || self.judged
     }
 
-    /// Handles an event. If the session ends, returns `true` if the editor had asked the server to shut down.
+    /// Handles an event. At the end of the session, returns `true` if the editor had asked the server to shut down.
     pub(super) fn take(&mut self, event: Event) -> Option<bool> {
         match event {
             Event::Heard(Heard::End) => return Some(false),
@@ -97,7 +96,7 @@ impl Server {
                 return Some(self.phase == Phase::Shut);
             }
             Event::Heard(Heard::Request { id, method, parameters }) => {
-                // A panic ends one request, and not the session.
+                // A panic ends one request, but not the session.
                 let answered = catch_unwind(AssertUnwindSafe(|| self.answer(&method, parameters)));
                 let broken = || Refused(Refusal::Internal, format!("`{method}` failed"));
                 match answered.unwrap_or_else(|_| Err(broken())) {
@@ -132,12 +131,15 @@ impl Server {
         match (method, self.phase) {
             ("initialize", Phase::New) => Ok(self.initialize(&parameters)),
             ("initialize", _) => {
-                Err(Refused(Refusal::Invalid, "the session has begun already".to_owned()))
+                Err(Refused(Refusal::Invalid, "the session has already begun".to_owned()))
             }
-            (_, Phase::New) => {
-                Err(Refused(Refusal::NotInitialized, "`initialize` comes first".to_owned()))
+            (_, Phase::New) => Err(Refused(
+                Refusal::NotInitialized,
+                "the first request must be `initialize`".to_owned(),
+            )),
+            (_, Phase::Shut) => {
+                Err(Refused(Refusal::Invalid, "the session is shut down".to_owned()))
             }
-            (_, Phase::Shut) => Err(Refused(Refusal::Invalid, "the session is shut".to_owned())),
             ("shutdown", _) => {
                 self.phase = Phase::Shut;
                 Ok(Value::Null)
@@ -198,8 +200,8 @@ impl Server {
         serde_json::to_value(result).unwrap_or_default()
     }
 
-    /// Opens the project of a folder, and the folder that was tested last. If that one is inside of the other, its
-    /// modules are a package of their own.
+    /// Opens the project of a folder, and the folder that was tested last. If the tested folder is inside the project's
+    /// folder, its modules form a separate package.
     fn open_root(&mut self, folder: &Path) {
         let (own, last) = (Project::at(folder), Project::last_tested_at(folder));
         let is_within = match (&own, &last) {
@@ -241,7 +243,7 @@ impl Server {
             "textDocument/didChange" => {
                 let Ok(change) = read::<DidChangeTextDocumentParams>(parameters) else { return };
                 let Some(file) = place::file(change.text_document.uri.as_str()) else { return };
-                // Each change has the whole text.
+                // Each change contains the whole text.
                 if let Some(last) = change.content_changes.into_iter().next_back() {
                     self.documents.change(&file, change.text_document.version, last.text);
                     self.edited = true;
@@ -262,7 +264,7 @@ impl Server {
         }
     }
 
-    /// Opens the Cargo project of a file, if it is below the open folder.
+    /// Opens the Cargo project of a file, if the project is below the open folder.
     fn find_root(&mut self, file: &Path) {
         if self.roots.iter().any(|root| root.module_of(file).is_some()) {
             return;
@@ -294,7 +296,7 @@ impl Server {
         }
     }
 
-    /// Runs the tests that a change of files in some packages affects.
+    /// Runs the tests that changed files in some packages affect.
     fn changed(&mut self, is_concerned: impl Fn(&Path) -> bool) {
         self.find_packages();
         for package in self.roots.iter().flat_map(|root| &root.packages) {
@@ -313,16 +315,17 @@ impl Server {
             Ok(Told::Nothing) => {}
             Ok(Told::Verdicts) => self.judged = true,
             Ok(Told::Ended(why)) => {
-                self.client.log(format!("the process of the tests ended: {why}"));
-                self.client
-                    .tell_once("tests were ended; the next save runs them again (see the log)");
+                self.client.log(format!("the process that runs the tests ended: {why}"));
+                self.client.tell_once(
+                    "the tests ended early (see the log); the next save runs them again",
+                );
                 self.judged = true;
             }
             Err(error) => self.client.tell_once(&format!("{error:#}")),
         }
     }
 
-    /// Checks for runs that have ended since.
+    /// Checks if runs have ended since the last call.
     pub(super) fn look(&mut self) {
         for root in &mut self.roots {
             match root.read_record() {
@@ -363,7 +366,7 @@ impl Server {
         };
         let Some((root, _, subjects)) = place::file(uri).and_then(|file| self.subjects(&file))
         else {
-            let why = format!("karat: `{uri}` is in no package of shaders");
+            let why = format!("karat: `{uri}` isn't in a package of shaders");
             self.client.tell(MessageType::WARNING, why);
             return Ok(Value::Null);
         };

@@ -1,4 +1,4 @@
-//! The shown diagnostics: invalid modules, and failures about the text that the author sees.
+//! The diagnostics that the editor shows: invalid modules, and failures of the text that the author sees.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,13 +19,13 @@ use super::root::{Root, Verdicts};
 use super::server::Server;
 
 impl Server {
-    /// Shows the present errors and failures.
+    /// Sends the present errors and failures to the editor.
     pub(super) fn settle(&mut self) {
         if std::mem::take(&mut self.edited) {
             // A compiler that panics on an incomplete program has no verdict.
             let found = catch_unwind(AssertUnwindSafe(|| self.find_invalid()));
             self.invalid = found.unwrap_or_else(|_| {
-                self.client.tell_once("a module couldn't be looked at");
+                self.client.tell_once("a compiler panicked on a module");
                 Findings::new()
             });
         } else if !self.judged {
@@ -62,7 +62,7 @@ impl Server {
         let Verdicts { current, .. } = self.verdicts(root, &now);
         findings::of_records(&current, last, folder, &self.documents, found);
         for lane in self.live.lanes().filter(|lane| self.is_of(root, &lane.package)) {
-            // A failure without a record has no list of files. It is about the saved files.
+            // A failure without a record has no list of files. It belongs to the saved files.
             if self.documents.is_unsaved_below(&lane.package) || lane.resident.busy {
                 continue;
             }
@@ -74,7 +74,7 @@ impl Server {
             };
             let failing = lane.resident.failing.iter().filter(|(test, _)| !shown(test));
             for wrong in failing.map(|(_, wrong)| wrong).chain(&lane.broken) {
-                // The errors of an invalid module are already shown, for the text in the editor.
+                // The server already shows the errors of an invalid module, for the text in the editor.
                 if let Some(place) = wrong.place.as_deref().and_then(Place::of)
                     && !self.invalid.contains_key(&resolved(Path::new(&place.file)))
                 {
@@ -91,7 +91,7 @@ impl Server {
         root.packages.iter().any(|known| resolved(&known.root()) == package)
     }
 
-    /// Returns the verdicts of the last runs and of the long-lived processes together.
+    /// Returns the verdicts of the last runs, merged with those of the long-lived processes.
     pub(super) fn verdicts(&self, root: &Root, now: &Now<'_>) -> Verdicts {
         let lanes: Vec<_> = self.live.lanes().filter(|l| self.is_of(root, &l.package)).collect();
         let live = root.sorted(lanes.iter().flat_map(|lane| lane.verdicts.iter().cloned()), now);

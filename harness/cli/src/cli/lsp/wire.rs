@@ -1,4 +1,4 @@
-//! Messages of JSON-RPC over pipes. An invalid message is reported, and the session goes on with the next one.
+//! Messages of JSON-RPC over pipes. The server reports an invalid message, and continues with the next message.
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, Read, Write};
@@ -8,10 +8,10 @@ use lsp_types::{LogMessageParams, MessageType, ShowMessageParams};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// The most bytes of a message, far more than an editor sends. An opened file is one message.
+/// The largest size of a message, in bytes. An opened file is one message; editors send far smaller ones.
 const LONGEST: u64 = 64 << 20;
 
-/// The reason why a request has no result, with the protocol's number.
+/// The reason why a request has no result. The values are the error codes of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
     Unparsed = -32700,
@@ -22,7 +22,6 @@ pub(super) enum Refusal {
     NotInitialized = -32002,
 }
 
-/// A message from the editor.
 #[derive(Debug, PartialEq)]
 pub(super) enum Heard {
     Request {
@@ -34,11 +33,10 @@ pub(super) enum Heard {
         method: String,
         parameters: Value,
     },
-    /// An answer to a request of the server, which is ignored.
+    /// A reply to a request of the server. The server ignores it.
     Answer,
     /// An invalid message, with the reason.
     Garbage(Refusal, String),
-    /// The end of the input.
     End,
 }
 
@@ -47,17 +45,20 @@ pub(super) fn hear(from: &mut dyn BufRead) -> Heard {
     let mut length = None;
     loop {
         let mut line = Vec::new();
-        // A line without an end isn't a head.
+        // A line without an end isn't a header.
         match from.take(1 << 20).read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => return Heard::End,
             Ok(_) => {}
         }
         let line = String::from_utf8_lossy(&line).to_ascii_lowercase();
-        // After a body that was shorter than its length, the next head is in the middle of a line.
+        // If the stated length was too small, the next header begins in the middle of a line.
         if let Some((_, value)) = line.rsplit_once("content-length:") {
             length = value.trim().parse::<u64>().ok().filter(|length| *length <= LONGEST);
             if length.is_none() {
-                return Heard::Garbage(Refusal::Unparsed, format!("no length: {}", value.trim()));
+                return Heard::Garbage(
+                    Refusal::Unparsed,
+                    format!("the header has no length: {}", value.trim()),
+                );
             }
         } else if line.trim().is_empty()
             && let Some(length) = length
@@ -89,15 +90,15 @@ fn parsed(body: &[u8]) -> Heard {
     }
 }
 
-/// The sending side of the connection to the editor.
+/// The sending half of the connection to the editor.
 pub(super) struct Client {
     out: Box<dyn Write + Send>,
-    /// `true` once the editor no longer reads.
+    /// `true` after the editor has stopped reading.
     pub(super) gone: bool,
-    /// The messages that were sent, for those that are sent only once.
+    /// The messages that were sent. Some messages are sent only once.
     said: BTreeSet<String>,
     requests: u64,
-    /// The ability to show progress, as the editor declares it.
+    /// `true` if the editor can show progress.
     pub(super) can_show_progress: bool,
     pub(super) can_refresh_lenses: bool,
 }
@@ -132,12 +133,12 @@ impl Client {
         self.write(&json!({ "jsonrpc": "2.0", "method": N::METHOD, "params": parameters }));
     }
 
-    /// [`notify`](Self::notify) with untyped parameters, as progress may have any token.
+    /// Does the work of [`notify`](Self::notify) with untyped parameters, because a progress token may have any type.
     pub(super) fn notify_value(&mut self, method: &str, parameters: &Value) {
         self.write(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
     }
 
-    /// Sends a request, and ignores its answer.
+    /// Sends a request, and ignores the reply.
     pub(super) fn ask(&mut self, method: &str, parameters: &Value) {
         self.requests += 1;
         let id = format!("karat/{}", self.requests);
@@ -149,7 +150,6 @@ impl Client {
         self.notify::<ShowMessage>(&ShowMessageParams { typ, message: message.into() });
     }
 
-    /// Reports a problem with a project, once.
     pub(super) fn tell_once(&mut self, message: &str) {
         if self.said.insert(message.to_owned()) {
             self.tell(MessageType::WARNING, format!("karat: {message}"));
@@ -201,7 +201,7 @@ mod tests {
             (&framed(r#"{"jsonrpc":"2.0"}"#), 1),
             (&framed(r#"{"id":{},"method":"a"}"#), 1),
             (&framed("\u{0}\u{1f980}"), 1),
-            // The length is smaller than the body.
+            // The stated length is smaller than the body.
             ("Content-Length: 2\r\n\r\n{} and more", 1),
         ] {
             assert_eq!(heard(&format!("{before}{good}{good}")), (2, 2 + garbage), "{before:?}");

@@ -13,7 +13,8 @@ use serde_json::{Value, json};
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
-/// The scripts in order: a script uses only earlier ones while it loads. They become one script, in one scope.
+/// The scripts in the order in which they load: while a script loads, it uses only earlier scripts. They become one
+/// script with one scope.
 const SCRIPTS: [&str; 14] = [
     include_str!("page/elements.js"),
     include_str!("page/data.js"),
@@ -31,7 +32,7 @@ const SCRIPTS: [&str; 14] = [
     include_str!("page/main.js"),
 ];
 
-/// Returns the page. Its data is compressed, as many translations share text.
+/// Returns the page. Its data is compressed, because many translations have parts in common.
 pub(super) fn page(matrices: &[Matrix]) -> anyhow::Result<String> {
     let data = json!({ "matrices": matrices.iter().map(matrix).collect::<Vec<_>>() });
     let mut deflated = ZlibEncoder::new(Vec::new(), Compression::default());
@@ -60,7 +61,7 @@ pub(super) fn page(matrices: &[Matrix]) -> anyhow::Result<String> {
     Ok(page)
 }
 
-/// Returns the page's data of a matrix. A translation that several columns share is there once.
+/// Returns the data of a matrix for the page. If several columns share a translation, the data has it once.
 fn matrix(matrix: &Matrix) -> Value {
     let mut texts = Texts::default();
     let rows: Vec<Value> = matrix.rows.iter().map(|one| row(one, &mut texts)).collect();
@@ -75,7 +76,7 @@ fn matrix(matrix: &Matrix) -> Value {
     })
 }
 
-/// A list of texts without duplicates.
+/// A list of strings without duplicates.
 #[derive(Default)]
 struct Texts {
     all: Vec<String>,

@@ -1,11 +1,11 @@
-//! The matrix as JUnit XML: one suite per package, one case per row and column.
+//! The matrix as JUnit XML: one suite for each package, one case for each row and column.
 
 use anyhow::Context;
 use karat_inspect::matrix::{Cell, Finding, Matrix, Row, Status};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
-/// Returns the file. A row that is wrong or misses its required status is a failure. A row that agrees with another
-/// column, or reaches its required status, passes. A row that couldn't be judged is skipped, with the reason.
+/// Returns the XML text. A row that is wrong or misses its required status fails. A row that agrees with another column
+/// or reaches its required status passes. A row without a verdict is skipped, with the reason.
 pub(super) fn text(matrices: &[Matrix], required: &[(String, Status)]) -> anyhow::Result<String> {
     let mut report = Report::new("karat matrix");
     for matrix in matrices {
@@ -56,7 +56,6 @@ fn status(
     }
 }
 
-/// Returns the evidence of a verdict.
 fn evidence(cell: &Cell) -> String {
     let mut lines = vec![format!("{}; {}", cell.word(), cell.options)];
     lines.extend(cell.validators.iter().map(|said| {
@@ -67,7 +66,7 @@ fn evidence(cell: &Cell) -> String {
         lines.push(format!("{} cases compared, {} differ", cell.compared, cell.differing));
     }
     if cell.open > 0 {
-        lines.push(format!("{} differ where WGSL leaves open what they are", cell.open));
+        lines.push(format!("{} differ where WGSL allows several results", cell.open));
     }
     lines.extend(cell.known.as_ref().map(|known| format!("known: {}", known.reason)));
     lines.join("\n")

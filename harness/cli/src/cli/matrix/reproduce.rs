@@ -1,4 +1,4 @@
-//! A wrong row as a folder, to attach to a bug report.
+//! A folder with the evidence of a wrong row, to attach to a bug report.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use karat::unstable::image::write_whole;
 use karat_inspect::matrix::{Cell, Divergence, Head, Matrix, Row, Stop};
 use serde_json::json;
 
-/// Writes a folder for each cell that differs, is rejected or broke a validator. Returns the written folders.
+/// Writes a folder for each cell that differs, is rejected or crashed a validator. Returns the folders.
 pub(super) fn write(folder: &Path, matrices: &[Matrix]) -> anyhow::Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     for matrix in matrices {
@@ -28,7 +28,7 @@ pub(super) fn write(folder: &Path, matrices: &[Matrix]) -> anyhow::Result<Vec<Pa
     Ok(written)
 }
 
-/// Returns a name for a file, without `:` and `/`.
+/// Returns a file name without `:` and `/`.
 fn plain(name: &str) -> String {
     let kept = |c: char| if c.is_alphanumeric() || "._@-".contains(c) { c } else { '-' };
     name.chars().map(kept).collect()
@@ -41,17 +41,16 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
     let mut files = vec![(
         "shader.wgsl".to_owned(),
         if row.kind == "function" {
-            "the function with all that it uses, and the kernel that calls it: `karat_in` are the \
-             arguments' words, `karat_out` the results', each case followed by a canary"
+            "the function with everything that it uses, and the kernel that calls it: `karat_in` has the \
+             32-bit words of the arguments, `karat_out` those of the results; a canary follows each case"
         } else {
-            "the entry point's module with all that it uses"
+            "the entry point's module with everything that it uses"
         }
         .to_owned(),
     )];
     let baseline = cell.against.as_deref();
     let columns = matrix.columns.iter().zip(&row.cells);
     for (head, cell) in columns.filter(|(h, _)| h.name == head.name || Some(&*h.name) == baseline) {
-        // The name in the commands.
         let column = plain(&head.name);
         let name = format!("{column}/shader.{}", extension(&head.language));
         if let Some(code) = &cell.code {
@@ -63,15 +62,15 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
     if cell.divergence.is_some() || !row.buffers.is_empty() {
         let text = serde_json::to_string_pretty(&values(row, cell))?;
         file("values.json", text.as_bytes())?;
-        files.push(("values.json".to_owned(), "inputs and results, as words".to_owned()));
+        files.push(("values.json".to_owned(), "inputs and results, as 32-bit words".to_owned()));
     }
     let text = readme(matrix, row, head, cell, &files)?;
-    // Authors' texts and validators' messages may contain control characters.
+    // Texts of authors and messages of validators may contain control characters.
     file("README.md", karat::unstable::output::visible(&text).as_bytes())?;
     Ok(())
 }
 
-/// Returns the extension of a language's files.
+/// Returns the file extension of a language.
 fn extension(language: &str) -> &str {
     match language {
         "spirv" => "spv",
@@ -147,11 +146,14 @@ fn readme(
         }
     }
     let all = baseline.into_iter().chain([&*head.name]).collect::<Vec<_>>().join(",");
-    writeln!(text, "Karat repeats it here: `karat matrix --shaders shader.wgsl --columns {all}`.")?;
+    writeln!(
+        text,
+        "To repeat it with Karat in this folder: `karat matrix --shaders shader.wgsl --columns {all}`."
+    )?;
     Ok(text)
 }
 
-/// Returns a block of code, whose fence is longer than any row of backticks in it.
+/// Returns a block of code. Its fence is longer than any sequence of backticks in the code.
 fn fenced(language: &str, text: &str) -> String {
     let longest = text.split(|c| c != '`').map(str::len).max().unwrap_or(0);
     let fence = "`".repeat(3.max(longest + 1));
@@ -164,7 +166,7 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
     for (name, value) in &found.arguments {
         writeln!(text, "| `{name}` | {value} |")?;
     }
-    writeln!(text, "\nIn words: {}\n", hex(&found.words).join(" "))?;
+    writeln!(text, "\nAs 32-bit words: {}\n", hex(&found.words).join(" "))?;
     writeln!(text, "| column | result | words |\n|---|---|---|")?;
     let (here, there) = (hex(&found.results.0).join(" "), hex(&found.results.1).join(" "));
     writeln!(text, "| `{}` | {} | {here} |", head.name, found.here)?;
@@ -172,7 +174,7 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
     if !found.alone {
         writeln!(
             text,
-            "\nRun alone, this input gives the same on both: a result depends on the inputs that run \
+            "\nIf it is the only input, both results are equal: a result depends on the inputs that run \
              beside it. These are the results among the inputs that Karat makes up, which are the same \
              each time."
         )?;
@@ -193,10 +195,10 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
                 writeln!(text, "It is line {line} of the translation.")?;
             }
         }
-        None => writeln!(text, "\nNone of the let-bindings that could be looked at differs.")?,
+        None => writeln!(text, "\nNone of the let-bindings that Karat could compare differs.")?,
     }
     if !found.unseen.is_empty() {
-        writeln!(text, "Not looked at: `{}`.", found.unseen.join("`, `"))?;
+        writeln!(text, "Not compared: `{}`.", found.unseen.join("`, `"))?;
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Rust tests that judge mutants. Their programs run without Cargo, with the mutant as an overlay.
+//! Rust tests that judge mutants. The test programs run without Cargo, and read the mutant from an overlay.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
@@ -16,32 +16,31 @@ use karat_mutate::{Candidate, Hidden, Judged, Others};
 use super::super::suite::cargo::libtest;
 use super::super::suite::cargo::programs::{Programs, TestProgram};
 
-/// The least time limit of a program for a mutant. It is far above the time without a mutant, as other programs may
-/// slow it down.
+/// The smallest time limit of a test program with a mutant. It is far above the time without a mutant, because other
+/// programs may slow the test program down.
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
 
-/// The time up to which a test counts as quick. A test program starts in some hundredths of a second.
+/// The time limit of a quick test. A test program starts in some hundredths of a second.
 const QUICK: Duration = Duration::from_millis(200);
 
-/// All tests of a project.
 pub(super) struct RustTests {
     programs: Programs,
-    /// The shader programs that tests link, each once, with the displayed names of their tests.
+    /// The shader programs that tests link. Each has the displayed names of its tests.
     made: Vec<(Dependence, BTreeSet<String>)>,
     pub(super) count: usize,
-    /// Tests with slow checks, which run last.
+    /// Tests with slow checks. They run last.
     slow: BTreeSet<String>,
-    /// Tests that check a function itself, by the function's name: `brdf::schlick`. They run first.
+    /// Tests that check a function directly, by the name of the function: `brdf::schlick`. They run first.
     direct: BTreeMap<String, BTreeSet<String>>,
-    /// The results of each test's checks without a mutant, by the displayed names.
+    /// The results of each test's checks without a mutant, by the displayed name of the test.
     found: BTreeMap<String, Vec<PathRecord>>,
-    /// The time limit of a program for a mutant.
+    /// The time limit of a test program with a mutant.
     limit: Duration,
-    /// Tests that fail without a mutant for another reason than a check, such as tests that draw, on the engine. They
-    /// can't judge mutants.
+    /// Tests that fail without a mutant, and not because of a check. An example is a test that draws, on the engine.
+    /// Such tests can't judge mutants.
     pub(super) unfit: Vec<String>,
-    /// One program runs at a time: each takes all cores.
+    /// The lock that lets one test program run at a time: each uses all cores.
     turn: Mutex<()>,
 }
 
@@ -52,14 +51,14 @@ pub(super) struct OfPackage<'t> {
 }
 
 impl RustTests {
-    /// Builds the tests of some Cargo packages, or of all, and runs each test once. `None` if the project has no Rust
-    /// tests.
+    /// Builds the tests of some or all Cargo packages, and runs each test once. Returns `None` if the project has no
+    /// Rust tests.
     pub(super) fn of(
         root: &Path,
         packages: &[String],
         filter: Option<&str>,
     ) -> anyhow::Result<Self> {
-        tell("building the tests in Rust, and running each once");
+        tell("building the tests in Rust, and running each test once");
         let (mut slowest, mut slow) = (Duration::ZERO, BTreeSet::new());
         let mut found: BTreeMap<String, Vec<PathRecord>> = BTreeMap::new();
         let mut direct: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -80,7 +79,7 @@ impl RustTests {
             if tests.is_empty() {
                 continue;
             }
-            let folder = tempfile::tempdir().context("no temporary folder")?;
+            let folder = tempfile::tempdir().context("can't make a temporary folder")?;
             let mut failed: Vec<(String, String)> = Vec::new();
             let began = Instant::now();
             libtest::run(program, &tests, (folder.path(), None), &mut |test, message| {
@@ -116,8 +115,9 @@ impl RustTests {
                     }
                 }
             }
-            let all = Dependence::all(folder.path()).context("what tests linked can't be read")?;
-            // A thread without a test's name may have linked the program for any of its tests.
+            let all = Dependence::all(folder.path())
+                .context("can't read which shaders the tests linked")?;
+            // A thread without a test's name may have linked the program for any test of its program.
             for mut one in all {
                 let is_own = tests.contains(&&*one.test);
                 let users = tests.iter().filter(|test| !is_own || **test == one.test);
@@ -133,7 +133,7 @@ impl RustTests {
             let more =
                 if red.len() > 1 { format!(", and {} more", red.len() - 1) } else { String::new() };
             bail!(
-                "`{test}`{more} fails without a mutant, and would kill each: mend it first\n\n{}",
+                "`{test}`{more} fails without a mutant, so it would kill each mutant: correct it first\n\n{}",
                 message.trim_end()
             );
         }
@@ -155,7 +155,7 @@ impl RustTests {
 
     fn judge(&self, package: &Package, candidate: &Candidate) -> anyhow::Result<Judged> {
         let text = candidate.mutant.applied(&candidate.text);
-        let scratch = tempfile::tempdir().context("no temporary folder")?;
+        let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
         let (overlay, records) = (scratch.path().join("overlay"), scratch.path().join("record"));
         write_overlay(&overlay, package, candidate, &text)?;
         // Text in memory isn't a file, so an overlay can't replace it.
@@ -212,7 +212,7 @@ impl RustTests {
             }
             if was_ended {
                 let seconds = self.limit.as_secs();
-                let reason = format!("it was ended after {seconds} s");
+                let reason = format!("Karat ended it after {seconds} s");
                 judged.stopped = Some((program.show(concerned[0]), reason));
                 continue;
             }
@@ -222,7 +222,7 @@ impl RustTests {
                 let verdicts = records.iter().filter(|one| one.test == test).map(|one| one.verdict);
                 let verdicts: Vec<Verdict> = verdicts.collect();
                 let name = program.show(&test);
-                // Without an error of Karat, the failure is a check or another assertion of the test.
+                // If Karat reports no error, a check or another assertion of the test failed.
                 if verdicts.contains(&Verdict::Fail) || !verdicts.contains(&Verdict::Error) {
                     return Ok(Judged { killed: Some(name), ..judged });
                 }
@@ -256,7 +256,7 @@ impl RustTests {
         own.into_iter().filter_map(of).fold(None, |known, one| Hidden::nearest(known, Some(one)))
     }
 
-    /// Runs a program, and ends it after the time limit, as a test may wait forever for a mutant's result.
+    /// Runs a program, and ends it after the time limit: a test may wait forever for the result of a mutant.
     fn within_limit(&self, run: &mut dyn FnMut() -> anyhow::Result<()>) -> anyhow::Result<bool> {
         let (done, waits) = mpsc::channel::<()>();
         std::thread::scope(|scope| {
@@ -276,7 +276,7 @@ impl RustTests {
     }
 }
 
-/// Writes a module's text into an overlay, under the name that keeps modules of several packages apart.
+/// Writes the text of a module into an overlay. The file name keeps the modules of several packages apart.
 fn write_overlay(
     overlay: &Path,
     package: &Package,

@@ -9,10 +9,10 @@ use karat::unstable::image::write_whole;
 use karat_mutate::{Candidate, Fate, Tried};
 use serde_json::{Value, json};
 
-/// The scores in per cent from which viewers show a score as high, and below which as low: Stryker's defaults.
+/// The thresholds of viewers, in per cent: a score is high from the first number up, and low below the second. These
+/// are Stryker's defaults.
 const THRESHOLDS: [u32; 2] = [80, 60];
 
-/// Writes the report.
 pub(super) fn write<'h>(all: impl Iterator<Item = &'h Tried>, path: &Path) -> anyhow::Result<()> {
     let mut files: BTreeMap<String, (&str, Vec<Value>)> = BTreeMap::new();
     for one in all {
@@ -36,14 +36,14 @@ fn mutant(one: &Tried) -> Value {
     let Candidate { id, mutant, .. } = &one.candidate;
     let (status, reason) = match &one.fate {
         Fate::Killed { test } => ("Killed", format!("killed by {test}")),
-        // The schema has no status for an equal mutant. `Ignored` leaves it out of the score.
+        // The schema has no status for an equal mutant. `Ignored` excludes it from the score.
         Fate::Equal { by } => ("Ignored", by.to_string()),
         Fate::Accepted { reason } => ("Ignored", reason.clone()),
         Fate::Lived { .. } => ("Survived", String::new()),
         Fate::Untested { .. } => ("NoCoverage", String::new()),
         Fate::Invalid { reason } => ("CompileError", reason.clone()),
-        Fate::Idle => ("Ignored", "it changes nothing that is linked".to_owned()),
-        // Viewers count a `Timeout` as detected, but this mutant wasn't killed.
+        Fate::Idle => ("Ignored", "it changes no linked code".to_owned()),
+        // Viewers count a `Timeout` as detected, but no test killed this mutant.
         Fate::Stopped { reason, .. } | Fate::Unknown { reason } => ("RuntimeError", reason.clone()),
     };
     let lines: Vec<&str> = mutant.original.split('\n').collect();

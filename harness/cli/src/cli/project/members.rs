@@ -1,4 +1,4 @@
-//! The members of a Cargo workspace, from their manifests: Cargo may not be installed, so Karat doesn't run it.
+//! The members of a Cargo workspace, from their manifests. Karat doesn't run Cargo, because Cargo may not be installed.
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -6,11 +6,11 @@ use std::path::{Component, Path, PathBuf};
 use anyhow::Context;
 use toml::{Table, Value};
 
-/// The tables of dependencies, which a platform may have, too.
+/// The tables of dependencies. Each platform may have such tables, too.
 const DEPENDENCIES: [&str; 3] = ["dependencies", "dev-dependencies", "build-dependencies"];
 
-/// Returns the folders of a workspace's members below its root, each with its manifest: the listed members, and those
-/// that the root or a member depends on by a path.
+/// Returns the folders of a workspace's members below its root, each with its manifest. Members are the listed folders,
+/// and those that the root or a member depends on by a path.
 pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathBuf, Table>> {
     let mut found = BTreeMap::new();
     let Some(workspace) = manifest.get("workspace") else { return Ok(found) };
@@ -21,7 +21,7 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
     let excluded: Vec<PathBuf> = words("exclude").map(|word| clean(&root.join(word))).collect();
     let mut queue = paths(root, manifest);
     for word in words("members") {
-        // The root's name may have characters of a glob, and isn't one.
+        // The root's name isn't a glob pattern, but it may contain the characters of one.
         let pattern = match Path::new(word).is_absolute() {
             true => word.to_owned(),
             false => format!("{}/{word}", glob::Pattern::escape(&root.to_string_lossy())),
@@ -61,7 +61,7 @@ fn paths(folder: &Path, manifest: &Table) -> Vec<PathBuf> {
     all.map(|path| clean(&folder.join(path))).collect()
 }
 
-/// Returns a path without `.` and `..`, as members are compared by their paths.
+/// Returns a path without `.` and `..`, because members are compared by their paths.
 fn clean(path: &Path) -> PathBuf {
     let mut clean = PathBuf::new();
     for part in path.components() {

@@ -1,13 +1,12 @@
-//! Colours a message on a terminal: the headline, the place, and the part of the line that it is about.
+//! Colours for messages on a terminal: the headline, the location, and the marked part of the source line.
 
 use super::super::table::{BAD, DIM, HEAD, KNOWN};
 
-/// Returns the message with colours. The output removes them if colours are off.
+/// Returns the message with colours. If colours are off, the output removes them.
 pub(in crate::cli) fn painted(message: &str) -> String {
     message.lines().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// Colours one line of a message.
 pub(in crate::cli) fn line(line: &str) -> String {
     let trimmed = line.trim_start();
     let indent = &line[..line.len() - trimmed.len()];
@@ -22,7 +21,7 @@ pub(in crate::cli) fn line(line: &str) -> String {
     if line.starts_with("on ") || trimmed.starts_with("it fails ") {
         return format!("{indent}{HEAD}{trimmed}{HEAD:#}");
     }
-    // A line of an excerpt: `12 |     return a / b;`, or the carets below it.
+    // A line of a source excerpt: `12 |  return a / b;`, or the carets below it.
     let Some((gutter, text)) = line.split_once('|') else { return line.to_owned() };
     if !gutter.chars().all(|c| c == ' ' || c.is_ascii_digit()) {
         return line.to_owned();
@@ -39,7 +38,7 @@ pub(in crate::cli) fn line(line: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Returns a text without its colours.
+    /// Returns a text without colours.
     fn plain(text: &str) -> String {
         let mut plain = String::new();
         let mut rest = text;

@@ -1,4 +1,4 @@
-//! Failures as annotations of a GitHub workflow, and as the summary of its job.
+//! Failures as annotations of a GitHub workflow, and in the summary of its job.
 
 use std::fmt::Write as _;
 use std::fs::OpenOptions;
@@ -14,24 +14,24 @@ use super::tables::{is_failure, share};
 use super::{Names, Place, Sum, located, pictures, replays, workspace, wrong_place};
 use crate::cli::project::Project;
 
-/// The most bytes of a summary. GitHub drops a summary of more than 1 MiB per step.
+/// The largest size of a summary, in bytes. GitHub drops a summary of more than 1 MiB per step.
 const LONGEST: usize = 900 << 10;
-/// The most bytes of a log in the summary. HTML escapes take up to five bytes per character.
+/// The largest size of a log in the summary, in bytes. HTML escapes take up to five bytes per character.
 const LONGEST_LOG: usize = LONGEST / 5;
-/// The most characters of a message in the summary.
+/// The largest number of characters of a message in the summary.
 const LONGEST_MESSAGE: usize = 4 << 10;
-/// The most errors per step for which GitHub's runner makes annotations. It only logs the others.
+/// The largest number of errors per step that GitHub's runner annotates. The runner only logs further errors.
 const MOST_ANNOTATIONS: usize = 10;
-/// The most UTF-16 units of a message for GitHub's runner, and of a title for its service.
+/// The largest number of UTF-16 units in a message for GitHub's runner, or in a title for its service.
 const LONGEST_ANNOTATION: usize = 4096;
 const LONGEST_TITLE: usize = 255;
 
-/// Returns `true` if GitHub's runner reads the output.
+/// Checks if GitHub's runner reads the output.
 pub(in crate::cli) fn runs_here() -> bool {
     std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true")
 }
 
-/// Turns GitHub's commands off, until a random word turns them on again.
+/// A state in which GitHub's runner ignores commands. A random word ends the state.
 #[derive(Debug, Default)]
 pub(in crate::cli) struct Held(Option<String>);
 
@@ -66,7 +66,7 @@ pub(super) fn write(
     append_summary(|| summary(&failures, sum, names, project))
 }
 
-/// Adds to the summary of the job, if there is one: a headline, and the text of the log.
+/// Adds a headline and the text of the log to the summary of the job, if the job has one.
 pub(in crate::cli) fn summarise(title: &str, headline: &str, text: &[u8]) -> anyhow::Result<()> {
     let mut plain = Vec::new();
     let mut output = Output::new(anstream::StripStream::new(&mut plain));
@@ -75,7 +75,7 @@ pub(in crate::cli) fn summarise(title: &str, headline: &str, text: &[u8]) -> any
     let text = String::from_utf8_lossy(&plain);
     let end = text.char_indices().map(|(at, _)| at).take_while(|at| *at <= LONGEST_LOG).last();
     let cut = &text[..end.filter(|_| text.len() > LONGEST_LOG).unwrap_or(text.len())];
-    let more = if cut.len() < text.len() { "\n... (the log has the rest)" } else { "" };
+    let more = if cut.len() < text.len() { "\n... (the rest is in the log)" } else { "" };
     append_summary(|| {
         Ok(format!(
             "## {title}\n\n{}.\n\n<details><summary>more</summary>\n\n<pre>{}{more}</pre>\n</details>\n\n",
@@ -100,7 +100,7 @@ fn append_summary(text: impl FnOnce() -> anyhow::Result<String>) -> anyhow::Resu
         .with_context(|| format!("can't append to the summary `{shown}`"))
 }
 
-/// Writes a line for each failure. If there are too many, the last line counts the rest.
+/// Writes a line for each failure. If there are too many failures, the last line counts the others.
 fn annotations(
     failures: &[&Record],
     (sum, errors): (&Sum, &[ModuleError]),
@@ -109,14 +109,13 @@ fn annotations(
 ) -> Vec<String> {
     let reasons = sum.reasons();
     let workspace = workspace(project.root());
-    // Invalid modules come first, as they make tests fail. They take at most half of the annotations.
+    // Invalid modules come first, because they make tests fail. They get at most half of the annotations.
     let errors = errors.iter().take(MOST_ANNOTATIONS / 2).map(|ModuleError { place, message }| {
         let place = located(place, project.root(), &workspace);
         annotation(place.as_ref(), "invalid module", message)
     });
     let errors: Vec<String> = errors.collect();
     let room = MOST_ANNOTATIONS - usize::from(!reasons.is_empty()) - errors.len();
-    // Each failing expectation is shown at its line.
     let of = |record: &&Record| {
         let title = names.subject(record);
         let found = short::expectations(record, &workspace);
@@ -145,7 +144,7 @@ fn annotations(
     lines.splice(0..0, errors);
     if !rest.is_empty() {
         let title = format!("{} failed", counted(rest.len(), "more check"));
-        let message = format!("the log has their messages:\n{}", rest.join("\n"));
+        let message = format!("their messages are in the log:\n{}", rest.join("\n"));
         lines.push(annotation(None, &title, &message));
     }
     if !reasons.is_empty() {
@@ -154,15 +153,15 @@ fn annotations(
     lines
 }
 
-/// Returns the message of a failure. A long message keeps its end, which is the replay command.
+/// Returns the message of a failure. A long message keeps its end, because the replay command is there.
 fn message(record: &Record) -> String {
     let message = record.message.clone();
-    let message = message.unwrap_or_else(|| "it fails, and says nothing".to_owned());
+    let message = message.unwrap_or_else(|| "it fails without a message".to_owned());
     if message.encode_utf16().count() <= LONGEST_ANNOTATION {
         return message;
     }
     let replay = replays(record).first().map(|command| format!("\n  replay: {command}"));
-    let end = format!("\n  ... (the log has the rest){}", replay.unwrap_or_default());
+    let end = format!("\n  ... (the rest is in the log){}", replay.unwrap_or_default());
     let room = LONGEST_ANNOTATION.saturating_sub(end.encode_utf16().count());
     format!("{}{end}", cut(&message, room))
 }
@@ -177,7 +176,8 @@ fn cut(text: &str, units: usize) -> &str {
     end.map_or(text, |(end, _)| &text[..end])
 }
 
-/// Writes warnings at places, as many as GitHub's runner takes. If there are too many, the last one counts the rest.
+/// Writes warnings with locations, at most as many as GitHub's runner annotates. If there are more, the last warning
+/// counts the others.
 pub(in crate::cli) fn write_warnings(
     title: &str,
     warnings: impl ExactSizeIterator<Item = (String, String)>,
@@ -192,7 +192,7 @@ pub(in crate::cli) fn write_warnings(
         writeln!(out, "{}", command("warning", place.as_ref(), title, &message))?;
     }
     if count > shown {
-        let message = format!("{} more: the log has them", count - shown);
+        let message = format!("{} more are in the log", count - shown);
         writeln!(out, "{}", command("warning", None, title, &message))?;
     }
     Ok(())
@@ -202,7 +202,7 @@ fn annotation(place: Option<&Place>, title: &str, message: &str) -> String {
     command("error", place, title, message)
 }
 
-/// `::error file=...,line=...,col=...,title=...::message`
+/// Formats a command: `::error file=...,line=...,col=...,title=...::message`.
 fn command(level: &str, place: Option<&Place>, title: &str, message: &str) -> String {
     let mut properties = String::new();
     if let Some(Place { file, line, column }) = place {
@@ -256,7 +256,7 @@ fn summary(
         }
     }
     if dropped > 0 {
-        writeln!(text, "The log has {}.", counted(dropped, "more message"))?;
+        writeln!(text, "{} in the log.", counted(dropped, "more message"))?;
     }
     Ok(text)
 }
@@ -269,7 +269,7 @@ fn rows(record: &Record, names: &Names, text: &mut String) -> std::fmt::Result {
     for path in &record.paths {
         let (worst, asserted) = (markdown(&path.worst), markdown(&path.asserted));
         let (cases, share) = (path.cases, markdown(&share(path)));
-        // A sampler fails per configuration, each of which has many samples.
+        // A sampler fails per configuration, and each configuration has many samples.
         let failures = match path.configurations {
             Some(_) => counted(path.failures, "configuration"),
             None => path.failures.to_string(),
@@ -283,7 +283,7 @@ fn rows(record: &Record, names: &Names, text: &mut String) -> std::fmt::Result {
     Ok(())
 }
 
-/// Returns a failure's message, folded, and the names of a frame's pictures in the artefact.
+/// Returns the folded message of a failure, and the names of the pictures in the artefact.
 fn section(record: &Record, names: &Names, project: &Project) -> anyhow::Result<String> {
     let subject = markdown(&names.subject(record));
     let mut text = format!("<details><summary>{subject}</summary>\n\n");
@@ -320,7 +320,7 @@ mod tests {
     fn texts_are_cut_between_characters() {
         assert_eq!(cut("abc", 3), "abc");
         assert_eq!(cut("abc", 2), "ab");
-        // One character of two units.
+        // One character of two UTF-16 units.
         assert_eq!(cut("a\u{1f980}b", 2), "a");
         assert_eq!(cut("a\u{1f980}b", 3), "a\u{1f980}");
     }

@@ -1,4 +1,4 @@
-//! The page of a run: one file that needs no other files.
+//! The report of a run: one HTML file that needs no other files.
 
 mod cells;
 mod plot;
@@ -16,20 +16,19 @@ use super::{Names, Sum, failing, replays, values};
 const STYLE: &str = include_str!("html/report.css");
 const SCRIPT: &str = include_str!("html/report.js");
 
-/// The content of the page besides the records.
+/// The content of the page, except for the records.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Beside<'p> {
-    /// The functions without a test; `None` if a filter left tests out.
+    /// The functions without a test. `None` if the run skipped tests.
     pub(super) untested: Option<Vec<String>>,
-    /// The hazards of each package; `None` if they weren't checked.
+    /// The hazards of each package. `None` if Karat didn't check for hazards.
     pub(super) hazards: Option<Vec<Hazards>>,
-    /// The address of the page of frames.
+    /// The URL of the page of frames.
     pub(super) review: Option<&'p str>,
-    /// The address of the page of translations.
+    /// The URL of the page of translations.
     pub(super) matrix: Option<&'p str>,
 }
 
-/// Returns the page of a run.
 pub(super) fn page(
     records: &[Record],
     run: Option<&Run>,
@@ -69,7 +68,6 @@ pub(super) fn page(
     page.into_string()
 }
 
-/// Returns the verdict, the tests that ran, and the search field.
 fn head(
     records: &[Record],
     (run, sum): (Option<&Run>, &Sum),
@@ -91,34 +89,34 @@ fn head(
             }
             @match run {
                 None => p class="fail" {
-                    "The record doesn't say that its run ended, so tests may be missing: it was stopped, or it \
-                     runs still. Run the tests again."
+                    "The record doesn't say that its run ended, so tests may be missing: the run was stopped, or it \
+                     is still running. Run the tests again."
                 },
                 Some(run) if !run.selected.is_empty() => p { "Only: " (run.selected.join(" ")) },
                 Some(_) => {}
             }
             @for overlay in overlays {
-                p class="fail" { "With KARAT_OVERLAY=" (overlay) ": not the modules of the packages." }
+                p class="fail" { "With KARAT_OVERLAY=" (overlay) ": files of this folder replaced modules of the packages." }
             }
             @if let Some(matrix) = matrix { p { a href=(matrix) { "Every translation of the shaders" } } }
             ul class="adapters" { @for adapter in &adapters { li { (adapter) } } }
             label { "Search " input id="search" type="search" placeholder="name, test, path, message"; }
             label { input id="failing" type="checkbox"; " only what fails" }
-            p id="none" hidden { "Nothing has all of these words." }
+            p id="none" hidden { "No row has all of these words." }
         }
     }
 }
 
-/// A record with a name for links: `#brdf::schlick-agrees_with-schlick_matches`.
+/// A record with the name of its anchor: `#brdf::schlick-agrees_with-schlick_matches`.
 struct Row<'r> {
     record: &'r Record,
-    /// The name of its subject.
+    /// The name of the record's subject.
     name: String,
     anchor: String,
 }
 
 impl<'r> Row<'r> {
-    /// Makes the rows, with distinct names: a test may check a function several times.
+    /// Makes the rows, with distinct anchors: a test may check the same function several times.
     fn all(records: &'r [Record], names: &Names) -> Vec<Self> {
         let mut known: BTreeMap<String, usize> = BTreeMap::new();
         let row = |record: &'r Record| {
@@ -138,12 +136,13 @@ impl<'r> Row<'r> {
         is_failure(self.record)
     }
 
-    /// Returns the anchor of the row, unless the record is shown in full, which has the anchor then.
+    /// Returns the anchor of the row. If the page also shows the record in full, the anchor is there, and the row has
+    /// none.
     fn id(&self) -> Option<&str> {
         (!self.fails()).then_some(&self.anchor)
     }
 
-    /// Returns the words that a search finds and the row doesn't show.
+    /// Returns the words that the search finds although the row doesn't show them.
     fn words(&self) -> String {
         let of = |path: &PathRecord| format!("{} {} ", path.adapter, path.asserted);
         self.record.paths.iter().map(of).collect()
@@ -173,7 +172,7 @@ fn failures(rows: &[Row<'_>]) -> Markup {
     }
 }
 
-/// Returns the failing cases of each path, for copying.
+/// Returns the failing cases of each path, as text to copy.
 fn cases(record: &Record) -> Markup {
     let paths = record.details.iter().flat_map(|details| &details.paths);
     let paths = paths.map(|path| (&path.adapter.path, values(path)));
@@ -191,7 +190,6 @@ fn cases(record: &Record) -> Markup {
     }
 }
 
-/// Returns the plots of each path of a failure.
 pub(super) fn figures(record: &Record) -> Markup {
     html! {
         @for path in &record.paths {
@@ -230,7 +228,7 @@ fn nth(at: usize) -> String {
     }
 }
 
-/// Returns a path's worst error and its bound, with the distribution of errors.
+/// Returns the worst error of a path with its bound and the distribution of errors.
 fn cell(path: &PathRecord) -> Markup {
     let class = match (&path.known_issue, path.failures == 0 && path.cases > 0) {
         (None, true) => "pass",
@@ -252,7 +250,7 @@ fn cell(path: &PathRecord) -> Markup {
     }
 }
 
-/// Returns a bar chart of the errors: the number of cases per power of two of the bound.
+/// Returns a bar chart of the errors. Each bar counts the cases between two powers of two of the bound.
 fn distribution(errors: &Errors) -> Markup {
     const LEAST: i32 = -12;
     const MOST: i32 = 4;
@@ -270,7 +268,7 @@ fn distribution(errors: &Errors) -> Markup {
         .chain([("not finite".to_owned(), errors.not_finite, true)])
         .collect();
     let most = bars.iter().map(|(_, count, _)| *count).max().unwrap_or(0).max(1);
-    // The logarithm keeps a single case visible among hundreds.
+    // The logarithm makes a single case visible among hundreds.
     #[expect(clippy::cast_precision_loss, reason = "pixels")]
     let height = |count: u64| 20.0 * ((1 + count) as f64).ln() / ((1 + most) as f64).ln();
     html! {
@@ -305,8 +303,8 @@ fn functions(rows: &[Row<'_>]) -> Markup {
             section {
                 h2 { "Functions" }
                 p class="note" {
-                    "The worst error, its share of the bound, and how many cases were compared. The bars are \
-                     some cases by their error in powers of two of the bound, which is the line."
+                    "The worst error, its share of the bound, and how many cases were compared. Each bar counts the \
+                     cases of a sample between two powers of two of the bound; the line is the bound."
                 }
                 table {
                     @for (row, function, check, facts) in functions {
@@ -342,7 +340,7 @@ fn frames(rows: &[Row<'_>], review: Option<&str>) -> Markup {
             section {
                 h2 { "Frames" }
                 @if review.is_none() {
-                    p class="note" { "Look at them with " code { "karat review" } "." }
+                    p class="note" { "Show them with " code { "karat review" } "." }
                 }
                 table {
                     @for (row, golden, name) in frames {
@@ -369,8 +367,8 @@ fn hazards(all: &[Hazards]) -> Markup {
         section {
             h2 { "Hazards" }
             p class="note" {
-                "What can go wrong inside of functions, over arguments that names and types suggest, whether or not \
-                 a test sees it: " code { "karat hazards" } "."
+                "Operations that can go wrong, for arguments that names and types suggest, whether or not \
+                 a test notices: " code { "karat hazards" } "."
             }
             @for hazards in all {
                 p {
@@ -387,7 +385,7 @@ fn without_tests(untested: Option<&[String]>) -> Markup {
     html! {
         @if let Some(untested) = untested {
             section {
-                h2 { "Functions with no test of their own" }
+                h2 { "Functions without a test" }
                 @if untested.is_empty() { p class="note" { "None." } }
                 ul { @for name in untested { li class="row" { code { (name) } } } }
             }

@@ -1,4 +1,4 @@
-//! JUnit XML: one suite of functions and one of frames, with a case for each check on each path.
+//! JUnit XML: a suite of functions and a suite of frames, with one case for each check on each path.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -12,8 +12,9 @@ use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, X
 use super::{Names, Sum, facts, failing, pictures, place, relative, replays, workspace};
 use crate::cli::project::Project;
 
-/// Returns the file. It has the time of each check and the sums; a run takes less, as checks run in parallel. A test
-/// that failed outside of Karat's checks is a case of its own, so that the run counts as failed.
+/// Returns the XML text, with the time of each check and the sums of the times. A run takes less than the sum, because
+/// checks run in parallel. A test that failed outside of Karat's checks gets an own case, so that the run counts as
+/// failed.
 pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::Result<String> {
     let names = Names::of(records);
     let mut unique = Unique::default();
@@ -40,7 +41,7 @@ pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::
     report.time =
         report.test_suites.iter().filter_map(|suite| suite.time).reduce(Duration::saturating_add);
     let mut rest = TestSuite::new("tests");
-    let outside = "it failed outside of Karat's checks, or didn't end";
+    let outside = "the test failed outside of Karat's checks, or didn't end";
     let tests = sum.outside().iter().map(|name| (name.as_str(), outside));
     let others = sum.others().iter().map(|why| ("karat test", why.as_str()));
     for (name, why) in tests.chain(others) {
@@ -56,8 +57,8 @@ pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::
     report.to_string().context("the report isn't XML")
 }
 
-/// Gives the cases of a class distinct names. A test may check a function several times, and readers show only the
-/// first case of a name.
+/// The cases so far, to give each case of a class a distinct name. A test may check a function several times, and
+/// readers show only the first case of a name.
 #[derive(Default)]
 struct Unique(BTreeSet<(String, String)>);
 
@@ -72,7 +73,7 @@ impl Unique {
     }
 }
 
-/// Returns one case per path. A check that ran on no path is one case.
+/// Returns one case for each path. A check that ran on no path gets one case.
 fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Vec<TestCase>> {
     let workspace = workspace(project.root());
     let attached = attached(record, names, project, &workspace)?;
@@ -102,7 +103,6 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
             // Readers expect one attachment per line.
             lines.extend(attached.iter().map(|file| format!("[[ATTACHMENT|{file}]]")));
         }
-        // If two cases have the same name, GitLab shows only the first.
         let on = path.map(|path| format!(" on {}", path.adapter.path)).unwrap_or_default();
         let mut case = TestCase::new(format!("{}{on}", names.subject(record)), status);
         case.set_classname(classname(record));
@@ -111,8 +111,8 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
             case.extra.insert(XmlString::new("line"), XmlString::new(place.line.to_string()));
         }
         if let Some(time) = &record.time {
-            // A time that can't be read doesn't lose the verdict. The time of each path is unknown, so each gets the
-            // same share.
+            // A time that can't be read doesn't lose the verdict. The time of each path is unknown, so all paths get
+            // equal shares.
             case.timestamp = time.started.parse().ok();
             case.time =
                 Duration::try_from_secs_f64(time.seconds).ok().map(|time| time / shares.max(1));
@@ -126,7 +126,7 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
     Ok(paths.into_iter().map(of).collect())
 }
 
-/// Returns the test's name, after its Cargo package if it has one.
+/// Returns the name of the test, after its Cargo package if it has one.
 fn classname(record: &Record) -> String {
     match record.cargo_package.as_str() {
         "" => record.test.clone(),
@@ -134,13 +134,13 @@ fn classname(record: &Record) -> String {
     }
 }
 
-/// Returns `true` if this path makes the check fail: cases fail on it, or a known issue is gone.
+/// Checks if this path makes the check fail: cases fail on it, or a known issue no longer occurs.
 fn is_guilty(path: &PathRecord, record: &Record) -> bool {
     let guilty = |path: &PathRecord| (path.failures > 0) != path.known_issue.is_some();
     guilty(path) || !record.paths.iter().any(guilty)
 }
 
-/// Returns the facts of a failure on this path. A failure without a path has its first replay command.
+/// Returns the details of a failure on this path. A failure without a path has its first replay command.
 fn facts_on(record: &Record, path: Option<&PathRecord>) -> Vec<String> {
     let faults = || record.details.iter().flat_map(|details| &details.paths);
     let is_own =
@@ -168,7 +168,7 @@ fn line(path: &PathRecord) -> String {
     )
 }
 
-/// Returns the pictures of a failing frame. The frame itself is first, because GitLab shows one picture.
+/// Returns the pictures of a failing frame. The frame is the first one, because GitLab shows only one picture.
 fn attached(
     record: &Record,
     names: &Names,

@@ -1,4 +1,4 @@
-//! Merges the records of several parts of a run.
+//! Merging the records of several parts of a run.
 
 use std::cmp::Reverse;
 use std::collections::btree_map::Entry;
@@ -8,9 +8,9 @@ use std::path::PathBuf;
 use karat::unstable::output::counted;
 use karat::unstable::record::{Record, Recorded, Run, SCHEMA, Verdict};
 
-/// Merges the verdicts of parts, in an order that doesn't depend on the order of the parts. A check that ran in
-/// several parts has its worst verdict. The merged run has ended if each part has ended, and passed if each part
-/// passed.
+/// Merges the verdicts of parts. The order of the result doesn't depend on the order of the parts. If a check ran in
+/// several parts, it gets its worst verdict. The merged run has ended if all parts have ended, and has passed if all
+/// parts have passed.
 pub(super) fn merged(parts: &[Recorded]) -> Recorded {
     let folders: Vec<String> = parts.iter().map(|part| part.folder.display().to_string()).collect();
     let run = parts.iter().map(|part| part.run.clone()).collect::<Option<Vec<Run>>>();
@@ -31,14 +31,14 @@ pub(super) fn merged(parts: &[Recorded]) -> Recorded {
             runs.iter().flat_map(|run| run.invalid_packages.clone()).collect(),
         ),
         remarks: sorted(runs.iter().flat_map(|run| run.remarks.clone()).collect()),
-        // The messages of the parts name it.
+        // The messages of the parts contain the reason.
         not_run: 0,
         stopped: false,
     });
     // The merged records, and the index of each check among them.
     let (mut records, mut places) = (Vec::<Record>::new(), BTreeMap::<String, usize>::new());
     for part in parts {
-        // A test may make one check several times, and each of them stays a separate check.
+        // A test may make the same check several times. These checks stay separate.
         let mut seen = BTreeMap::<String, usize>::new();
         for record in &part.records {
             let key = key(record);
@@ -56,7 +56,7 @@ pub(super) fn merged(parts: &[Recorded]) -> Recorded {
     Recorded { folder: PathBuf::from(folders.join(", ")), records, run }
 }
 
-/// Lists the tests that each part lacks, in words.
+/// Returns a sentence for each part with missing tests.
 pub(super) fn missing(parts: &[Recorded]) -> Vec<String> {
     let of = |part: &Recorded| {
         let (folder, run) = (part.folder.display(), part.run.as_ref()?);
@@ -64,12 +64,12 @@ pub(super) fn missing(parts: &[Recorded]) -> Vec<String> {
         match (run.not_run, run.stopped) {
             (0, false) => None,
             (0, true) => Some(format!(
-                "`{folder}` has {checks}, and may lack more: its runner stopped at a failure (--no-fail-fast)"
+                "`{folder}` has {checks}, and may lack others, because its runner stopped at a failure (see --no-fail-fast)"
             )),
             (tests, _) => {
                 let tests = counted(tests, "test");
                 Some(format!(
-                    "`{folder}` has {checks}, and lacks {tests} that didn't run after a failure (--no-fail-fast)"
+                    "`{folder}` has {checks}, and lacks {tests} that didn't run after a failure (see --no-fail-fast)"
                 ))
             }
         }
@@ -77,10 +77,10 @@ pub(super) fn missing(parts: &[Recorded]) -> Vec<String> {
     parts.iter().filter_map(of).collect()
 }
 
-/// Joins the records of one check on several paths.
+/// Merges the records of the same check on several paths.
 pub(in crate::cli) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
     let mut checks: BTreeMap<String, Record> = BTreeMap::new();
-    // A test may make the same check several times. They have the same order on each path.
+    // A test may make the same check several times. The order of these checks is the same on each path.
     let mut seen: BTreeMap<(String, String), u32> = BTreeMap::new();
     for record in records {
         let paths: Vec<&str> = record.paths.iter().map(|path| &*path.adapter.path).collect();
@@ -112,13 +112,14 @@ pub(in crate::cli) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
     records
 }
 
-/// Returns the rank of a record. A worse verdict has a higher rank, and so has the earlier of two equal verdicts.
+/// Returns the rank of a record. A worse verdict has a higher rank. Of two equal verdicts, the earlier one has the
+/// higher rank.
 fn rank(record: &Record) -> (u8, Reverse<Option<&str>>) {
     let started = record.time.as_ref().map(|time| &*time.started);
     (severity(record.verdict), Reverse(started))
 }
 
-/// Returns a key of the record's check. A check with an overlay is another check.
+/// Returns the key of a record's check. A check with an overlay is a different check.
 fn key(record: &Record) -> String {
     let subject = serde_json::to_string(&record.subject).expect("a subject is plain data");
     format!("{subject} {} {:?}", record.test, record.overlay)

@@ -1,5 +1,5 @@
-//! The names of records, which are the same in every table, page and file, and for `karat accept`. If several crates
-//! have frames of one name, each name has its crate, too.
+//! The names of records. All tables, pages and files use the same names, and `karat accept` accepts them. If several
+//! crates have frames of the same name, the name includes the crate.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -8,10 +8,10 @@ use karat::Goldens;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::record::{Record, Subject};
 
-/// A folder of goldens that shares a frame's name with other folders.
+/// A folder of goldens that has frame names in common with other folders.
 #[derive(Clone, Debug)]
 pub(in crate::cli) struct Home {
-    /// Its Cargo package; empty if unknown.
+    /// The Cargo package of the folder. Empty if it is unknown.
     pub(in crate::cli) krate: String,
     /// The folder, relative to its project.
     pub(in crate::cli) folder: String,
@@ -20,7 +20,7 @@ pub(in crate::cli) struct Home {
 impl Home {
     /// Returns the folder of goldens that a record's frame was compared with.
     fn of(record: &Record, folder: &str) -> Self {
-        // A record from another machine has its test's package, and a folder that doesn't exist here.
+        // A record from another machine has the package of its test, and a folder that doesn't exist on this machine.
         if !Path::new(folder).is_dir() {
             return Self { krate: record.cargo_package.clone(), folder: folder.to_owned() };
         }
@@ -33,8 +33,8 @@ impl Home {
     }
 }
 
-/// Returns the distinct names of frames that several folders have under one name, by folder: `lamp::dusk`, or with
-/// the folder if two folders are of one crate. Returns `None` if there is one folder.
+/// Returns a distinct name for each folder that has a frame of this name, such as `lamp::dusk`. If two folders belong
+/// to one crate, the name includes the folder. Returns `None` if there is only one folder.
 pub(in crate::cli) fn told_apart(
     case: &str,
     homes: &BTreeMap<PathBuf, Home>,
@@ -51,7 +51,8 @@ pub(in crate::cli) fn told_apart(
     names.collect()
 }
 
-/// Returns the folder of goldens relative to its project's root, with `/`, or else relative to the working directory.
+/// Returns the folder of goldens with `/`, relative to its project's root, or otherwise relative to the working
+/// directory.
 pub(in crate::cli) fn below_project(goldens: &Goldens) -> String {
     let folder = goldens.folder();
     let below = || {
@@ -63,10 +64,10 @@ pub(in crate::cli) fn below_project(goldens: &Goldens) -> String {
     below().unwrap_or_else(|| shown(&folder))
 }
 
-/// Names of frames that several folders of goldens have.
+/// The names of frames that several folders of goldens have.
 #[derive(Debug, Default)]
 pub(in crate::cli) struct Names {
-    /// By golden and folder: `lamp::dusk`.
+    /// The distinct names, by golden and folder: `lamp::dusk`.
     told_apart: BTreeMap<(String, PathBuf), String>,
 }
 
@@ -92,13 +93,12 @@ impl Names {
         Self { told_apart: names }
     }
 
-    /// Returns the name of a frame.
     pub(in crate::cli) fn frame(&self, golden: &str, folder: &str) -> String {
         let known = self.told_apart.get(&(golden.to_owned(), PathBuf::from(folder)));
         known.map_or_else(|| golden.to_owned(), String::clone)
     }
 
-    /// Returns the subject of a record: `fresnel::schlick agrees_with`, `frame scene`.
+    /// Returns the subject of a record as text: `fresnel::schlick agrees_with`, `frame scene`.
     pub(in crate::cli) fn subject(&self, record: &Record) -> String {
         match &record.subject {
             Subject::Function { function, check, .. } => format!("{function} {check}"),
@@ -137,7 +137,7 @@ mod tests {
         // One crate may have two folders.
         let all = names(&[a, frame("dusk", "/w/a/other", "a")]);
         assert_eq!(all, ["frame /w/a/golden::dusk", "frame /w/a/other::dusk"]);
-        // An existing folder is named by its place in the project.
+        // An existing folder is named by its path in the project.
         let project = tempfile::tempdir().expect("a folder");
         std::fs::write(project.path().join("Cargo.lock"), "").expect("a file");
         let here = |name: &str| {

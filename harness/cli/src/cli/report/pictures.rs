@@ -1,7 +1,7 @@
-//! Small pictures of frames that fail, for people: the golden, the frame, and where they differ.
+//! Small pictures of failing frames, for people: the golden, the frame, and the difference.
 //!
-//! A summary on GitHub can only show images that are at a URL, and `data:` is removed. So the
-//! pictures are in the artefact of the run, and the summary names them.
+//! A summary on GitHub can show only images with a URL, and GitHub removes `data:` URLs. So the pictures are in the
+//! artefact of the run, and the summary names them.
 
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
@@ -18,15 +18,15 @@ use karat_review::Case;
 use crate::cli::heatmap::Heatmap;
 use crate::cli::project::Project;
 
-/// The largest width in pixels. A larger frame is reduced by taking every second pixel, every third, and so on.
+/// The largest width in pixels. A wider frame is reduced: the picture has every second pixel, every third, and so on.
 const WIDEST: u32 = 480;
 
-/// The names of a frame's pictures.
+/// The names of the pictures of a frame.
 const NAMES: [&str; 3] = ["golden", "actual", "flip"];
-/// The precision of file times: some file systems keep whole seconds.
+/// The precision of file times: some file systems store whole seconds.
 const COARSE: Duration = Duration::from_secs(1);
 
-/// Removes a frame's pictures from an earlier run, so that they aren't mistaken for this run's.
+/// Removes the pictures that an earlier run made of a frame, so that nobody mistakes them for pictures of this run.
 pub(super) fn clear(record: &Record, names: &Names, folder: &Path) -> anyhow::Result<()> {
     let Subject::Frame { golden, folder: goldens, .. } = &record.subject else { return Ok(()) };
     let case = &file_name(golden, goldens, names);
@@ -44,10 +44,10 @@ pub(super) fn clear(record: &Record, names: &Names, folder: &Path) -> anyhow::Re
     Ok(())
 }
 
-/// Returns the beginning of a frame's file names: its name, with its crate if several crates have that name.
+/// Returns the beginning of a frame's file names: its name, with the crate if several crates have frames of that name.
 fn file_name(golden: &str, goldens: &str, names: &Names) -> String {
     let name = names.frame(golden, goldens).replace("::", "/");
-    // A record may come from another machine, and its name may lead out of the folder of pictures.
+    // A record may come from another machine, and a hostile name may lead out of the folder of pictures.
     let parts = Path::new(&name).components().filter_map(|part| match part {
         Component::Normal(part) => part.to_str(),
         _ => None,
@@ -59,7 +59,7 @@ fn picture(folder: &Path, case: &str, name: &str) -> PathBuf {
     folder.join(format!("{case}.{name}.png"))
 }
 
-/// Returns the pending frame of a check: the newest, if there are several.
+/// Returns the pending frame of a check. If there are several, returns the newest.
 fn pending(
     record: &Record,
     case: &str,
@@ -78,7 +78,7 @@ fn pending(
     own.pop().map(|(_, pending)| pending)
 }
 
-/// Returns `true` if a file was written during a check. Older and newer files are from other runs.
+/// Checks if a file was written during a check. Older and newer files belong to other runs.
 fn is_during(written: SystemTime, time: &Time) -> bool {
     let bounds = || {
         let started = humantime::parse_rfc3339(&time.started).ok()?;
@@ -89,8 +89,8 @@ fn is_during(written: SystemTime, time: &Time) -> bool {
     bounds().is_some_and(|bounds| bounds.contains(&written))
 }
 
-/// Writes the pictures of a frame that can be made, and returns them by name. A record without a time has no
-/// pictures, as the pending frame may be from another run.
+/// Writes the pictures of a frame, and returns the written ones by name. For a record without a time there are no
+/// pictures, because the pending frame may belong to another run.
 pub(super) fn write(
     record: &Record,
     names: &Names,
@@ -121,7 +121,7 @@ pub(super) fn write(
     };
     for (name, image) in [("golden", golden), ("actual", actual)] {
         if let Some(image) = image {
-            // The frame has the golden's exposure, so that a brighter frame looks brighter.
+            // The frame gets the exposure of the golden, so that a brighter frame looks brighter.
             let stops = golden.as_ref().map_or(0.0, |golden| (image.key() / golden.key()).log2());
             let small = small(image);
             let stops = stops - (image.key() / small.key()).log2();
@@ -167,7 +167,8 @@ mod tests {
         let place = tempfile::tempdir().expect("a folder");
         let pictures = place.path().join("target/karat/report");
         std::fs::create_dir_all(&pictures).expect("a folder");
-        // A name in two folders of a crate, which has the folder; and a name that leads out.
+        // The first name is in two folders of a crate, so the file name has the folder. The second name leads out of
+        // the folder.
         let out = format!("{}/none/../../golden", place.path().display());
         let (one, other) = (frame("dusk", "../../../w/golden"), frame("dusk", &out));
         let records = [one, other, frame("../../../dusk", ""), frame("/dusk", "")];

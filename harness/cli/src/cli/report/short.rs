@@ -1,4 +1,4 @@
-//! One line per failure, in a form that editors read: `file:line:column: error: message`.
+//! One line for each failure, in a form that editors read: `file:line:column: error: message`.
 
 use std::io::Write;
 use std::path::Path;
@@ -10,14 +10,14 @@ use karat::unstable::reflect::{Invalid, Opinion, ReflectError};
 
 use super::{Place, Sum, failing, is_failure, located, wrong_place};
 
-/// A failure or an error in one line, with its place.
+/// A failure or an error in one line, with its location.
 #[derive(Debug, PartialEq, Eq)]
 pub(in crate::cli) struct Finding {
     pub(in crate::cli) place: Option<Place>,
     pub(in crate::cli) message: String,
 }
 
-/// Writes the failures of a run, the errors of invalid modules, and their number.
+/// Writes the failures of a run, the errors of invalid modules, and the number of both.
 pub(in crate::cli) fn write(
     records: &[Record],
     (invalid, opinion): (&[(String, Invalid)], &Opinion),
@@ -47,11 +47,11 @@ pub(in crate::cli) fn write(
         lines.push(format!("{place}warning: {}", headline_of(&remark.message)));
     }
     lines.iter().try_for_each(|line| writeln!(out, "{}", one_line(line)))?;
-    let more = if sum.outside().is_empty() { "" } else { "; leave --short out to see it" };
+    let more =
+        if sum.outside().is_empty() { "" } else { "; run without --short to see the message" };
     writeln!(out, "{}{}{more}", sum.line(), sum.remarks())
 }
 
-/// Returns the errors of invalid modules.
 pub(in crate::cli) fn errors(invalid: &[(String, Invalid)]) -> Vec<ModuleError> {
     let of = |(_, invalid): &(String, Invalid)| match invalid {
         Invalid::Modules { errors, .. } => errors.iter().map(|(_, error)| one(error)).collect(),
@@ -66,7 +66,7 @@ pub(in crate::cli) fn errors(invalid: &[(String, Invalid)]) -> Vec<ModuleError> 
     invalid.iter().flat_map(of).collect()
 }
 
-/// Returns a failure's lines: its headline, or for a WGSL test each failing expectation at its place.
+/// Returns the lines of a failure: its headline, or for a WGSL test each failing expectation with its location.
 pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     let expectations = expectations(record, root);
     if !expectations.is_empty() {
@@ -86,8 +86,8 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     vec![Finding { place: wrong_place(record, root, root), message: headline(record) }]
 }
 
-/// Returns the failing expectations, each once at its place: the values of the simplest case, and the paths on which
-/// it fails.
+/// Returns each failing expectation once, with its location, the values of the simplest case, and the paths on which
+/// the expectation fails.
 pub(super) fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
     let Subject::Function { package, function, .. } = &record.subject else { return Vec::new() };
     let mut all: Vec<(&ExpectationDetails, Vec<&str>)> = Vec::new();
@@ -110,12 +110,12 @@ pub(super) fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
     all.into_iter().filter_map(finding).collect()
 }
 
-/// Returns the headline of a failure, with the worst error and its path.
+/// Returns the headline of a failure, with the worst error and the path of that error.
 fn headline(record: &Record) -> String {
     let (Subject::Function { function, check, .. }, Some(worst)) = (&record.subject, worst(record))
     else {
         let said = record.details.as_ref().map(|details| details.headline.clone());
-        return said.unwrap_or_else(|| "it fails, and says nothing".to_owned());
+        return said.unwrap_or_else(|| "it fails without a message".to_owned());
     };
     let seen = match worst.asserted.is_empty() {
         true => worst.worst.clone(),
@@ -125,7 +125,6 @@ fn headline(record: &Record) -> String {
     format!("`{function}` fails {check}: {seen} on {path}, {}", failing(worst))
 }
 
-/// Returns the path with the worst failure.
 fn worst(record: &Record) -> Option<&PathRecord> {
     let failing =
         record.paths.iter().filter(|path| path.failures > 0 && path.known_issue.is_none());

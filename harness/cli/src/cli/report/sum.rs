@@ -1,8 +1,8 @@
 //!
-//! The outcome of a run, in one line.
+//! The last line of a run: the sum of its verdicts.
 //!
-//! The line, its colour and the exit code come from one count, so they can't contradict each other: only a good line
-//! has "0 failed".
+//! The line, its colour and the exit code come from the same count, so they can't contradict each other: only a good
+//! line has "0 failed".
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -15,16 +15,15 @@ use crate::cli::Ending;
 use crate::cli::table::{BAD, GOOD};
 use crate::cli::test::some;
 
-/// The count of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::cli) struct Sum {
     checks: usize,
     failed: usize,
     known: usize,
     cases: u64,
-    /// Tests that failed although each of their checks passed, by their names.
+    /// The names of the tests that failed although all their checks passed.
     outside: Vec<String>,
-    /// Other reasons: invalid modules, tests that didn't run.
+    /// The other reasons to fail: invalid modules, tests that didn't run.
     others: Vec<String>,
     /// Remarks that don't make the run fail.
     remarks: Vec<String>,
@@ -36,8 +35,8 @@ fn first(names: &[String]) -> String {
     some(&names.iter().map(|name| &**name).collect::<Vec<&str>>())
 }
 
-/// Counts the checks of compute passes, and of draws that write storage, that the sanitizer didn't check completely.
-/// Adds the first reason; the records have the others.
+/// Counts the checks that the sanitizer didn't check completely: of compute passes, and of draws that write storage.
+/// Adds the first reason; the records have the other reasons.
 fn unwatched(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let reasons =
@@ -52,11 +51,11 @@ fn unwatched(records: &[Record]) -> Option<String> {
     let were = if count == 1 { "wasn't" } else { "weren't" };
     let checks = counted(count, "check");
     Some(format!(
-        "{checks} of passes or draws {were} looked through by the sanitizer, or not whole: {first}{others}"
+        "{checks} of passes or draws {were} checked completely by the sanitizer: {first}{others}"
     ))
 }
 
-/// Counts the checks of compute passes whose invocations have more orders than were tried.
+/// Counts the checks of compute passes that have more orders of invocations than Karat tried.
 fn in_some_orders(records: &[Record]) -> Option<String> {
     let passed = records.iter().filter(|record| !is_failure(record));
     let watched = passed.filter_map(|record| record.watched.as_ref());
@@ -65,12 +64,12 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     let least = orders.iter().min()?;
     let checks = counted(orders.len(), "check");
     Some(format!(
-        "{checks} of passes held in {} of invocations, of more",
+        "{checks} of passes held in {} of invocations; there are more",
         counted(*least as usize, "order")
     ))
 }
 
-/// Counts the elements that passes read before they write them, without a value from the test.
+/// Counts the elements that passes read although neither the test nor a pass has written them.
 fn unwritten(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let all: BTreeSet<&String> = watched.flat_map(|watched| &watched.unwritten).collect();
@@ -78,13 +77,12 @@ fn unwritten(records: &[Record]) -> Option<String> {
     let lines = counted(all.len(), "line");
     let reads = if all.len() == 1 { "reads" } else { "read" };
     Some(format!(
-        "{lines} {reads} what no pass has written: {first}; say `value = 0` beside `size` if the host clears it"
+        "{lines} {reads} elements that no pass has written: {first}; add `value = 0` beside `size` if the host clears them"
     ))
 }
 
-/// Counts the accepted races of compute passes.
 fn accepted(records: &[Record]) -> Option<String> {
-    // Each assertion about a pass accepts the races that the pass's declaration accepts.
+    // Each assertion about a pass accepts the races that the declaration of the pass accepts.
     let of = |record: &Record| {
         let name = match &record.subject {
             Subject::Function { function, .. } => function.clone(),
@@ -98,7 +96,7 @@ fn accepted(records: &[Record]) -> Option<String> {
 }
 
 impl Sum {
-    /// Counts the records of a run. `run` says how it ended, and is `None` if that is unknown.
+    /// Counts the records of a run. `run` says how the run ended, and is `None` if that is unknown.
     pub(in crate::cli) fn of(records: &[Record], run: Option<&Run>) -> Self {
         let count = |verdict| records.iter().filter(|record| record.verdict == verdict).count();
         let mut sum = Self {
@@ -106,7 +104,7 @@ impl Sum {
             failed: records.iter().filter(|record| is_failure(record)).count(),
             known: count(Verdict::KnownIssue),
             cases: records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum(),
-            // In a run that passed, a line that looks like a failed test is other output.
+            // If the run passed, a line that looks like a failed test is other output.
             outside: run
                 .filter(|run| !run.passed)
                 .map_or_else(Vec::new, |run| outside(records, &run.failed)),
@@ -132,7 +130,7 @@ impl Sum {
             let were = if run.not_run == 1 { "wasn't" } else { "weren't" };
             sum = sum.with(format!("{tests} {were} run after a failure: run with --no-fail-fast"));
         } else if run.stopped {
-            let why = "the runner stopped at a failure, and what comes after it may be missing: run with \
+            let why = "the runner stopped at a failure, so later tests may be missing: run with \
                        --no-fail-fast";
             sum = sum.with(why.to_owned());
         }
@@ -142,13 +140,11 @@ impl Sum {
         sum
     }
 
-    /// Adds another reason to fail.
     pub(in crate::cli) fn with(mut self, reason: String) -> Self {
         self.others.push(reason);
         self
     }
 
-    /// Returns `true` if the run is good.
     pub(in crate::cli) fn is_good(&self) -> bool {
         self.checks > 0 && self.failed == 0 && self.outside.is_empty() && self.others.is_empty()
     }
@@ -161,17 +157,16 @@ impl Sum {
         if self.is_good() { GOOD } else { BAD }
     }
 
-    /// Returns the tests that failed outside of Karat's checks.
     pub(in crate::cli) fn outside(&self) -> &[String] {
         &self.outside
     }
 
-    /// Returns the reasons besides failing checks and tests.
+    /// Returns the reasons other than failing checks and tests.
     pub(in crate::cli) fn others(&self) -> &[String] {
         &self.others
     }
 
-    /// Returns the reasons besides failing checks, in words.
+    /// Returns the reasons other than failing checks, as sentences.
     pub(in crate::cli) fn reasons(&self) -> Vec<String> {
         let mut all = self.others.clone();
         if !self.outside.is_empty() {
@@ -181,7 +176,7 @@ impl Sum {
         all
     }
 
-    /// Returns the line, without the number of compared cases and the remarks.
+    /// Returns the line without the number of compared cases and without the remarks.
     pub(in crate::cli) fn line(&self) -> String {
         let Self { checks, failed, known, .. } = *self;
         let mut parts = self.reasons();
@@ -199,7 +194,7 @@ impl Sum {
         parts.join("; ")
     }
 
-    /// Returns the remarks after the line, which don't make the run fail.
+    /// Returns the remarks that follow the line. They don't make the run fail.
     pub(in crate::cli) fn remarks(&self) -> String {
         self.remarks.iter().map(|remark| format!("; {}", one_line(remark))).collect()
     }
@@ -234,7 +229,7 @@ mod tests {
         names.iter().map(ToString::to_string).collect()
     }
 
-    /// The remark after the line counts the checks that the sanitizer didn't check, with the first reason.
+    /// The remark after the line counts the checks that the sanitizer didn't check, and gives the first reason.
     #[test]
     fn unchecked_checks_are_counted() {
         let with = |reason: &str| {
@@ -251,7 +246,8 @@ mod tests {
         let remarks = |records: &[Record]| Sum::of(records, Some(&Run::default())).remarks();
         assert_eq!(remarks(&[with(""), record(Verdict::Pass, 0, None)]), "");
         let told = remarks(&[with("too large"), with(""), with("no engine")]);
-        let expected = "; 2 checks of passes or draws weren't looked through by the sanitizer, or not whole: too large";
+        let expected =
+            "; 2 checks of passes or draws weren't checked completely by the sanitizer: too large";
         assert_eq!(told, format!("{expected}, and 1 other reason"));
         assert_eq!(remarks(&[with("too large"), with("too large")]), expected);
         let in_orders = |orders, all_orders| {
@@ -262,11 +258,11 @@ mod tests {
         };
         assert_eq!(remarks(&[in_orders(12, true), in_orders(0, true)]), "");
         let some = remarks(&[in_orders(16, false), in_orders(12, true), in_orders(20, false)]);
-        assert_eq!(some, "; 2 checks of passes held in 16 orders of invocations, of more");
+        assert_eq!(some, "; 2 checks of passes held in 16 orders of invocations; there are more");
         let mut reading = with("");
         let watched = reading.watched.as_mut().expect("it has passes");
         watched.unwritten.push("`partials[3]` at mean.wgsl:17:57".to_owned());
-        let expected = "; 1 line reads what no pass has written: `partials[3]` at mean.wgsl:17:57; say `value = 0` beside \
+        let expected = "; 1 line reads elements that no pass has written: `partials[3]` at mean.wgsl:17:57; add `value = 0` beside \
                         `size` if the host clears it";
         assert_eq!(remarks(&[reading.clone(), reading]), expected, "two checks of one pass");
         let mut accepting = with("");
@@ -321,7 +317,6 @@ mod tests {
         assert!(line(one, Some(&stopped)).starts_with("the runner stopped at a failure"));
     }
 
-    /// The count of cases includes all checks on all paths.
     #[test]
     fn all_cases_are_counted() {
         let mut records = [record(Verdict::Pass, 0, None), record(Verdict::Pass, 0, None)];

@@ -1,4 +1,4 @@
-//! The tables of records.
+//! The tables of verdicts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -11,11 +11,12 @@ use super::{Names, Sum};
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
 use crate::cli::{replay, terminal};
 
-/// The lines of a screen that a table's rows can't use: its head, the sum, replays, a prompt.
+/// The number of lines on a screen that the rows of a table can't use: the head, the sum, replays, a prompt.
 const AROUND: usize = 8;
 
-/// Writes the functions, then the frames, and returns the number of failed checks. If the passing checks don't fit a
-/// screen, a module takes one line, and the failures follow again in full after all tables, unless `all` is set.
+/// Writes the functions, then the frames, and returns the number of failed checks. If the passing checks don't fit on a
+/// screen, each module takes one line, and the full failures follow after all tables. With `all`, each check has a
+/// line.
 pub(in crate::cli) fn write(
     records: &[Record],
     all: bool,
@@ -45,10 +46,10 @@ pub(in crate::cli) fn write(
     Ok(failed)
 }
 
-/// The most failures that are written in full: a person reads no more before the next edit.
+/// The largest number of failures that Karat writes in full. A person reads no more before the next edit.
 const IN_FULL: usize = 3;
 
-/// Writes the passing checks: one line per module, and one for the frames.
+/// Writes the passing checks: one line for each module, and one for the frames.
 fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
     #[derive(Default)]
     struct Folded<'r> {
@@ -86,11 +87,10 @@ fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
         table.row(GOOD, vec![module.to_owned(), checks, cases, closest, paths]);
     }
     table.write(out)?;
-    writeln!(out, "{DIM}--all shows each check{DIM:#}")?;
+    writeln!(out, "{DIM}--all lists each check{DIM:#}")?;
     Ok(())
 }
 
-/// Writes the closing lines.
 pub(in crate::cli) fn write_sum(
     records: &[Record],
     sum: &Sum,
@@ -113,19 +113,22 @@ pub(in crate::cli) fn write_sum(
     writeln!(out, "{DIM}record: {}{DIM:#}", folder.display())?;
     let overlays: BTreeSet<_> = records.iter().filter_map(|r| r.overlay.as_ref()).collect();
     for overlay in overlays {
-        writeln!(out, "{BAD}with KARAT_OVERLAY={overlay}: not the modules of the packages{BAD:#}")?;
+        writeln!(
+            out,
+            "{BAD}with KARAT_OVERLAY={overlay}: files of this folder replaced modules of the packages{BAD:#}"
+        )?;
     }
     Ok(())
 }
 
-/// The most failures whose replay is named.
+/// The largest number of failures for which Karat prints a replay command.
 const NAMED: usize = 8;
 
-/// The time in seconds from which a check counts as slow.
+/// The time in seconds above which a check counts as slow.
 const SLOW: f64 = 1.0;
 
-/// Returns the three slowest checks: `frame scene 3.2 s, fresnel::schlick agrees_with 1.1 s`, or `None` if all are
-/// fast.
+/// Returns the three slowest checks, or `None` if all checks are fast: `frame scene 3.2 s, fresnel::schlick agrees_with
+/// 1.1 s`.
 fn slowest(records: &[Record]) -> Option<String> {
     let names = Names::of(records);
     let time = |record: &Record| Some((record.time.as_ref()?.seconds, names.subject(record)));
@@ -137,21 +140,21 @@ fn slowest(records: &[Record]) -> Option<String> {
     (!shown.is_empty()).then(|| shown.join(", "))
 }
 
-/// Returns an error for a run without a verdict.
+/// Returns an error if a run has no verdict.
 pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> anyhow::Result<()> {
     if !records.is_empty() {
         return Ok(());
     }
     match filter {
         Some(filter) => bail!(
-            "no check ran: no test's name contains `{filter}`, and no test checked such a function when it last \
-             ran. A new test is found by its own name alone; `karat test` runs all; a run that compared nothing is no success"
+            "no check ran: no test's name contains `{filter}`, and no test checked such a function in its last \
+             run. The filter finds a new test only by its name; `karat test` runs all tests. A run that compared nothing isn't a success"
         ),
-        None => bail!("no test ran a check; a run that compared nothing is no success"),
+        None => bail!("no test ran a check. A run that compared nothing isn't a success"),
     }
 }
 
-/// Writes one row per check and path, and returns the number of failed checks.
+/// Writes one row for each check and path, and returns the number of failed checks.
 fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head =
         ["function", "check", "path", "cases", "worst", "of bound", "WGSL allows", "asserted"];
@@ -190,8 +193,7 @@ pub(in crate::cli) fn is_failure(record: &Record) -> bool {
     !matches!(record.verdict, Verdict::Pass | Verdict::KnownIssue)
 }
 
-/// Adds a row for each path of a record, or one row if no path ran. `allowance` is the text about the errors that
-/// WGSL allows.
+/// Adds a row for each path of a record, or one row if no path ran. `allowance` describes the errors that WGSL allows.
 fn add_rows(
     table: &mut Table,
     names: &[&str],
@@ -208,13 +210,13 @@ fn add_rows(
         row(BAD, ["-", "0", "ERROR", ""], None, assertion);
     }
     let passes = |path: &PathRecord| path.failures == 0 && path.cases > 0;
-    // No case fails, for example if a golden of values has other rows.
+    // If a golden of values has a different number of rows, for example, the check fails without a failing case.
     let otherwise = is_failure(record)
         && record.paths.iter().all(|path| passes(path) == path.known_issue.is_none());
     for path in &record.paths {
         if otherwise {
             let cells =
-                [&*path.adapter.path, &path.cases.to_string(), "FAIL (see its message)", ""];
+                [&*path.adapter.path, &path.cases.to_string(), "FAIL (see the message)", ""];
             row(BAD, cells, path.allowed.as_ref(), &path.asserted);
             continue;
         }
@@ -237,8 +239,8 @@ fn add_rows(
     }
 }
 
-/// Writes the largest error that WGSL allows, in per cent of the tolerance, and the share of cases in which it
-/// exceeds the tolerance: `40%`, `300% in 12%`, `anything in 3%`. With a tolerance of 0 it writes `more in 12%`.
+/// Formats the largest error that WGSL allows, in per cent of the tolerance, and the share of cases in which this error
+/// exceeds the tolerance: `40%`, `300% in 12%`, `anything in 3%`. If the tolerance is 0, the text is `more in 12%`.
 fn allowance(allowance: &Allowance) -> String {
     let worst = match allowance.worst {
         Some(worst) => percentage(worst),
@@ -254,7 +256,7 @@ fn allowance(allowance: &Allowance) -> String {
     }
 }
 
-/// Writes how many tolerances another driver may exceed.
+/// Writes the number of tolerances that another driver may exceed.
 fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
     // The errors of a wrong shader don't help to judge its tolerance.
     let passes = |record: &&&Record| record.verdict == Verdict::Pass;
@@ -280,12 +282,12 @@ fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// Writes the largest error divided by its bound, in per cent up to ten times the bound: `48%`, `27 x`. An error
-/// above the bound never rounds to `100%`.
+/// Formats the largest error divided by its bound: `48%`, or `27 x` above ten times the bound. An error above the bound
+/// never rounds to `100%`.
 pub(super) fn share(path: &PathRecord) -> String {
     match path.ratio.filter(|ratio| ratio.is_finite()) {
         Some(ratio) => percentage(ratio),
-        // The record is JSON, which has no number for an infinite ratio.
+        // JSON has no number for an infinite ratio.
         None if path.failures > 0 && !path.worst.is_empty() => "infinite".to_owned(),
         None => String::new(),
     }
@@ -307,7 +309,7 @@ pub(super) mod tests {
 
     use super::*;
 
-    /// A test that ran on no path has a row for that error.
+    /// If a test ran on no path, the table has a row for the error.
     #[test]
     fn a_check_without_a_path_is_an_error_in_the_table() {
         let none = Record { paths: Vec::new(), ..record(Verdict::Error, 0, None) };
@@ -338,7 +340,6 @@ pub(super) mod tests {
         assert!(text.contains("tolerances of 1 of 1 checks are below what WGSL allows"), "{text}");
     }
 
-    /// A record of a check, with one path.
     pub(in crate::cli::report) fn record(
         verdict: Verdict,
         failures: u64,
@@ -464,7 +465,7 @@ pub(super) mod tests {
     fn a_run_without_a_record_is_no_success() {
         for filter in [None, Some("x")] {
             let error = expect_some(&[], filter).expect_err("nothing ran").to_string();
-            assert!(error.contains("a run that compared nothing is no success"), "{error}");
+            assert!(error.contains("A run that compared nothing isn't a success"), "{error}");
         }
         assert!(expect_some(&[record(Verdict::Pass, 0, None)], None).is_ok());
     }

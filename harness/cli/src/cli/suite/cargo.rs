@@ -1,10 +1,10 @@
 //!
-//! Runs Rust tests on request: the process behind `karat watch` in a Cargo project.
+//! Runs Rust tests on request. `karat watch` starts this process in a Cargo project.
 //!
-//! Cargo builds the test programs when Rust changed; when shaders changed, the programs run without a build. An edit
-//! affects a test if it changes a shader program that the test linked, or a file that the test read, in its last run.
-//! A test program doesn't live on between runs: Rust's test runner ends with its tests, and a test that waited
-//! halfway would have read files already.
+//! If a Rust file changed, Cargo builds the test programs. If shaders changed, the programs run without a build. An
+//! edit affects a test if it changes a shader program that the test linked in its last run, or a file that the test
+//! read. Test programs end after each run: Rust's test runner ends with its tests, and a test that waits halfway would
+//! have old contents of files.
 
 pub(in crate::cli) mod libtest;
 pub(in crate::cli) mod programs;
@@ -51,7 +51,7 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
                 Said::Done { tests, broken, idle, invalid: None, remarks: None, reads, records }
             }
             Err(error) => {
-                // The watching process forgets all verdicts.
+                // The watching process drops all verdicts.
                 tests.ran.clear();
                 Said::failed(format!("{error:#}"))
             }
@@ -61,18 +61,17 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// The shader programs that a test linked and the files that it read, in its last run.
+/// The shader programs that a test linked in its last run, and the files that it read.
 #[derive(Default)]
 struct Made {
     linked: Vec<Dependence>,
     read: Vec<FileRead>,
 }
 
-/// The endings of shaders.
 const SHADERS: [&str; 2] = ["wgsl", "wesl"];
 
 impl Made {
-    /// Returns `true` if an edit of these files doesn't affect the test.
+    /// Checks if an edit of these files leaves the test unaffected.
     fn is_current(&self, changed: &HashSet<&Path>) -> bool {
         // Linked shaders are compared by their meaning, other files by their bytes.
         let by_bytes = |file: &Path| !is_shader(file) || self.linked.is_empty();
@@ -90,37 +89,35 @@ fn is_shader(file: &Path) -> bool {
     file.extension().is_some_and(|ending| SHADERS.iter().any(|known| ending == *known))
 }
 
-/// The tests of a project.
 #[derive(Default)]
 struct Tests {
     programs: Programs,
     /// The tests, by their displayed names.
     made: HashMap<String, Made>,
     ran: HashSet<String>,
-    /// The tests with frames that this process doesn't draw; `true` if they passed.
+    /// The tests with frames that this process doesn't draw. The value is `true` if they passed.
     left_out: HashMap<String, bool>,
     latest: Latest,
-    /// The changed files that no known test reads, as they were at the last edit.
+    /// The changed files that no known test reads, with their state at the last edit.
     unread: HashMap<PathBuf, FileRead>,
     written: Written,
 }
 
-/// Two ticks of a kernel with 100 ticks per second: file times are those of ticks, and the clock of programs is
+/// Two ticks of a kernel with 100 ticks per second. File times are rounded to ticks, but the clock of programs is
 /// finer.
 const TICK: Duration = Duration::from_millis(20);
 
-/// The files that tests write while they run, which cause no new run. A file that changes during one run may be an
-/// author's edit; a file that changes during each run is the tests' own.
+/// The files that tests write while they run. These files cause no new run. A file that changes during one run may be
+/// an author's edit. A file that changes during each run is written by the tests.
 #[derive(Default)]
 struct Written {
-    /// The time of the last run.
     ran: Option<RangeInclusive<SystemTime>>,
-    /// The files that changed during it.
+    /// The files that changed during the last run.
     files: HashSet<PathBuf>,
 }
 
 impl Written {
-    /// Returns `true` if the tests themselves changed a file at this time.
+    /// Checks if the tests changed a file at this time.
     fn has(&mut self, file: &Path, changed: Option<SystemTime>) -> bool {
         let ran = self.ran.as_ref();
         match ran.zip(changed).is_some_and(|(ran, changed)| ran.contains(&changed)) {
@@ -134,14 +131,13 @@ impl Written {
 }
 
 impl Tests {
-    /// Returns the tests whose names contain the filter.
     fn names(&self, filter: &str) -> BTreeSet<String> {
         let all = self.programs.all().flat_map(TestProgram::shown);
         all.filter(|name| name.contains(filter)).collect()
     }
 
-    /// [`names`](Self::names) without the tests that pass because nothing of them was judged, and the number of tests
-    /// with frames that aren't drawn.
+    /// Returns [`names`](Self::names) without the tests that pass because this process judged no part of them. Also
+    /// returns the number of tests with frames that aren't drawn.
     fn judged(&self, filter: &str) -> (BTreeSet<String>, usize) {
         let names = self.names(filter);
         let idle = names.iter().filter(|name| self.left_out.contains_key(*name)).count();
@@ -150,7 +146,7 @@ impl Tests {
         (names.into_iter().filter(is_judged).collect(), idle)
     }
 
-    /// Runs the tests of a request. Returns the build's error if the project can't be built.
+    /// Runs the tests of a request. If the project can't be built, returns the error of the build.
     fn answer(&mut self, request: &Request, out: &mut dyn Write) -> anyhow::Result<Option<String>> {
         let changed: HashSet<&Path> = request.changed.iter().map(PathBuf::as_path).collect();
         if self.programs.are_stale(&changed) {
@@ -165,7 +161,7 @@ impl Tests {
         let failed = |name: &String| request.first.contains(name);
         let (first, rest): (Vec<String>, Vec<String>) = concerned.into_iter().partition(failed);
         let began = SystemTime::now();
-        // A file's time may be that of the last tick before the run.
+        // The time of a file may be that of the last tick before the run.
         let began = began.checked_sub(TICK).unwrap_or(began);
         let runs = !first.is_empty() || !rest.is_empty();
         for names in [first, rest] {
@@ -193,8 +189,8 @@ impl Tests {
         let reads = |file: &Path| {
             self.made.values().any(|made| made.read.iter().any(|read| read.file == file))
         };
-        // A file that no known test reads may be read by a reference, or be a new module. Only new content counts, so
-        // that tests which write the same bytes again don't run forever.
+        // A reference may read a file that no known test reads, or the file may be a new module. Only new content
+        // counts: otherwise tests that write the same bytes again would run forever.
         let unread = changed.iter().filter(|file| !self.programs.builds(file) && !reads(file));
         let unread: Vec<FileRead> = unread.map(|file| FileRead::now(file)).collect();
         let all = unread.into_iter().fold(false, |all, now| {
@@ -232,7 +228,7 @@ impl Tests {
         })
     }
 
-    /// Runs tests, and records the programs and files of each.
+    /// Runs tests, and records the programs and files of each test.
     fn run(&mut self, names: &[String], out: &mut dyn Write) -> anyhow::Result<()> {
         for program in self.programs.all() {
             let own: Vec<&str> = program
@@ -253,8 +249,8 @@ impl Tests {
                 let wrong = message.map(Wrong::of);
                 say(&Said::Test { name: program.show(test), wrong }, out)
             })?;
-            let left_out = record::left_out(folder.path())
-                .context("the tests that a run left out can't be read")?;
+            let left_out =
+                record::left_out(folder.path()).context("can't read which tests a run left out")?;
             for test in &own {
                 let name = program.show(test);
                 match left_out.contains(*test) {
@@ -266,7 +262,7 @@ impl Tests {
             let records = record::read(folder.path())?;
             let mut made = made(folder.path(), &records)?;
             self.latest.take(shown.iter().map(String::as_str), records, |test| program.show(test));
-            // A program that a thread without a test's name linked may belong to each test.
+            // If a thread without a test's name linked a program, the program may belong to any test.
             let others: Vec<Dependence> = made
                 .iter()
                 .filter(|(name, _)| !program.tests.contains(*name))
@@ -283,10 +279,10 @@ impl Tests {
     }
 }
 
-/// Returns the programs and files of a run's tests, by their names in the test program.
+/// Returns the programs and files of a run's tests, by the names of the tests in the test program.
 fn made(folder: &Path, records: &[Record]) -> anyhow::Result<HashMap<String, Made>> {
     let mut all: HashMap<String, Made> = HashMap::new();
-    let all_of = Dependence::all(folder).context("what tests linked can't be read")?;
+    let all_of = Dependence::all(folder).context("can't read which shaders the tests linked")?;
     for dependence in all_of {
         all.entry(dependence.test.clone()).or_default().linked.push(dependence);
     }

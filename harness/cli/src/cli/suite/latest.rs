@@ -1,4 +1,4 @@
-//! The records of each test's last run, for a report at any time.
+//! The records of the last run of each test. A report may ask for them at any time.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ffi::OsStr;
@@ -11,12 +11,12 @@ use karat::unstable::record::{self, FileRead, Record, Verdict};
 
 use super::super::watch::Said;
 
-/// The records, by the tests' displayed names.
+/// The records, by the displayed names of the tests.
 #[derive(Default)]
 pub(super) struct Latest(BTreeMap<String, Vec<Record>>);
 
 impl Latest {
-    /// Replaces the records of some tests by those of a new run.
+    /// Replaces the records of some tests by the records of a new run.
     pub(super) fn take<'n>(
         &mut self,
         tests: impl Iterator<Item = &'n str>,
@@ -29,35 +29,33 @@ impl Latest {
         }
     }
 
-    /// Returns `true` if a test has records.
     pub(super) fn has(&self, test: &str) -> bool {
         self.0.contains_key(test)
     }
 
-    /// Returns the records of a test's last run.
     pub(super) fn of(&self, test: &str) -> &[Record] {
         self.0.get(test).map_or(&[], Vec::as_slice)
     }
 
-    /// Takes the records that this process has made since the last call, and empties its file.
+    /// Moves the records that this process made since the last call out of its file.
     pub(super) fn take_own<'n>(&mut self, tests: impl Iterator<Item = &'n str>) {
         let Some(folder) = std::env::var_os("KARAT_RECORD") else { return };
-        // If the records can't be read, the tests have none, in place of old ones.
+        // If the records can't be read, the tests get no records. Old ones would be wrong.
         let records = record::read(Path::new(&folder)).unwrap_or_else(|error| {
             tell(&format!("warning: {error}"));
             Vec::new()
         });
         self.take(tests, records, str::to_owned);
         let file = Path::new(&folder).join(format!("{}.jsonl", std::process::id()));
-        // The process appends to the file, so it continues at its start.
+        // The process appends to the file, so it continues at the file's start.
         drop(OpenOptions::new().write(true).open(file).and_then(|file| file.set_len(0)));
     }
 
-    /// Returns the present state of the files that the records depend on: those with the names of `changed` files, or
-    /// all if `changed` is empty.
+    /// Returns the present state of the files that the records depend on. Considers only files with the names of
+    /// `changed` files, or all files if `changed` is empty.
     pub(super) fn files(&self, changed: &[PathBuf]) -> HashMap<PathBuf, FileRead> {
         let names: BTreeSet<&OsStr> = changed.iter().filter_map(|file| file.file_name()).collect();
-        // A new or removed folder may have any file.
+        // A new or removed folder may contain any file.
         let all = changed.is_empty() || !changed.iter().all(|file| file.is_file());
         let read = self.0.values().flatten().flat_map(|record| &record.read);
         let mut files = HashMap::new();
@@ -70,8 +68,9 @@ impl Latest {
         files
     }
 
-    /// Makes the records of a test that an edit doesn't affect those of the present files, and returns `true` if that
-    /// worked. A pass can be kept. A failure can't, as an edit elsewhere in its file may move its line.
+    /// Updates the records of a test that an edit doesn't affect, so that they belong to the present files. Returns
+    /// `true` if that worked. A pass can be kept. A failure can't, because an edit elsewhere in its file may move the
+    /// failing line.
     pub(super) fn renew(&mut self, test: &str, files: &HashMap<PathBuf, FileRead>) -> bool {
         let Some(records) = self.0.get_mut(test) else { return true };
         let changed = |read: &FileRead| files.get(&read.file).is_some_and(|now| now != read);

@@ -1,4 +1,4 @@
-//! Runs tests on request: the process behind `karat watch`.
+//! Runs tests on request. `karat watch` starts this process.
 
 use std::collections::{BTreeSet, HashMap};
 use std::io::{BufRead, Write};
@@ -18,7 +18,7 @@ use super::super::{Ending, Outcome, PackageArgs, check, resolved};
 use super::latest::Latest;
 use super::{each, host};
 
-/// The programs and files of each test's last run; `None` if they are unknown.
+/// The programs and files of the last run of each test. `None` if they are unknown.
 type Known = HashMap<String, Option<String>>;
 
 pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
@@ -28,7 +28,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     let (mut known, mut latest) = (Known::new(), Latest::default());
     for request in requests(|| {}) {
         karat::unstable::workspace::refresh();
-        // This comes before the tests are read: they don't judge a file that is saved later.
+        // This must come before the tests are read: the tests don't judge a file that is saved later.
         let files = latest.files(&request.changed);
         let done = match Suite::open(folder) {
             Ok(suite) if request.report.is_some() => {
@@ -40,7 +40,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
                     suite.broken.retain(|broken| broken.is_file);
                 }
                 let validates = request.validate && whole.is_judged(&suite);
-                // Another compiler runs in parallel, as its answer takes as long as the tests.
+                // Another compiler runs in parallel, because it takes as long as the tests.
                 std::thread::scope(|scope| {
                     let package = &whole.found.package;
                     let validity = validates.then(|| scope.spawn(|| package.try_is_valid()));
@@ -65,8 +65,8 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Receives the requests. When standard input ends, the process ends with all that it runs, so that a hanging shader
-/// doesn't keep it alive.
+/// Receives the requests. When standard input ends, this process ends with all programs that it runs. So a hanging
+/// shader doesn't keep the process alive.
 pub(super) fn requests(at_end: impl FnOnce() + Send + 'static) -> Receiver<Request> {
     let (sender, requests) = channel();
     std::thread::spawn(move || {
@@ -100,7 +100,7 @@ fn answer(
     // Failed tests run first.
     tests.sort_by_key(|test| !request.first.contains(&test.name));
     let all: BTreeSet<String> = tests.iter().map(|test| test.name.clone()).collect();
-    // The watching process forgets the verdict of a removed test. If the test comes back, it runs.
+    // The watching process drops the verdict of a removed test. If the test comes back, it runs.
     known.retain(|name, _| all.contains(name));
     let is_asked = |test: &&Test| request.only.as_ref().is_none_or(|only| test.name == *only);
     let mut concerned = Vec::new();
@@ -115,10 +115,10 @@ fn answer(
     }
     let asked: Vec<&str> = concerned.iter().map(|test| &*test.name).collect();
     let (concerned, unsound) = suite.sound(concerned);
-    // A test that can't run has no verdict, and is tried again at each edit.
+    // A test that can't run has no verdict. It is tried again after each edit.
     let runs = |name: &&str| concerned.iter().any(|test| test.name == **name);
     asked.into_iter().filter(|name| !runs(name)).for_each(|name| drop(known.remove(name)));
-    // The answer about a single test has the reason why it can't run.
+    // The reply about a single test has the reason why the test can't run.
     if let (Some(only), Some(broken)) = (&request.only, unsound.first())
         && concerned.is_empty()
     {
@@ -138,7 +138,8 @@ fn answer(
     Ok(Said::Done { tests: all, broken, idle, invalid, remarks, reads, records })
 }
 
-/// The whole package with its project's settings. As for `karat test`, modules that no test links must be valid, too.
+/// The whole package with the settings of its project. As in `karat test`, modules that no test links must be valid,
+/// too.
 struct Whole {
     project: Project,
     found: Found,
@@ -161,7 +162,7 @@ impl Whole {
         Ok(Self { project, found })
     }
 
-    /// Returns `false` for a folder that isn't declared and that no test uses: its modules don't make a run fail.
+    /// Returns `false` for an undeclared folder that no test uses. Modules of such a folder don't make a run fail.
     fn is_judged(&self, suite: &Suite) -> bool {
         let is_used =
             || self.found.place().is_some_and(|place| self.project.recorded().contains(&place));

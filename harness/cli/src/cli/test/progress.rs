@@ -1,12 +1,12 @@
-//! One line of progress for a whole run, on standard error, if that is a terminal. It disappears at the end.
+//! A progress line for a whole run, on standard error if this is a terminal. The line disappears at the end.
 
 use std::io::IsTerminal;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// The progress of a run. Its bar needs the number of tests, which is known if the last run had the same tests. Test
-/// programs print their counts one by one, and a bar of the known tests would go backwards.
+/// The progress of a run. The bar needs the number of tests. It is known if the last run had the same tests. Test
+/// programs print their counts one after the other, so a bar of the counts so far would go backwards.
 pub(super) struct Progress {
     line: Line,
     done: u64,
@@ -18,7 +18,7 @@ pub(super) struct Progress {
 #[derive(Clone)]
 pub(super) struct Line {
     bar: ProgressBar,
-    /// `true` while the line is on the screen. The lock's holder may write.
+    /// `true` while the line is on the screen. Only the thread that has the lock may write.
     drawn: Arc<Mutex<bool>>,
 }
 
@@ -31,7 +31,7 @@ impl Line {
         self.drawn.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns `true` if a terminal shows the line.
+    /// Checks if a terminal shows the line.
     pub(super) fn is_seen(&self) -> bool {
         !self.bar.is_hidden()
     }
@@ -39,13 +39,13 @@ impl Line {
     /// Writes text that stays above the line.
     pub(super) fn above<T>(&self, write: impl FnOnce() -> T) -> T {
         let drawn = self.alone();
-        // The line appears with the first verdict, as Cargo builds before.
+        // The line appears with the first verdict, because Cargo builds first.
         if *drawn { self.bar.suspend(write) } else { write() }
     }
 }
 
 impl Progress {
-    /// Makes the progress. `expected` is the number of tests in the last run with the same selection.
+    /// Makes the progress line. `expected` is the number of tests in the last run with the same selection.
     pub(super) fn of(expected: Option<u64>) -> Self {
         let hidden = !std::io::stderr().is_terminal();
         let bar = match expected {
@@ -59,7 +59,6 @@ impl Progress {
         Self { line: Line::of(bar), done: 0, passed: Vec::new(), failed: Vec::new() }
     }
 
-    /// Counts a test's verdict.
     pub(super) fn step(&mut self, name: &str, verdict: &str) {
         self.done += 1;
         match verdict {
@@ -69,7 +68,7 @@ impl Progress {
         }
         let mut drawn = self.line.alone();
         let bar = &self.line.bar;
-        // If there are more tests than last time, the bar stays full and grows.
+        // If there are more tests than in the last run, the bar stays full and grows.
         if bar.length().is_some_and(|length| length < self.done) {
             bar.set_length(self.done);
         }
@@ -78,7 +77,7 @@ impl Progress {
         *drawn = true;
     }
 
-    /// Returns the line, for writers above it.
+    /// Returns the line for other writers. They write above it.
     pub(super) fn line(&self) -> Line {
         self.line.clone()
     }
@@ -90,12 +89,11 @@ impl Progress {
         *drawn = false;
     }
 
-    /// Returns the tests that passed.
     pub(super) fn passed(&self) -> &[String] {
         &self.passed
     }
 
-    /// Counts the tests without a verdict, whose program ended early, as failed.
+    /// Counts the tests without a verdict as failed. The program of these tests ended early.
     pub(super) fn end_without(&mut self, tests: impl Iterator<Item = String>) -> Vec<String> {
         let untold = |name: &String| !self.passed.contains(name) && !self.failed.contains(name);
         let untold: Vec<String> = tests.filter(untold).collect();
@@ -103,7 +101,6 @@ impl Progress {
         untold
     }
 
-    /// Returns the tests that failed.
     pub(super) fn failed(&self) -> &[String] {
         &self.failed
     }

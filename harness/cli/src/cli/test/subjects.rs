@@ -1,5 +1,5 @@
-//! The functions and goldens that each test checks, kept from run to run. Cargo knows only the names of tests, and
-//! the record of a filtered run has only some of them.
+//! The functions and goldens that each test checks. Karat keeps them from run to run: Cargo knows only the names of
+//! tests, and the record of a filtered run contains only some tests.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -13,10 +13,10 @@ pub(in crate::cli) struct Subjects {
     tests: BTreeMap<String, BTreeSet<String>>,
     /// The number of tests in the last complete run.
     count: Option<u64>,
-    /// The tests that failed in the last run, also those without a record.
+    /// The tests that failed in the last run, including tests without a record.
     #[serde(default)]
     failed: Vec<String>,
-    /// Folders and files of shaders that tests used.
+    /// The folders and files of shaders that tests used.
     #[serde(default)]
     packages: BTreeSet<PathBuf>,
 }
@@ -25,7 +25,7 @@ pub(in crate::cli) struct Subjects {
 const FILE: &str = "subjects.json";
 
 impl Subjects {
-    /// Reads the subjects of earlier runs, from beside the last record.
+    /// Reads the subjects of earlier runs from the folder of the last record.
     pub(in crate::cli) fn read(record: &Path) -> Self {
         let text = std::fs::read_to_string(record.with_file_name(FILE)).unwrap_or_default();
         serde_json::from_str(&text).unwrap_or_default()
@@ -36,17 +36,15 @@ impl Subjects {
         self.count
     }
 
-    /// Returns the tests that failed in the last run.
     pub(super) fn failed(&self) -> &[String] {
         &self.failed
     }
 
-    /// Folders and files of shaders that tests used.
     pub(in crate::cli) fn packages(&self) -> &BTreeSet<PathBuf> {
         &self.packages
     }
 
-    /// Adds the packages that a run used. A complete run replaces the known ones.
+    /// Adds the packages that a run used. A complete run replaces the known packages.
     pub(super) fn add_packages(&mut self, used: BTreeSet<PathBuf>, whole: bool) {
         if whole {
             self.packages.clear();
@@ -54,7 +52,7 @@ impl Subjects {
         self.packages.extend(used);
     }
 
-    /// Adds the subjects of a run. A complete run of `whole` tests removes the tests that it didn't have.
+    /// Adds the subjects of a run. `whole` is the number of tests of a complete run, which removes all other tests.
     pub(super) fn add(&mut self, records: &[Record], whole: Option<u64>, failed: &[String]) {
         self.failed = failed.to_vec();
         self.count = whole.or(self.count);
@@ -69,18 +67,18 @@ impl Subjects {
         }
     }
 
-    /// Writes the subjects for the next run.
     pub(super) fn write(&self, record: &Path) -> std::io::Result<()> {
         let text = serde_json::to_string(self).expect("it is plain data");
         std::fs::write(record.with_file_name(FILE), text)
     }
 
-    /// Returns `true` if a test checked a subject whose name contains `words`.
+    /// Checks if a test checked a subject whose name contains `words`.
     pub(super) fn checks(&self, words: &str) -> bool {
         self.tests.values().flatten().any(|name| name.contains(words))
     }
 
-    /// Returns the tests that checked a subject whose name contains `words`, although their own names don't.
+    /// Returns the tests that checked a subject whose name contains `words`, although their own names don't contain
+    /// `words`.
     pub(super) fn about(&self, words: &str) -> Vec<String> {
         let tests = self.tests.iter().filter(|(test, names)| {
             !test.contains(words) && names.iter().any(|name| name.contains(words))

@@ -1,4 +1,4 @@
-//! The pages of `docs/reference`, which are generated from the code. A test compares them.
+//! The pages of `docs/reference`. They are generated from the code, and a test compares them.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::CommandFactory;
 use karat::unstable::settings::variables;
 
-/// A table of keys: its head, the file of its structure, and the structure.
+/// A table of keys: the headline, the source file, and the structure with the keys.
 type Keys = (&'static str, &'static str, &'static str);
 
 const TESTS: [Keys; 7] = [
@@ -41,7 +41,7 @@ const RECORDS: [Keys; 8] = [
     ("The time", "src/record.rs", "Time"),
 ];
 
-/// A key and its sentence.
+/// A key and the sentence that describes it.
 type Key = (String, String);
 
 /// Returns the keys of a structure in order. A key without a sentence is an error.
@@ -72,7 +72,7 @@ fn keys(source: &str, structure: &str) -> Result<Vec<Key>, String> {
     if keys.is_empty() { Err(format!("`{structure}` has no key")) } else { Ok(keys) }
 }
 
-/// Returns a sentence without the links of Rust's documentation.
+/// Returns a sentence without rustdoc links.
 fn without_links(sentence: &str) -> String {
     let mut told = String::new();
     for part in sentence.split_inclusive(']') {
@@ -132,7 +132,7 @@ fn page_of_commands() -> String {
             if !is_switch && !values.is_empty() {
                 let _ = write!(help, ": {}", values.join(", "));
             }
-            // Some texts name it in words: "any free port" is 0.
+            // Some help texts name their default in words: "any free port" is 0.
             if !is_switch && !defaults.is_empty() && !help.contains("[default") {
                 let _ = write!(help, " [default: {}]", defaults.join(" "));
             }
@@ -167,7 +167,7 @@ fn harness() -> PathBuf {
 // Lesson 211
 #[test]
 fn pages_are_those_of_the_code() {
-    // A published package has no pages beside it.
+    // A published package doesn't contain the pages.
     if Path::new(env!("CARGO_MANIFEST_DIR")).join(".cargo_vcs_info.json").exists() {
         return;
     }

@@ -1,4 +1,4 @@
-//! Compares the facts in a golden's image with the facts in the file beside it.
+//! The comparison of the provenance in a golden's image with the provenance in the file beside it.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -9,22 +9,22 @@ use serde::Serialize;
 
 use super::files::{Golden, is_facts};
 
-/// A golden whose facts are missing or don't match.
+/// A golden whose provenance is missing or doesn't match.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Doubt {
     #[serde(flatten)]
     pub(super) golden: Golden,
-    /// The problem, in a sentence.
+    /// The problem, as a sentence.
     pub(super) problem: String,
 }
 
-/// The advice for such a golden.
+/// The advice about such a golden.
 pub(super) const ADVICE: &str = "restore both files from one commit; or delete both, run the test \
                                  and accept its frame again";
 
 impl Doubt {
-    /// Returns the doubt about a golden, or `None` if its image and facts agree, or if it is another tool's and has
-    /// no facts.
+    /// Returns the doubt about a golden. Returns `None` if the image and the file agree, or if another tool wrote the
+    /// golden without provenance.
     pub(super) fn of(golden: &Golden) -> Option<Self> {
         let problem = problem(&golden.file, &golden.file.with_extension("toml"))?;
         Some(Self { golden: golden.clone(), problem })
@@ -33,7 +33,7 @@ impl Doubt {
 
 fn problem(image: &Path, beside: &Path) -> Option<String> {
     if image.extension().is_some_and(|ending| ending == "csv") {
-        // A golden of values has its facts inside.
+        // A golden of values contains its provenance.
         return Table::read(image).err().map(|error| error.to_string());
     }
     let metadata = match Image::read_exr(image) {
@@ -52,7 +52,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     let told = match std::fs::read_to_string(beside) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            return Some(format!("`{shown}` is missing, the facts of `{image}` as text"));
+            return Some(format!("`{shown}` is missing: it has the facts of `{image}` as text"));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
     };
@@ -62,11 +62,11 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
             let others = differing(&told, &held).join("`, `");
             Some(format!("`{shown}` has other facts than `{image}`: `{others}`"))
         }
-        Err(error) => Some(format!("`{shown}` can't be read as facts: {}", error.message())),
+        Err(error) => Some(format!("`{shown}` has no readable facts: {}", error.message())),
     }
 }
 
-/// Returns the names of the facts that differ.
+/// Returns the names of the fields that differ.
 fn differing(a: &Provenance, b: &Provenance) -> Vec<String> {
     let table = |facts| toml::Table::try_from(facts).unwrap_or_default();
     let (a, b) = (table(a), table(b));

@@ -9,23 +9,22 @@ use karat::unstable::golden::Provenance;
 use karat::unstable::image::{is_beside, is_leftover};
 use serde::Serialize;
 
-/// A golden.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Golden {
     pub(super) case: String,
-    /// The profile of the golden; `None`: it is the golden for all profiles.
+    /// The profile of the golden. `None` means that the golden applies to all profiles.
     pub(super) profile: Option<String>,
     pub(super) file: PathBuf,
 }
 
 impl Golden {
-    /// Returns `true` if it holds values and their facts, and not a frame.
+    /// Checks if the golden contains values and their provenance, and not a frame.
     pub(super) fn is_table(&self) -> bool {
         self.file.extension().is_some_and(|ending| ending == "csv")
     }
 }
 
-/// Writes `scene` or `scene of profile gl-nvidia`.
+/// Formats the golden as `scene` or `scene of profile gl-nvidia`.
 impl fmt::Display for Golden {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.case)?;
@@ -33,12 +32,11 @@ impl fmt::Display for Golden {
     }
 }
 
-/// A file that belongs to no golden.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Stray {
     pub(super) file: PathBuf,
     pub(super) reason: &'static str,
-    /// `true` if Karat wrote it, and may delete it.
+    /// `true` if Karat wrote the file, and may delete it.
     #[serde(skip)]
     pub(super) is_ours: bool,
 }
@@ -50,10 +48,10 @@ pub(super) struct Files {
     pub(super) stray: Vec<Stray>,
 }
 
-/// The endings of files beside a golden: its facts, pending images and values, and previews.
+/// The endings of the files beside a golden: its provenance, pending images and values, and previews.
 const COMPANIONS: [&str; 5] = [".new.exr", ".new.csv", ".new.png", ".toml", ".png"];
 
-/// The reason for a temporary file of a process that was killed before it renamed the file.
+/// The reason for a temporary file: its process was killed before it renamed the file.
 const LEFTOVER: &str = "left by an interrupted acceptance or test";
 
 impl Files {
@@ -72,9 +70,9 @@ impl Files {
                 continue;
             }
             let Some((stem, ending)) = split(&name) else {
-                // Hidden files and Markdown are for Git and for people.
+                // Hidden files and Markdown files are for Git and for people.
                 if !hidden && !name.ends_with(".md") {
-                    files.push(file, "a file that isn't a golden's", false);
+                    files.push(file, "not a file of a golden", false);
                 }
                 continue;
             };
@@ -97,13 +95,13 @@ impl Files {
     }
 }
 
-/// Returns `true` if a file holds the facts of a golden.
+/// Checks if a file contains the provenance of a golden.
 pub(super) fn is_facts(file: &Path) -> bool {
     let text = std::fs::read_to_string(file).unwrap_or_default();
     toml::from_str::<Provenance>(&text).is_ok()
 }
 
-/// Splits a file's name from its ending, if the ending is known.
+/// Splits a file name before its ending, if the ending is known.
 fn split(name: &str) -> Option<(&str, &'static str)> {
     let endings = COMPANIONS.into_iter().chain([".exr", ".csv"]);
     let mut split = endings.filter_map(|ending| Some((name.strip_suffix(ending)?, ending)));

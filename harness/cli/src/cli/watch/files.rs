@@ -1,4 +1,4 @@
-//! Watches files. Editors write in several steps, and by renaming, so that one save causes a burst of events.
+//! Watching files. Editors write in several steps and rename files, so one save causes a burst of events.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -11,32 +11,32 @@ use notify::event::{AccessKind, AccessMode, ModifyKind, RemoveKind, RenameMode};
 use notify::{Event as Changed, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use same_file::Handle;
 
-/// The time without events that ends a burst. If the burst goes on later, the tests run once more.
+/// The time without events that ends a burst. If the burst continues later, the tests run once more.
 const QUIET: Duration = Duration::from_millis(1);
 
-/// The time after which a burst ends if a file was saved completely. Other files may follow: a checkout writes a file
-/// in about 0.1 ms.
+/// The time without events that ends a burst after a file was saved completely. Other files may follow: a checkout
+/// writes a file in about 0.1 ms.
 const SAVED: Duration = Duration::from_micros(200);
 
-/// The longest burst: after this time its files are reported.
+/// The longest duration of a burst. After this time its files are reported.
 const LONGEST: Duration = Duration::from_millis(100);
 
-/// The time between two checks whether the folder was replaced.
+/// The time between two checks if the folder was replaced.
 const MISSING: Duration = Duration::from_millis(200);
 
-/// A watch, which ends when this value is dropped.
+/// A watch. It ends when this value is dropped.
 pub(in crate::cli) struct Watching {
     _ends: Sender<()>,
 }
 
-/// Calls `tell` with each burst of changes below a folder, or of a file, until `tell` returns `false`. A removed or
-/// replaced folder is a change, too, and a new folder in its place is watched.
+/// Calls `tell` with each burst of changes of a file or below a folder, until `tell` returns `false`. The removal or
+/// replacement of a folder is a change, too. A new folder in its place is watched.
 pub(in crate::cli) fn watch(
     folder: &Path,
     tell: impl Fn(Vec<PathBuf>) -> bool + Send + 'static,
 ) -> anyhow::Result<Watching> {
     let root = folder.canonicalize().with_context(|| format!("`{}`", folder.display()))?;
-    // Editors replace files, so a file is watched by its folder.
+    // Editors replace files, so Karat watches the folder of a file.
     let above =
         if root.is_file() { root.parent().unwrap_or(&root).to_owned() } else { root.clone() };
     let (raw, changes) = channel();
@@ -51,14 +51,14 @@ type Raw = Sender<notify::Result<Changed>>;
 fn started(folder: &Path, raw: &Raw) -> anyhow::Result<RecommendedWatcher> {
     let raw = raw.clone();
     let changes = move |change: notify::Result<Changed>| {
-        // Events of reading come from the tests.
+        // The tests read files, and cause these events.
         let only_reads = |kind: &EventKind| matches!(kind, EventKind::Access(_)) && !is_whole(kind);
         if !change.as_ref().is_ok_and(|change| only_reads(&change.kind)) {
             let _ = raw.send(change);
         }
     };
-    let mut watcher = notify::recommended_watcher(changes).context("files can't be watched")?;
-    let name = || format!("`{}` can't be watched", folder.display());
+    let mut watcher = notify::recommended_watcher(changes).context("can't watch files")?;
+    let name = || format!("can't watch `{}`", folder.display());
     watcher.watch(folder, RecursiveMode::Recursive).with_context(name)?;
     Ok(watcher)
 }
@@ -105,7 +105,7 @@ fn follow(
         let now = Handle::from_path(folder).ok().filter(|_| folder.is_dir());
         if now != there {
             files.insert(folder.to_owned());
-            // The watch of a removed folder doesn't see the folder in its place.
+            // The watch of a removed folder doesn't see a new folder in its place.
             watcher = now.as_ref().and_then(|_| started(folder, raw).ok());
             there = now.filter(|_| watcher.is_some());
         }
@@ -116,7 +116,7 @@ fn follow(
     drop(watcher);
 }
 
-/// Returns `true` if a file is complete after this event: its writer closed it, or renamed it into place.
+/// Checks if a file is complete after this event: its writer closed it, or renamed it into place.
 fn is_whole(kind: &EventKind) -> bool {
     let closed = EventKind::Access(AccessKind::Close(AccessMode::Write));
     *kind == closed || *kind == EventKind::Modify(ModifyKind::Name(RenameMode::To))
@@ -126,9 +126,8 @@ fn is_whole(kind: &EventKind) -> bool {
 #[derive(Default)]
 struct Seen {
     files: BTreeSet<PathBuf>,
-    /// The files that are new.
     created: BTreeSet<PathBuf>,
-    /// The new and removed folders, in which more files may have changed than the events show.
+    /// The new and removed folders. More files in them may have changed than the events show.
     folders: BTreeSet<PathBuf>,
 }
 
@@ -171,33 +170,33 @@ impl Seen {
     }
 }
 
-/// Returns `true` for a file that this process prints into.
+/// Checks if this process prints into a file.
 fn is_output(path: &Path) -> bool {
     static OUTPUTS: OnceLock<Vec<Handle>> = OnceLock::new();
     let outputs = OUTPUTS
         .get_or_init(|| [Handle::stdout(), Handle::stderr()].into_iter().flatten().collect());
-    // Opening a pipe to identify it would wait for its writer.
+    // Opening a pipe to identify it would wait for the writer of the pipe.
     let own = path.is_file().then(|| Handle::from_path(path).ok()).flatten();
     own.is_some_and(|own| outputs.contains(&own))
 }
 
-/// Returns `true` for a path below the root that is a tool's own file, build output, or pending.
+/// Checks if a path below the root is a tool's own file, build output, or pending.
 fn is_ours(path: &Path, root: &Path) -> bool {
     let below = path.strip_prefix(root).unwrap_or(path);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    // The names of an editor's lock, `.#brdf.wgsl`, of its copies, `brdf.wgsl~` and `#brdf.wgsl#`, and of a system's
-    // files.
+    // The names of an editor's lock, `.#brdf.wgsl`, of its copies, `brdf.wgsl~` and `#brdf.wgsl#`, and of files of the
+    // system.
     if name.starts_with(['.', '#']) || name.ends_with('~') {
         return true;
     }
     let mut at = root.to_owned();
     let kept = below.iter().any(|part| {
-        // A folder `target` without a Cargo project may have modules.
+        // A folder `target` without a Cargo project may contain modules.
         let built = part == "target" && at.join("Cargo.toml").is_file();
         at.push(part);
         built || at.join("CACHEDIR.TAG").is_file() || part == ".karat" || part == ".git"
     });
-    // Vim writes and removes a file with a number as its name before it saves.
+    // Before it saves, Vim writes and removes a file that is named after a number.
     kept || name.contains(".new.") || name.bytes().all(|byte| byte.is_ascii_digit())
 }
 
@@ -205,7 +204,7 @@ fn is_ours(path: &Path, root: &Path) -> bool {
 mod tests {
     use super::*;
 
-    /// The tests read their own files. If reading counted as a change, they would run forever.
+    /// The tests read their own files. If reading counted as a change, the tests would run forever.
     #[test]
     fn reading_a_file_is_not_a_change() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -221,7 +220,7 @@ mod tests {
         assert!(!quiet(), "a change is told");
     }
 
-    /// An editor's temporary file counts neither as a change nor as a removed folder.
+    /// The temporary file of an editor is neither a change nor a removed folder.
     #[test]
     fn a_save_by_rename_is_one_change() {
         let folder = tempfile::tempdir().expect("a folder");

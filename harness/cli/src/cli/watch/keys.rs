@@ -1,4 +1,4 @@
-//! The actions of keys besides running tests: accepting frames, and opening the report.
+//! The keys that don't run tests: they accept frames, or open the report.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,8 @@ pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>)
     let mut waiting = Waiting::new();
     for folder in project.goldens().into_iter().chain(shaders) {
         for frame in Goldens::open(&folder).pending().frames {
-            // A folder of shaders may have several folders of goldens, with the frame's name below.
+            // A folder of shaders may have several folders of goldens. The names of frames are paths below such a
+            // folder.
             let mut above = frame.path.ancestors().skip(1 + frame.case.matches('/').count());
             if let Some(goldens) = above.next() {
                 // A folder may have two paths.
@@ -34,10 +35,10 @@ pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>)
     waiting
 }
 
-/// Accepts frames as `karat accept` does, and returns its message.
+/// Accepts frames as `karat accept` does, and returns the message of that command.
 pub(super) fn accept(project: &Project, waiting: &Waiting, because: &str) -> String {
     let accepted = |(folder, frames): (&PathBuf, &Vec<String>)| -> anyhow::Result<String> {
-        let program = std::env::current_exe().context("this program isn't where it was")?;
+        let program = std::env::current_exe().context("can't find this program's own file")?;
         let mut command = Command::new(program);
         command.arg("accept").args(frames).args(["--because", because]);
         command.arg("--goldens").arg(folder);
@@ -50,14 +51,14 @@ pub(super) fn accept(project: &Project, waiting: &Waiting, because: &str) -> Str
     waiting.iter().map(said).collect::<Vec<_>>().join("\n")
 }
 
-/// Writes the report of several files of records as one page, and opens it.
+/// Merges several files of records into one report, and opens it.
 pub(super) fn open_report(project: &Project, files: &[PathBuf], page: &Path) -> anyhow::Result<()> {
     let mut records: Vec<Record> = Vec::new();
     for file in files {
         let text = std::fs::read_to_string(file)
             .with_context(|| format!("can't read `{}`", file.display()))?;
         for line in text.lines() {
-            records.push(serde_json::from_str(line).context("a record isn't one")?);
+            records.push(serde_json::from_str(line).context("a line isn't a record")?);
         }
     }
     report::write_page(records, project, page)?;

@@ -1,4 +1,4 @@
-//! The tests of one source on one path, in a long-lived process for `karat watch` and `karat lsp`.
+//! A long-lived process that runs the tests of one source on one path, for `karat watch` and `karat lsp`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -10,14 +10,11 @@ use super::{Request, Said, Source, Worker};
 pub(in crate::cli) struct Resident {
     pub(in crate::cli) path: String,
     pub(in crate::cli) source: Source,
-    /// The folder of its process's records.
+    /// The folder of the records that the process writes.
     records: PathBuf,
     worker: Option<Worker>,
-    /// The names of all tests.
     pub(in crate::cli) tests: BTreeSet<String>,
-    /// The failing tests.
     pub(in crate::cli) failing: BTreeMap<String, Wrong>,
-    /// `true` while tests run.
     pub(in crate::cli) busy: bool,
     /// The request that waits until the tests have run.
     waiting: Option<Request>,
@@ -55,7 +52,7 @@ impl Resident {
         Ok(true)
     }
 
-    /// Updates the state by a message of the process.
+    /// Updates the state after a message of the process.
     pub(in crate::cli) fn hear(&mut self, said: &Said) {
         match said {
             Said::Test { name, wrong: Some(wrong) } => {
@@ -71,18 +68,19 @@ impl Resident {
         }
     }
 
-    /// Takes the waiting request, once no test runs.
+    /// If no test runs, removes and returns the waiting request.
     pub(in crate::cli) fn waited(&mut self) -> Option<Request> {
         self.waiting.take_if(|_| !self.busy)
     }
 
-    /// Asks the process to write its records into [its file](Self::report). Returns `false` if there is no process.
+    /// Asks the process to write its records into [the report file](Self::report). Returns `false` if there is no
+    /// process.
     pub(in crate::cli) fn ask_for_records(&mut self) -> bool {
         let request = Request { report: Some(self.report()), ..Request::default() };
         self.worker.as_mut().is_some_and(|worker| worker.ask(&request).is_ok())
     }
 
-    /// Returns the file that its process writes records into.
+    /// Returns the file into which the process writes its records.
     pub(in crate::cli) fn report(&self) -> PathBuf {
         self.records.with_extension("jsonl")
     }

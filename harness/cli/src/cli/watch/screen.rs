@@ -1,4 +1,4 @@
-//! The output of `karat watch`: a screen on a terminal, lines elsewhere.
+//! The output of `karat watch`: a full screen on a terminal, otherwise lines.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -13,11 +13,10 @@ use karat::unstable::output::visible;
 use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Lane, Resident, Verdicts};
 
-/// The content to show.
 pub(super) struct View<'v> {
     pub(super) folder: &'v Path,
     pub(super) filter: &'v str,
-    /// The text that is being typed, after its prompt.
+    /// The prompt with the text that the user is typing.
     pub(super) prompt: Option<String>,
     /// The message about the last key.
     pub(super) notice: Option<&'v str>,
@@ -25,22 +24,20 @@ pub(super) struct View<'v> {
     pub(super) lanes: &'v [Lane],
 }
 
-/// The bytes at a file's end in which the last printed line is searched.
+/// The number of bytes at the end of a file in which Karat searches the last printed line.
 const TAIL: u64 = 64 << 10;
 
 pub(super) struct Screen {
     full: bool,
-    /// The last printed line, except messages.
+    /// The last printed line that isn't a part of a message.
     last: RefCell<String>,
-    /// The index of the shown failure.
     failure: Cell<usize>,
-    /// The index of its first visible line.
+    /// The index of the first visible line of the failure.
     top: Cell<usize>,
-    /// Its title when it was last drawn.
+    /// The title of the failure when it was last drawn.
     title: RefCell<String>,
 }
 
-/// A failure: its title and its message.
 struct Failure {
     title: String,
     message: String,
@@ -57,7 +54,7 @@ impl Screen {
         }
     }
 
-    /// Takes over the terminal, until the value is dropped.
+    /// Switches the terminal to a full screen, until the value is dropped.
     pub(super) fn full() -> std::io::Result<Self> {
         terminal::enable_raw_mode()?;
         execute!(std::io::stdout(), terminal::EnterAlternateScreen, cursor::Hide)?;
@@ -66,13 +63,12 @@ impl Screen {
         Ok(screen)
     }
 
-    /// Shows the next failure, or after the last one the first.
+    /// Shows the next failure. After the last failure the first one follows.
     pub(super) fn turn(&self) {
         self.failure.set(self.failure.get() + 1);
         self.top.set(0);
     }
 
-    /// Scrolls the failure by lines.
     pub(super) fn scroll(&self, lines: isize) {
         self.top.set(self.top.get().saturating_add_signed(lines));
     }
@@ -126,7 +122,7 @@ impl Screen {
         out.flush()
     }
 
-    /// Returns `true` for a file that contains the last printed line, as with `karat watch | tee log.txt`.
+    /// Checks if a file contains the last printed line, as in `karat watch | tee log.txt`.
     pub(super) fn is_printed_in(&self, file: &Path) -> bool {
         let last = self.last.borrow();
         let Some(length) = file.metadata().ok().filter(std::fs::Metadata::is_file) else {
@@ -143,7 +139,6 @@ impl Screen {
         !last.is_empty() && read().is_ok_and(has)
     }
 
-    /// Draws the screen.
     pub(super) fn draw(&self, view: &View<'_>, out: &mut dyn Write) -> std::io::Result<()> {
         if !self.full {
             return Ok(());
@@ -180,7 +175,7 @@ impl Screen {
         if !failures.is_empty() {
             self.failure.set(self.failure.get() % failures.len());
             let Failure { title, message } = &failures[self.failure.get()];
-            // Another failure has its place, which is shown from its first line.
+            // A different failure is now at this index. It is shown from its first line.
             if self.title.replace(title.clone()) != *title {
                 self.top.set(0);
             }
@@ -201,8 +196,8 @@ impl Screen {
             None => keys(failures.len() > 1, hidden, columns),
         };
         lines.truncate(rows.saturating_sub(1));
-        // Without colours the output strips all escape sequences, but the screen needs its own. Rows without text are
-        // cleared.
+        // If colours are off, the output strips all escape sequences, but the screen needs its own. Rows without text
+        // are cleared.
         let mut commands = std::io::stdout();
         queue!(commands, cursor::MoveTo(0, 0))?;
         for row in 0..rows.saturating_sub(1) {
@@ -226,8 +221,8 @@ impl Drop for Screen {
     }
 }
 
-/// Paths without a verdict or with an invalid module come first. Each failing test follows once, with the message of the
-/// first path on which it fails.
+/// Returns the failures to show. Paths without a verdict or with an invalid module come first. Each failing test
+/// follows once, with the message of the first path on which it fails.
 fn failures(lanes: &[Lane]) -> Vec<Failure> {
     let broken = lanes.iter().filter_map(|lane| {
         let Verdicts { broken, invalid, .. } = &lane.verdicts;
@@ -248,9 +243,9 @@ fn failures(lanes: &[Lane]) -> Vec<Failure> {
     broken.chain(tests).collect()
 }
 
-/// Returns the keys that work now, shortened if the line is narrow.
+/// Returns the keys that work now. If the line is narrow, they are shortened.
 fn keys(several: bool, hidden: bool, columns: usize) -> String {
-    // These keys come first, since the end of a long line is cut.
+    // These keys come first, because the end of a long line is cut.
     let now = [(several, "n next"), (hidden, "\u{2191}\u{2193} scroll")];
     let now: Vec<&str> = now.into_iter().filter_map(|(does, key)| does.then_some(key)).collect();
     let join = |always: [&'static str; 5], gap| [&*now, &always].concat().join(gap);
@@ -273,7 +268,7 @@ fn cut(text: &str, columns: usize) -> String {
     }
 }
 
-/// Wraps a text to a number of columns, with the indentation of its first line. It isn't cut, as values are often at
+/// Wraps a text to a number of columns, and repeats the indentation of its first line. Cutting would lose the values at
 /// the end of a line.
 fn wrapped(text: &str, columns: usize) -> Vec<String> {
     let indent: String = text.chars().take_while(|c| *c == ' ').take(columns / 2).collect();
@@ -281,7 +276,7 @@ fn wrapped(text: &str, columns: usize) -> Vec<String> {
     let mut rest: Vec<char> = text.chars().skip(indent.len()).collect();
     let mut lines = Vec::new();
     while rest.len() > width {
-        // The line breaks between words, unless that leaves more than half of it empty.
+        // The line breaks between words, unless that leaves more than half of the line empty.
         let blank = rest[..=width].iter().rposition(|c| *c == ' ').filter(|at| *at > width / 2);
         let after = rest.split_off(blank.unwrap_or(width));
         lines.push(indent.chars().chain(rest).collect());
@@ -301,8 +296,8 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
     }
     let (took, good) = match idle {
         0 => (took, GOOD),
-        1 => (format!("{took}; 1 isn't judged here: a frame needs a driver"), KNOWN),
-        more => (format!("{took}; {more} aren't judged here: frames need a driver"), KNOWN),
+        1 => (format!("{took}; 1 frame isn't judged: it needs a driver"), KNOWN),
+        more => (format!("{took}; {more} frames aren't judged: they need a driver"), KNOWN),
     };
     let path = &lane.name;
     let pass = if *count == 1 { "1 test passes".to_owned() } else { format!("{count} tests pass") };
@@ -316,9 +311,7 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
             true => (BAD, format!("{path}: there are no tests: `karat init` writes a first one")),
             false => (DIM, format!("{path}: no tests here  {took}")),
         },
-        (.., 0) if *ran == 0 => {
-            (good, format!("{path}: {pass}; nothing changed in meaning  {took}"))
-        }
+        (.., 0) if *ran == 0 => (good, format!("{path}: {pass}; no code changed  {took}")),
         (.., 0) => (good, format!("{path}: {pass}; {ran} ran  {took}")),
         (.., failed) if invalid.is_some() => {
             (BAD, format!("{path}: not valid; {failed} of {count} tests fail; {ran} ran  {took}"))

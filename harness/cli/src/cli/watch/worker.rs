@@ -14,63 +14,70 @@ use serde::{Deserialize, Serialize};
 use super::super::child::LastWords;
 use super::{DEADLINE, Source};
 
-/// The time in which an unneeded worker must end by itself.
+/// The time in which an unneeded worker must end without being killed.
 const FAREWELL: Duration = Duration::from_millis(300);
 
-/// A request to a worker, one line of JSON.
+/// A request to a worker. It is one line of JSON.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::cli) struct Request {
     /// Runs only tests whose names contain this text.
     pub(in crate::cli) filter: String,
-    /// Runs all tests, also those that no edit affects.
+    /// Runs all tests, including those that no edit affects.
     pub(in crate::cli) all: bool,
-    /// The tests that run first.
+    /// The tests to run before the others.
     pub(in crate::cli) first: Vec<String>,
     /// The absolute paths of changed files.
     #[serde(default)]
     pub(in crate::cli) changed: Vec<PathBuf>,
-    /// Validates all modules, and not only those that tests link.
+    /// Validates all modules, not only those that tests link.
     #[serde(default)]
     pub(in crate::cli) validate: bool,
     /// Runs nothing, and writes the records of each test's last run into this file.
     #[serde(default)]
     pub(in crate::cli) report: Option<PathBuf>,
-    /// Runs only the test of this name, and returns its records with the answer, for editors and other test runners.
+    /// Runs only the test of this name, and returns its records with the reply. Editors and other test runners use
+    /// this.
     #[serde(default)]
     pub(in crate::cli) only: Option<String>,
 }
 
-/// A message of a worker, one line of JSON.
+/// A message of a worker. It is one line of JSON.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Said {
-    /// A test ran; `wrong` if it failed.
-    Test { name: String, wrong: Option<Wrong> },
-    /// All tests have a verdict. `tests` are all tests, `broken` are tests that can't be read, and `idle` is the
-    /// number of tests that this path can't judge.
+    /// A test ran. `wrong` is set if it failed.
+    Test {
+        name: String,
+        wrong: Option<Wrong>,
+    },
+    /// All tests have a verdict. `tests` are all tests, `broken` are unreadable tests, and `idle` is the number of
+    /// tests that this path can't judge.
     Done {
         tests: BTreeSet<String>,
         #[serde(default)]
         broken: Vec<Wrong>,
         #[serde(default)]
         idle: usize,
-        /// The errors of invalid modules, also of those that no test links.
+        /// The errors of invalid modules, including modules that no test links.
         #[serde(default)]
         invalid: Option<String>,
-        /// The opinion on the modules in a line, and then each remark.
+        /// The opinion on the modules: a line, and then each remark.
         #[serde(default)]
         remarks: Option<String>,
-        /// The files that tests read besides modules and declared tests.
+        /// The files that tests read, except for modules and declared tests.
         #[serde(default)]
         reads: Reads,
-        /// The records of the only test.
+        /// The records of the test that the request named in `only`.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         records: Vec<Record>,
     },
-    /// The records were written, or the error why not.
-    Reported { error: Option<String> },
-    /// The process ended.
-    Ended { why: String },
+    /// The process wrote the records, or failed with this error.
+    Reported {
+        error: Option<String>,
+    },
+    Ended {
+        why: String,
+    },
 }
 
 impl Said {
@@ -89,7 +96,7 @@ impl Said {
 pub(in crate::cli) enum Reads {
     /// These files, with links resolved.
     These(BTreeSet<PathBuf>),
-    /// Any file, as it is unknown what a program or a Rust test will read.
+    /// Any file, because nobody knows which files a program or a Rust test will read.
     #[default]
     Any,
 }
@@ -107,7 +114,7 @@ impl Worker {
         records: &Path,
         tell: impl Fn(Said) -> bool + Send + 'static,
     ) -> anyhow::Result<Self> {
-        let program = std::env::current_exe().context("this program isn't where it was")?;
+        let program = std::env::current_exe().context("can't find this program's own file")?;
         let mut command = Command::new(program);
         command.arg("suite").arg(source.folder()).arg("--serve").env("KARAT_PATHS", path);
         // Removes the records of an earlier process.
@@ -115,13 +122,13 @@ impl Worker {
         std::fs::create_dir_all(records)
             .with_context(|| format!("can't keep records in `{}`", records.display()))?;
         command.env("KARAT_RECORD", records);
-        // Each process has one path. A required path would run in all of them.
+        // Each process has one path. A required path would run in all processes.
         command.env_remove("KARAT_REQUIRE");
         // Frames need a driver.
         command
             .envs((path == "cpu" || path.starts_with("cpu:")).then_some(("KARAT_FRAMES", "off")));
         command.args(matches!(source, Source::Cargo(_)).then_some("--cargo"));
-        // After an edit only the usual order runs, as it is fast.
+        // After an edit only the usual order runs, because it is fast.
         if std::env::var_os("KARAT_SCHEDULES").is_none() {
             command.env("KARAT_SCHEDULES", "0");
         }
@@ -129,7 +136,7 @@ impl Worker {
             command.env("KARAT_TIMEOUT", DEADLINE);
         }
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().context("a process for tests can't be started")?;
+        let mut child = command.spawn().context("can't start a process for tests")?;
         let stdin = child.stdin.take().context("it is piped")?;
         let stdout = child.stdout.take().context("it is piped")?;
         let last_words = LastWords::of(child.stderr.take().context("it is piped")?);
@@ -144,7 +151,7 @@ impl Worker {
                 }
             }
             let why = match last_words.heard() {
-                words if words.is_empty() => "the process of the tests ended".to_owned(),
+                words if words.is_empty() => "the process that runs the tests ended".to_owned(),
                 words => words,
             };
             tell(Said::Ended { why });

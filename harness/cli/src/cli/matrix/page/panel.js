@@ -37,7 +37,7 @@ function divergence(found, column, go) {
     element("tbody", {}, pair(`${plain(column.name)} returns`, here), pair(`${plain(found.baseline)} returns`, there)));
   const made = section(found.alone ? "The simplest input found on which they differ" : "An input on which they differ", table);
   const { first } = found;
-  if (!found.alone) made.append(element("p", {}, "Run alone, this input gives the same on both: a result depends on the inputs that run beside it."));
+  if (!found.alone) made.append(element("p", {}, "If it is the only input, both results are equal: a result depends on the inputs that run beside it."));
   else if (first) {
     const [a, b] = apart(first.here, first.there);
     made.append(element("p", {}, first.name === "return" ? "The first value that differs is what " : "The first value that differs is ",
@@ -45,7 +45,7 @@ function divergence(found, column, go) {
       link(`line ${first.line}`, () => go("author", first.line)),
       ...(first.text_line ? [" of the author, ", link(`line ${first.text_line}`, () => go("text", first.text_line)), " of the translation."] : [" of the author."])),
     element("table", { className: "values" }, element("tbody", {}, pair(plain(column.name), a), pair(plain(found.baseline), b))));
-  } else made.append(element("p", { className: "dim" }, "None of the let-bindings that could be looked at differs."));
+  } else made.append(element("p", { className: "dim" }, "None of the let-bindings that Karat could compare differs."));
   if (found.unseen?.length) made.append(element("p", { className: "dim" }, `Not looked at: ${found.unseen.map(plain).join(", ")}.`));
   return made;
 }

@@ -1,20 +1,18 @@
-//! A map of the counts of a rejected sampler.
+//! A map that compares the observed and expected counts of a rejected sampler.
 
 use karat::unstable::record::Histogram;
 use maud::{Markup, html};
 
-/// The width of the map in pixels.
 const WIDTH: f64 = 360.0;
 const HEIGHT: f64 = 180.0;
 
-/// The number of standard deviations that has the full colour.
+/// The difference in standard deviations that has the full colour.
 const MOST: f64 = 4.0;
 
-/// Draws the difference of each cell's count from the expected count, in standard deviations. Cells are drawn by
-/// rank, so that a narrow lobe fills the map.
+/// Draws the difference between each cell's count and its expected count, in standard deviations. The order of cells
+/// determines their position, not their size, so a narrow lobe fills the map.
 pub(super) fn map(histogram: &Histogram, path: &str) -> Markup {
     let Histogram { axes: [first, second], rows, observed, expected } = histogram;
-    // A one-dimensional histogram is drawn as a row.
     let is_line = rows.iter().all(|cells| *cells == 1);
     let rows = if is_line { vec![rows.len()] } else { rows.clone() };
     let height = HEIGHT / rows.len().max(1) as f64;
@@ -27,12 +25,12 @@ pub(super) fn map(histogram: &Histogram, path: &str) -> Markup {
     html! {
         figure {
             figcaption {
-                "Samples in each of " (expected.len()) " cells on " (path) ", over what is expected there: red where \
-                 there are too many, blue where too few, full at " (MOST) " standard deviations. "
+                "Samples in each of " (expected.len()) " cells on " (path) ", compared with the expected number: red where \
+                 there are too many, blue where there are too few; the full colour is at " (MOST) " standard deviations. "
                 (across) " runs to the right" @if !down.is_empty() { ", " (down) " down" }
-                "; cells stand side by side, whatever their size."
+                "; the cells have equal sizes in this map."
             }
-            svg width=(WIDTH) height=(HEIGHT) role="img" aria-label="counts over what is expected" {
+            svg width=(WIDTH) height=(HEIGHT) role="img" aria-label="counts compared with expected counts" {
                 @for ((x, y, width), (observed, expected)) in cells.zip(numbers) {
                     @let sigma = deviation(*observed, *expected);
                     rect x=(number(x)) y=(number(y)) width=(number(width)) height=(number(height))
@@ -82,13 +80,13 @@ mod tests {
                 && map.contains("fill-opacity=\"0.50\""),
             "{map}"
         );
-        // A one-dimensional histogram is a row.
+        // A one-dimensional histogram is one row.
         let line = of(vec![1, 1], vec![1, 9], vec![5.0, 5.0]);
         assert!(
             line.contains("height=\"180.00\" fill") && line.contains("theta runs to the right"),
             "{line}"
         );
-        // A sample in a cell with probability 0.
+        // The sample lies in a cell with probability 0.
         assert!(of(vec![1], vec![1], vec![0.0]).contains("+inf sigma"));
     }
 }

@@ -1,32 +1,32 @@
-//! Plots of a failing check's errors: over each argument, and over the two arguments that matter most.
+//! Plots of a failing check's errors, over each argument, and over the two arguments with the largest influence.
 
 use karat::unstable::record::Plot;
 use maud::{Markup, PreEscaped, html};
 use plotters::prelude::*;
 
-/// The most arguments that are shown, in the order of their influence.
+/// The largest number of arguments with a plot. Arguments with more influence come first.
 const MOST: usize = 6;
 
-/// The fields of a map along each side, which gives a field one or two cases.
+/// The number of fields along each side of a map. Each field then has one or two cases.
 const FIELDS: usize = 12;
 
-/// The parts of an argument's range, for the variance that it explains.
+/// The number of parts of an argument's range, for the variance that the argument explains.
 const PARTS: usize = 8;
 
-/// The share of the errors' variance from which an argument gets a map.
+/// The smallest share of the errors' variance for which an argument gets a map.
 const MATTERS: f64 = 0.1;
 
-/// A placeholder for the colour of text, which the page replaces.
+/// The placeholder for the text colour. The page replaces it.
 const INK: RGBColor = RGBColor(1, 2, 3);
 const INK_TEXT: &str = "#010203";
 const BAD: RGBColor = RGBColor(201, 48, 56);
 const GOOD: RGBColor = RGBColor(64, 120, 190);
 
-/// The smallest ratio that is shown. Errors that aren't finite are at the top.
+/// The smallest ratio on the axis. Errors that aren't finite are at the top.
 const LEAST: f64 = 1e-3;
 const TOP: f64 = 1e6;
 
-/// Returns the figures of one path, without plots that can't be drawn. Their numbers are in the message.
+/// Returns the plots of one path. If a plot can't be drawn, the page has none: the message contains its numbers.
 pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
     let arguments = by_weight(plot);
     let drawn = arguments.iter().take(MOST).filter_map(|(at, _)| scatter(plot, *at));
@@ -36,13 +36,13 @@ pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
     };
     let drawn: Vec<String> = drawn.chain(map).collect();
     html! {
-        // With one case, or only constant arguments, there is nothing to plot.
+        // With one case, or with only constant arguments, there is nothing to plot.
         @if !drawn.is_empty() {
             figure {
                 figcaption {
                     "Error divided by its bound on " (path) " (" (asserted) "), of " (plot.rows.len())
-                    " cases. A dot is a case, red above the bound, which is the line at 1; a field of the map \
-                     is empty where no case is."
+                    " cases. A dot is a case. The line at 1 is the bound, and dots above it are red. Blank fields of the map \
+                     had no cases."
                 }
                 @for svg in drawn { (PreEscaped(svg)) }
             }
@@ -55,8 +55,8 @@ fn ratio(row: &[f64]) -> f64 {
     if ratio.is_finite() { ratio.clamp(LEAST, TOP) } else { TOP }
 }
 
-/// Returns the arguments with the share of the errors' variance that each explains, largest first. The variance is
-/// that of the errors' logarithms.
+/// Returns the arguments, each with the share of the errors' variance that it explains. The largest share comes first.
+/// The variance is that of the errors' logarithms.
 fn by_weight(plot: &Plot) -> Vec<(usize, f64)> {
     let errors: Vec<f64> = plot.rows.iter().map(|row| ratio(row).ln()).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
@@ -82,7 +82,7 @@ fn by_weight(plot: &Plot) -> Vec<(usize, f64)> {
     all
 }
 
-/// Returns the least and the largest finite value of an argument, if they differ.
+/// Returns the smallest and the largest finite value of an argument, if they differ.
 fn range(plot: &Plot, argument: usize) -> Option<(f64, f64)> {
     let finite = || plot.rows.iter().map(|row| row[argument]).filter(|x| x.is_finite());
     let (lo, hi) = (finite().reduce(f64::min)?, finite().reduce(f64::max)?);
@@ -91,7 +91,6 @@ fn range(plot: &Plot, argument: usize) -> Option<(f64, f64)> {
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 
-/// Returns a chart with a title, and room for the numbers at its axes.
 fn titled<'a, 'b>(area: &'a Area<'b>, title: &str) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
     let mut chart = ChartBuilder::on(area);
     chart.margin(6).x_label_area_size(24).y_label_area_size(52);
@@ -99,7 +98,6 @@ fn titled<'a, 'b>(area: &'a Area<'b>, title: &str) -> ChartBuilder<'a, 'b, SVGBa
     chart
 }
 
-/// Returns an SVG that `draw` fills.
 fn svg(size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Option<()>) -> Option<String> {
     let mut text = String::new();
     {
@@ -110,7 +108,6 @@ fn svg(size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Option<()>) -> Option<S
     Some(text.replace(INK_TEXT, "currentColor"))
 }
 
-/// Plots the error over one argument.
 fn scatter(plot: &Plot, argument: usize) -> Option<String> {
     let (lo, hi) = range(plot, argument)?;
     let top = plot.rows.iter().map(|row| ratio(row)).fold(10.0, f64::max) * 2.0;
@@ -138,7 +135,7 @@ fn scatter(plot: &Plot, argument: usize) -> Option<String> {
     })
 }
 
-/// Plots the largest error in each field of two arguments.
+/// Plots the largest error in each field of a map over two arguments.
 fn map(plot: &Plot, across: usize, up: usize) -> Option<String> {
     let ((x0, x1), (y0, y1)) = (range(plot, across)?, range(plot, up)?);
     let place = |value: f64, lo: f64, hi: f64| {

@@ -1,4 +1,4 @@
-//! Runs tests of a program, and parses the output of Rust's test runner.
+//! Running the tests of a program, and parsing the output of Rust's test runner.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -11,13 +11,12 @@ use anyhow::Context;
 use super::super::super::child::{LastWords, verdict};
 use super::programs::TestProgram;
 
-/// The most names in one command, as Windows allows 32,767 characters.
+/// The largest number of test names in one command. Windows allows 32,767 characters.
 const TOGETHER: usize = 200;
 
-/// The running test program, which ends with this process.
+/// The running test program. It ends with this process.
 static RUNNING: Mutex<Option<Child>> = Mutex::new(None);
 
-/// Ends the running test program.
 pub(in crate::cli) fn end_all() {
     if let Some(child) = &mut *RUNNING.lock().unwrap_or_else(PoisonError::into_inner) {
         drop(child.kill());
@@ -25,7 +24,7 @@ pub(in crate::cli) fn end_all() {
     }
 }
 
-/// The function that receives a test's verdict: its name, and its message if it failed.
+/// The function that receives a verdict: the name of the test, and the message if the test failed.
 pub(in crate::cli) type Heard<'h> = &'h mut dyn FnMut(&str, Option<String>) -> std::io::Result<()>;
 
 /// Runs tests of a program by their names, with a folder for records and an overlay of modules.
@@ -38,7 +37,8 @@ pub(in crate::cli) fn run(
     run_until(program, tests, folders, heard, &mut |_| false).map(drop)
 }
 
-/// [`run`] until `ends` returns `true` for a failed test. Then it returns `true`, and doesn't report the later tests.
+/// Does the work of [`run`], but stops at the first failed test for which `ends` returns `true`. Then this function
+/// returns `true`, and reports no later tests.
 pub(in crate::cli) fn run_until(
     program: &TestProgram,
     tests: &[&str],
@@ -69,7 +69,7 @@ fn run_some(
     let mut command = Command::new(&program.executable);
     command.args((!filters.is_empty()).then_some("--exact")).args(filters);
     command.args(["--color", "never"]);
-    // The folder and the variables are those of Cargo.
+    // Cargo would use the same folder and variables.
     command.current_dir(&program.folder).env("CARGO_MANIFEST_DIR", &program.folder);
     command.env("CARGO_PKG_NAME", &program.package).env("KARAT_RECORD", record);
     command.envs(overlay.map(|folder| ("KARAT_OVERLAY", folder)));
@@ -100,26 +100,25 @@ fn run_some(
             heard(test, Some(message))?;
         } else if !parser.has_passed(test) {
             let status = status.map_or_else(String::new, |status| status.to_string());
-            let message = format!("its program ended before it ({status})\n{words}");
+            let message = format!("its program ended before the test did ({status})\n{words}");
             heard(test, Some(message))?;
         }
     }
     Ok(false)
 }
 
-/// The parsed part of a test program's output.
 #[derive(Default)]
 struct Parser {
-    /// The failed tests, with `None` until the message was read.
+    /// The failed tests. The message is `None` until it is read.
     failed: BTreeMap<String, Option<String>>,
     passed: Vec<String>,
-    /// The test whose output is being read.
+    /// The test to which the present lines of output belong.
     section: Option<String>,
     ended: bool,
 }
 
 impl Parser {
-    /// Reads a line. Returns the test whose verdict it has, with `true` if the test passed.
+    /// Reads a line. If the line is a verdict, returns the test, and `true` if the test passed.
     fn line(&mut self, line: &str) -> Option<(String, bool)> {
         if self.ended {
             return None;

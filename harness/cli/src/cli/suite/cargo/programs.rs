@@ -10,15 +10,15 @@ use anyhow::{Context, bail};
 use cargo_metadata::{Artifact, Message};
 use karat::unstable::process;
 
-/// The endings of files that Cargo builds from.
+/// The endings of the files that Cargo builds from.
 const BUILT: [&str; 3] = ["rs", "toml", "lock"];
 
-/// A test program with Rust's test runner.
+/// A test program that uses Rust's test runner.
 pub(in crate::cli) struct TestProgram {
     pub(super) executable: PathBuf,
-    /// The name of its target: a file in `tests/`, or a crate.
+    /// The name of the program's target: a file in `tests/`, or a crate.
     target: String,
-    /// The folder of its package, in which Cargo runs it.
+    /// The folder of the program's package. Cargo runs the program in this folder.
     pub(super) folder: PathBuf,
     pub(super) package: String,
     made: Option<SystemTime>,
@@ -26,7 +26,6 @@ pub(in crate::cli) struct TestProgram {
 }
 
 impl TestProgram {
-    /// Returns the displayed name of a test.
     pub(in crate::cli) fn show(&self, test: &str) -> String {
         format!("{}::{test}", self.target)
     }
@@ -36,11 +35,10 @@ impl TestProgram {
     }
 }
 
-/// All test programs.
 #[derive(Default)]
 pub(in crate::cli) struct Programs {
     root: PathBuf,
-    /// The Cargo packages of the programs; empty: all.
+    /// The Cargo packages of the programs. Empty means all packages.
     packages: Vec<String>,
     programs: Vec<TestProgram>,
     /// The source files, and the files that they include.
@@ -54,7 +52,6 @@ impl Programs {
         Self { root: root.to_owned(), ..Self::default() }
     }
 
-    /// Keeps only the programs of some packages.
     pub(in crate::cli) fn only(self, packages: &[String]) -> Self {
         Self { packages: packages.to_vec(), ..self }
     }
@@ -63,23 +60,22 @@ impl Programs {
         self.programs.iter()
     }
 
-    /// Returns `true` if Cargo builds from a file.
+    /// Checks if Cargo builds from a file.
     pub(super) fn builds(&self, file: &Path) -> bool {
         let ending = file.extension().unwrap_or_default();
         BUILT.iter().any(|known| ending == *known) || self.sources.contains(file)
     }
 
-    /// Returns `true` if the programs must be built again.
     pub(super) fn are_stale(&self, changed: &HashSet<&Path>) -> bool {
         !self.built || changed.iter().any(|file| self.builds(file))
     }
 
-    /// Returns `true` if the project has build scripts, whose inputs are unknown.
+    /// Checks if the project has build scripts. The inputs of build scripts are unknown.
     pub(super) fn have_scripts(&self) -> bool {
         self.scripts
     }
 
-    /// Builds the programs. Returns the prefixes of the tests of new programs, or Cargo's errors.
+    /// Builds the programs. Returns the prefixes of the names of tests in new programs, or Cargo's errors.
     pub(in crate::cli) fn build(&mut self) -> anyhow::Result<Result<Vec<String>, String>> {
         self.built = false;
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -99,7 +95,7 @@ impl Programs {
         let stdout = child.stdout.take().context("it is piped")?;
         let (mut artifacts, mut scripts) = (Vec::new(), false);
         for message in Message::parse_stream(BufReader::new(stdout)) {
-            match message.context("`cargo` printed something else than messages")? {
+            match message.context("can't read the messages of `cargo`")? {
                 Message::CompilerArtifact(artifact) => artifacts.push(artifact),
                 Message::BuildScriptExecuted(script) => {
                     scripts |= is_local(&script.package_id.repr);
@@ -144,25 +140,24 @@ impl Programs {
     }
 }
 
-/// Returns `true` if a package is local, and not from a registry.
+/// Checks if a package is local, and not from a registry.
 fn is_local(id: &str) -> bool {
     id.starts_with("path+") || id.contains("(path+")
 }
 
-/// Returns the package name in a manifest.
 fn package(folder: &Path) -> Option<String> {
     let text = std::fs::read_to_string(folder.join("Cargo.toml")).ok()?;
     let table: toml::Table = text.parse().ok()?;
     Some(table.get("package")?.get("name")?.as_str()?.to_owned())
 }
 
-/// Returns the tests in a program, or none if it has another test runner than Rust's.
+/// Returns the tests in a program, or none if the program uses another test runner than Rust's.
 fn tests(executable: &Path, folder: &Path) -> anyhow::Result<Vec<String>> {
     let mut command = Command::new(executable);
     command.current_dir(folder).args(["--list", "--format", "terse"]);
     let name = || format!("can't run `{}`", executable.display());
     let listed = process::output(&mut command, process::LOOK_UP, u64::MAX).with_context(name)?;
-    // A loader ends with 127 if a library is missing. Other test runners may refuse the arguments.
+    // A loader exits with 127 if a library is missing. Other test runners may refuse the arguments.
     if listed.status.code().is_none_or(|code| code == 127) {
         let said = String::from_utf8_lossy(&listed.stderr);
         bail!("`{}` ended ({}): {}", executable.display(), listed.status, said.trim());
@@ -178,7 +173,7 @@ fn tests(executable: &Path, folder: &Path) -> anyhow::Result<Vec<String>> {
     Ok(names.into_iter().filter(|name| !ignored.contains(&**name)).collect())
 }
 
-/// Returns the files that rustc read for an artifact, from its `.d` file.
+/// Returns the files that rustc read for an artifact. The artifact's `.d` file lists them.
 fn sources(artifact: &Artifact) -> Vec<PathBuf> {
     let files = artifact.filenames.iter().chain(&artifact.executable);
     let mut all = Vec::new();
@@ -193,13 +188,13 @@ fn sources(artifact: &Artifact) -> Vec<PathBuf> {
     all
 }
 
-/// Returns the file in a line of a `.d` file, if the line ends with the colon. Blanks are escaped there.
+/// Returns the file in a line of a `.d` file, if the line ends with a colon. Blanks are escaped in such lines.
 fn source(line: &str) -> Option<PathBuf> {
     let file = line.strip_suffix(':').filter(|file| !file.starts_with('#'))?.replace("\\ ", " ");
     std::path::absolute(file).ok()
 }
 
-/// Returns the errors in Cargo's output, without its progress.
+/// Returns the errors in Cargo's output, without the progress lines.
 fn errors(text: &str) -> String {
     let start = text.lines().position(|line| line.starts_with("error"));
     let lines: Vec<&str> = text.lines().skip(start.unwrap_or_default()).collect();
