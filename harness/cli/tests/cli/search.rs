@@ -213,7 +213,9 @@ fn tests_outside_of_shaders_are_reported() {
 /// karat.toml; inside of `shaders` it isn't.
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
-    for (own, how) in [(None, "`karat test .` runs all"), (Some(""), "move them into `shaders`")] {
+    for (own, how) in
+        [(None, "`karat test .` runs all tests"), (Some(""), "move them into `shaders`")]
+    {
         let folder = with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
         let path = folder.path();
         std::fs::remove_dir_all(path.join("before")).expect("it is there");
