@@ -1566,10 +1566,10 @@ fn what_hosts_give_is_declared() {
         ("[inputs]\n\"m::nowhere.q\" = [0, 1]", "karat.toml:2:1)"),
         (
             "[inputs]\nplaces = { distinct = true, range = [0, 10] }",
-            "elements that differ, and 11 numbers lie",
+            "different elements, but there are only 11 numbers",
         ),
         ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
-        ("[inputs]\nk = { one_of = [0.5] }", "not all of them are u32"),
+        ("[inputs]\nk = { one_of = [0.5] }", "some of these aren't u32"),
         ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", and it is u32"),
         ("[inputs]\nk = \"unit vector\"", "the input `k` is a number"),
         ("[overrides]\nSIZES = 4", "uses an override `SIZES`"),
