@@ -1570,7 +1570,7 @@ fn what_hosts_give_is_declared() {
         ),
         ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
         ("[inputs]\nk = { one_of = [0.5] }", "some of these aren't u32"),
-        ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", and it is u32"),
+        ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", but its type is u32"),
         ("[inputs]\nk = \"unit vector\"", "the input `k` is a number"),
         ("[overrides]\nSIZES = 4", "uses an override `SIZES`"),
         ("[overrides]\nSIZE = \"4\"", "the override `SIZE` is a number or a bool"),
