@@ -1035,7 +1035,7 @@ mod tests {
         let all = changes(before, after);
         let of = |name: &str| {
             let found = all.iter().find(|(function, _)| function == name);
-            found.map(|(_, change)| change.clone()).expect("it is compared")
+            found.map(|(_, change)| change.clone()).expect("a verdict")
         };
         assert!(matches!(of("half"), Change::Same { cases: CASES, .. }), "{:?}", of("half"));
         assert!(matches!(of("user"), Change::Same { .. }), "`user` calls the edited function");
@@ -1072,7 +1072,7 @@ mod tests {
 
     fn compared(before: &str, after: &str) -> Compared {
         let [before, after] = [before, after].map(|text| Package::from_source("p", text));
-        let mut all = Request::new(before, after).run().expect("they read");
+        let mut all = Request::new(before, after).run().expect("compared");
         all.pop().expect("a function")
     }
 
@@ -1295,7 +1295,7 @@ mod tests {
         // The value of a discarded pixel isn't a result.
         let dead = before.replace("return vec4f(x);", "return vec4f(select(x, 7.0, x < 0.5));");
         let all = changes(before, &dead);
-        let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("it was edited");
+        let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("a verdict");
         assert!(matches!(fs.1, Change::Same { .. }), "{all:?}");
         // Writes before a `discard` count.
         let writes = "@group(0) @binding(0) var<storage, read_write> n: atomic<u32>;\n\
@@ -1342,7 +1342,7 @@ mod tests {
         let package = |text: &str| Package::from_source("p", text);
         let interface = |before: &str, from: &str, to: &str| {
             let request = Request::new(package(before), package(&before.replace(from, to)));
-            let all = request.run().expect("it reads");
+            let all = request.run().expect("compared");
             let one = all.into_iter().next_back().expect("a function");
             assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
             one.interface
@@ -1430,7 +1430,7 @@ mod tests {
             (folder(text), folder(&text.replace("return x", "return max(x, 1.0)")));
         let open =
             |folder: &tempfile::TempDir| Package::open(folder.path()).expect("the package opens");
-        let compared = Request::new(open(&before), open(&after)).run().expect("it reads").remove(0);
+        let compared = Request::new(open(&before), open(&after)).run().expect("compared").remove(0);
         assert!(matches!(compared.change, Change::Same { .. }), "{compared:?}");
         assert_eq!(compared.drawn.to_string(), "from 1 to 2: x");
         // An override keeps its value from `karat.toml`. A value for an override that neither package has is an error.
@@ -1510,7 +1510,7 @@ mod tests {
             .run_with(&|one, done, of| {
                 told.lock().expect("whole").push((one.function.clone(), done, of));
             })
-            .expect("they read");
+            .expect("compared");
         let mut told = told.into_inner().expect("whole");
         let counts: Vec<_> = told.iter().map(|(_, done, of)| (*done, *of)).collect();
         assert_eq!(counts, (1..=9).map(|done| (done, 9)).collect::<Vec<_>>());
@@ -1578,7 +1578,7 @@ mod tests {
         let under = |from: &str, to: &str| {
             let [before, after] =
                 [text, &text.replace(from, to)].map(|text| Package::from_source("p", text));
-            let all = Request::new(before, after).run().expect("they read");
+            let all = Request::new(before, after).run().expect("compared");
             let of = |one: &Compared| (one.function.clone(), one.under.join(" "));
             let changed = all.iter().filter(|one| matches!(one.change, Change::Changed { .. }));
             let changed: Vec<_> = changed.map(of).collect();
@@ -1624,7 +1624,7 @@ mod tests {
         let never = "@if(A && B && C && D && !E && !F) fn f(x: f32) -> f32 { return x; }\nfn g() -> f32 { return 1.0; }";
         let [before, after] = [never, &never.replace("return x", "return 2.0 * x")]
             .map(|text| Package::from_source("p", text));
-        let all = Request::new(before, after).run().expect("they read");
+        let all = Request::new(before, after).run().expect("compared");
         let hidden = all.iter().find(|one| one.function == "p").expect("the module is told");
         assert!(matches!(hidden.change, Change::Unjudged { .. }), "{all:?}");
     }
@@ -1721,7 +1721,7 @@ mod tests {
         let unused = "override LOD: f32 = 1.0;\nfn f() -> f32 { return 1.0; }";
         let [before, after] =
             [unused, &unused.replace("LOD", "BIAS")].map(|text| Package::from_source("p", text));
-        let all = Request::new(before, after).run().expect("they read");
+        let all = Request::new(before, after).run().expect("compared");
         assert!(all.iter().any(|one| one.interface.len() == 2), "{all:?}");
         let wanted = "override N: u32;
             @group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -1763,9 +1763,9 @@ mod tests {
         let [before, after] =
             [&given, &given.replace("2.0", "3.0")].map(|text| Package::from_source("p", text));
         let request = Request::new(before, after);
-        let all = request.clone().run().expect("they read");
+        let all = request.clone().run().expect("compared");
         assert!(!matches!(all[0].change, Change::Changed { .. }), "{all:?}");
-        let all = request.set_override("A", 7.0).run().expect("they read");
+        let all = request.set_override("A", 7.0).run().expect("compared");
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
@@ -1789,11 +1789,11 @@ mod tests {
             assert!(matches!(all[1].change, Change::Changed { .. }), "{all:?}");
         }
         // A module that can't be read or linked, but has the same text in both packages, isn't an edit.
-        let all = Request::new(package(bad, good), package(bad, good)).run().expect("they read");
+        let all = Request::new(package(bad, good), package(bad, good)).run().expect("compared");
         assert!(all.iter().all(|one| one.change == Change::Untouched), "{all:?}");
         let lacks = "fn f() -> f32 { return missing(); }";
         let all =
-            Request::new(package(lacks, good), package(lacks, &edited)).run().expect("they read");
+            Request::new(package(lacks, good), package(lacks, &edited)).run().expect("compared");
         assert_eq!(all[0].change, Change::Untouched, "{all:?}");
     }
 
@@ -1809,7 +1809,7 @@ mod tests {
         {
             let found = changes(left, &left.replace(from, to));
             for name in ["put", "user"] {
-                let (_, change) = found.iter().find(|(own, _)| own == name).expect("it was edited");
+                let (_, change) = found.iter().find(|(own, _)| own == name).expect("a verdict");
                 let Change::Changed { paths } = change else { panic!("{name}, {to}: {change:?}") };
                 assert!(paths[0].before.contains(shown), "{name}, {to}: {paths:?}");
             }
@@ -1864,7 +1864,7 @@ mod tests {
         ] {
             let package = |text: &str| Package::from_source("p", text);
             let all = Request::new(package(text), package(&text.replace(from, to)));
-            let all = all.run().expect("it reads");
+            let all = all.run().expect("compared");
             let told: Vec<_> = all.iter().filter(|one| one.change != Change::Untouched).collect();
             let [one] = &*told else { panic!("{to}: {all:?}") };
             assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
@@ -1917,18 +1917,18 @@ mod tests {
             let close = vec!["#endif"; conditions.len()].join("\n");
             let text = body.replace("OPEN", &conditions.join("\n")).replace("CLOSE", &close);
             let all = Request::new(package(&text), package(&text.replace("+ 1.0", "+ 2.0")));
-            let all = all.run().expect("it reads");
+            let all = all.run().expect("compared");
             assert!(matches!(all[0].change, Change::Changed { .. }), "{conditions:?}: {all:?}");
         }
         let chain =
             "fn f(x: f32) -> f32 {\n#if N > 2\nreturn x + 1.0;\n#else\nreturn x;\n#endif\n}\n";
         let longer = chain.replace("#if N > 2", "#if N == 200\nreturn x;\n#else if N > 2");
-        let all = Request::new(package(chain), package(&longer)).run().expect("it reads");
+        let all = Request::new(package(chain), package(&longer)).run().expect("compared");
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
         assert_eq!(all[0].under, ["N=200"]);
         let divided = "fn f(i: u32) -> u32 { return i / #{N}u; }";
         let all = Request::new(package(divided), package(&divided.replace("/ #{N}u", ">> 2u")));
-        let all = all.run().expect("it reads");
+        let all = all.run().expect("compared");
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
@@ -1965,7 +1965,7 @@ mod tests {
         };
         let a = "import package::b::g;\nvar<private> s: u32;\nfn f() -> u32 { s = s + 2u; return s + g(); }";
         let all =
-            Request::new(modules(a), modules(&a.replace("2u", "3u"))).run().expect("it reads");
+            Request::new(modules(a), modules(&a.replace("2u", "3u"))).run().expect("compared");
         let Change::Changed { paths } = &all[0].change else { panic!("{all:?}") };
         let named: Vec<&str> = paths[0].arguments.iter().map(|(name, _)| &**name).collect();
         assert!(named.iter().all(|name| name.starts_with("private ")), "{named:?}");
@@ -1998,7 +1998,7 @@ mod tests {
     fn edits_that_cannot_be_read_are_unjudged() {
         let of = |before: &str, after: &str| {
             let package = |text: &str| Package::from_modules("p", [("m", text)]);
-            let all = Request::new(package(before), package(after)).run().expect("it reads");
+            let all = Request::new(package(before), package(after)).run().expect("compared");
             let unjudged = |one: &Compared| matches!(one.change, Change::Unjudged { .. });
             let found = all.iter().find(|one| unjudged(one)).unwrap_or_else(|| panic!("{all:?}"));
             format!("{}: {:?}", found.function, found.change)

@@ -163,7 +163,7 @@ pub struct Progress<'p> {
     pub of: usize,
 }
 
-/// The hazards of a package.
+/// The result of a search for hazards in a package.
 #[derive(Clone, Debug, Serialize)]
 pub struct Hazards {
     /// The version of this data format. Since version 2, each finding has a class.

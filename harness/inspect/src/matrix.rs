@@ -176,7 +176,7 @@ pub struct Cell {
     pub suspect: Option<String>,
     /// The number of results that WGSL's bounds allow, if Karat's engine knows the bounds.
     pub allowed: Option<Allowed>,
-    /// The verdicts of the function's own tests on this path; see [`Matrix::judge_by`].
+    /// The verdicts of the function's own tests on the column's path; see [`Matrix::judge_by`].
     pub reference: Option<Reference>,
     /// The declaration that the row doesn't work on this column.
     pub known: Option<Known>,

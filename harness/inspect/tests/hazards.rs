@@ -6,7 +6,7 @@ use karat_inspect::hazards::{Class, Hazard, HazardError, Hazards, Kind};
 use karat_inspect::matrix::{Cell, Status};
 
 fn look(text: &str) -> Hazards {
-    karat_inspect::hazards(&Package::from_source("planted", text)).run().expect("it is looked at")
+    karat_inspect::hazards(&Package::from_source("planted", text)).run().expect("checked")
 }
 
 /// Runs a search, and returns the faults and requirements.
@@ -209,7 +209,7 @@ fn declared_inputs_are_held() {
             inputs.iter().fold(karat_inspect::hazards(&package), |request, (name, least, most)| {
                 request.input(name, *least..=*most)
             });
-        let found = request.run().expect("it is looked at").found;
+        let found = request.run().expect("checked").found;
         found.into_iter().map(|one| (one.function, one.kind, one.class)).collect::<Vec<_>>()
     };
     let free = classes(&[]);
@@ -267,7 +267,7 @@ fn callers_judge_what_they_call() {
     assert_eq!(hazards.counts(), "0 faults and 0 requirements in 2 functions, 1 met");
     // `--only` excludes the callers.
     let only = Package::from_source("planted", format!("{root}{good}"));
-    let only = karat_inspect::hazards(&only).only(["root"]).run().expect("it is looked at");
+    let only = karat_inspect::hazards(&only).only(["root"]).run().expect("checked");
     assert_eq!(only.requirements().count(), 1);
 }
 
@@ -328,7 +328,7 @@ fn a_function_is_judged_by_what_it_uses() {
     assert!(hazards.skipped[1].1.contains("<m>:3:"), "{:?}", hazards.skipped);
     assert_eq!(hazards.found[0].function, "inverse");
     let columns = ["vulkan", "cpu"].map(|name| name.parse().expect("a column"));
-    let matrix = karat_inspect::matrix(&package).columns(columns).run().expect("it is made");
+    let matrix = karat_inspect::matrix(&package).columns(columns).run().expect("a matrix");
     let agrees = |name: &str| {
         let row = matrix.rows.iter().find(|row| row.name == name).expect("a row");
         let is_good = |cell: &Cell| cell.status == Some(Status::Agrees);
@@ -337,7 +337,7 @@ fn a_function_is_judged_by_what_it_uses() {
     assert!(agrees("twice") && !agrees("broken") && !agrees("uses"));
     let test = package.function("inverse").over(1.0..=2.0).unrecorded();
     let error =
-        test.try_agrees_with(|x: f64| 1.0 / x, Ulp(2.5)).expect_err("an engine takes it whole");
+        test.try_agrees_with(|x: f64| 1.0 / x, Ulp(2.5)).expect_err("a test needs a valid module");
     assert!(error.to_string().contains("invalid field accessor"), "{error}");
 }
 
@@ -349,7 +349,7 @@ fn modules_that_are_not_valid_may_call() {
                  fn good(x: f32) -> f32 { return inverse(1.0 + x * x); }";
         karat_inspect::hazards(&Package::from_modules("p", [("a", a), ("b", broken)]))
             .run()
-            .expect("it is looked at")
+            .expect("checked")
     };
     let beside = modules(
         "import package::a::inverse; fn beside(x: f32) -> f32 { return inverse(2.0 + x * x); }
@@ -486,9 +486,9 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
     let package = Package::from_source("planted", text);
     let declared =
         |least: f64, most: f64| karat_inspect::hazards(&package).input("count", least..=most).run();
-    let one = declared(50.0, 50.0).expect("it is looked at");
+    let one = declared(50.0, 50.0).expect("checked");
     assert_eq!(of_kind(&one, Kind::ByZero).arguments, [("count".to_owned(), "50".to_owned())]);
-    assert_eq!(declared(0.0, 49.0).expect("it is looked at").found, []);
+    assert_eq!(declared(0.0, 49.0).expect("checked").found, []);
     let error = declared(0.25, 0.75).expect_err("no whole number lies there").to_string();
     assert!(
         error.contains("`count` is declared from 0.25 to 0.75, and no u32 lies there"),
@@ -553,29 +553,29 @@ fn members_of_buffers_are_drawn_and_declared() {
                 fn h(x: f32) -> f32 { return x / p.gain; }\n\
                 fn k(id: u32) -> u32 { return id / p.seeds[0]; }\n";
     let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("m.wgsl"), text).expect("it is ours");
-    let package = Package::open(folder.path()).expect("it is there");
+    std::fs::write(folder.path().join("m.wgsl"), text).expect("written");
+    let package = Package::open(folder.path()).expect("opened");
     let found = |only: &str| {
-        let hazards = karat_inspect::hazards(&package).only([only]).run().expect("it is looked at");
+        let hazards = karat_inspect::hazards(&package).only([only]).run().expect("checked");
         hazards.found.into_iter().map(|one| (one.kind, one.arguments)).collect::<Vec<_>>()
     };
-    assert_eq!(found("::f")[0].0, Kind::ByZero, "a name says no end of a whole number");
+    assert_eq!(found("::f")[0].0, Kind::ByZero, "a name doesn't limit an integer");
     let by_zero = found("::g");
     assert_eq!(by_zero[0].0, Kind::ByZero);
     assert!(by_zero[0].1.contains(&("p.other".to_owned(), "0".to_owned())), "{by_zero:?}");
     assert!(found("::h").iter().any(|(kind, _)| *kind == Kind::Nan), "0 / 0");
-    assert_eq!(found("::k")[0].0, Kind::ByZero, "elements of arrays take each number in turn");
+    assert_eq!(found("::k")[0].0, Kind::ByZero, "elements have all numbers in turn");
     let declare = |text: &str| std::fs::write(folder.path().join("karat.toml"), text);
     for ranges in [
         "[inputs]\n\"p.other\" = [1, 9]\ngain = [1, 2]\nseeds = [3, 3]\n",
         "[inputs]\np.other = [1, 9]\np.gain = [1, 2]\np.seeds = [3, 3]\n",
     ] {
-        declare(ranges).expect("it is ours");
+        declare(ranges).expect("written");
         assert_eq!([found("::g"), found("::h"), found("::k")].concat(), [], "{ranges}");
     }
-    let drawn = karat_inspect::hazards(&package).run().expect("it is looked at").drawn.to_string();
+    let drawn = karat_inspect::hazards(&package).run().expect("checked").drawn.to_string();
     assert!(drawn.contains("from 1 to 9: p.other"), "{drawn}");
-    declare("[inputs]\np.others = [1, 9]\n").expect("it is ours");
+    declare("[inputs]\np.others = [1, 9]\n").expect("written");
     let error =
         karat_inspect::hazards(&package).run().expect_err("there is no such member").to_string();
     assert!(error.contains("did you mean `p.other`?"), "{error}");
@@ -639,7 +639,7 @@ fn progress_never_goes_backwards() {
         }
         told.lock().expect("nobody panics").push((done, of));
     });
-    assert_eq!(ran.expect("it is looked at").functions, 12);
+    assert_eq!(ran.expect("checked").functions, 12);
     let expected: Vec<_> = (1..=12).map(|done| (done, 12)).collect();
     assert_eq!(told.into_inner().expect("nobody panics"), expected);
 }
@@ -663,10 +663,10 @@ fn what_is_right_has_none() {
 fn inputs_are_declared_and_hazards_accepted() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| {
-        std::fs::write(folder.path().join(name), text).expect("it is ours");
+        std::fs::write(folder.path().join(name), text).expect("written");
     };
     write("maths.wgsl", "fn rcp(t: f32) -> f32 { return 1.0 / t; }\n");
-    let package = Package::open(folder.path()).expect("it is there");
+    let package = Package::open(folder.path()).expect("opened");
     let look = || karat_inspect::hazards(&package).run();
     assert_eq!(look().expect("read").found.len(), 1);
     assert_eq!(
@@ -732,11 +732,11 @@ fn a_domain_is_checked_for_hazards() {
 /// ends: otherwise one in three processes crashed.
 #[test]
 fn nothing_runs_when_the_process_ends() {
-    let program = std::env::current_exe().expect("it runs");
+    let program = std::env::current_exe().expect("a path");
     for _ in 0..8 {
         let mut tests = std::process::Command::new(&program);
         tests.arg("a_domain_is_checked_for_hazards");
-        let ended = tests.output().expect("it starts");
+        let ended = tests.output().expect("started");
         assert!(ended.status.success(), "{}: {ended:?}", ended.status);
     }
 }
@@ -886,7 +886,7 @@ fn halves_overflow_and_lose_digits_of_their_own() {
     let package = Package::from_source("halves", text);
     let function = |name: &str| package.function(name);
     // A driver without half precision doesn't run these functions. A hazard counts if it occurs on one path.
-    let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
+    let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("the engine");
     let hazards = |name: &str, range| {
         let check = function(name).on(cpu).over(range).cases(500).unrecorded();
         check.try_has_no_hazards()
@@ -896,11 +896,11 @@ fn halves_overflow_and_lose_digits_of_their_own() {
         ("into", 65_000.0..=70_000.0, "infinite at `f16(x)`"),
         ("less", 1e-3..=4e-3, "lost digits at `(1.0h + f16(x)) - 1.0h`"),
     ] {
-        let found = hazards(name, range).expect_err("it has one").to_string();
+        let found = hazards(name, range).expect_err("a hazard").to_string();
         assert!(found.contains(part), "{found}");
     }
-    hazards("capped", 0.0..=200.0).expect("it is in range");
-    hazards("tenth", 0.1..=200.0).expect("its rounding is that of halves");
+    hazards("capped", 0.0..=200.0).expect("no overflow");
+    hazards("tenth", 0.1..=200.0).expect("it rounds like half precision");
     let tenth = function("tenth").over(1.0..=8.0).cases(500).unrecorded();
     let tenth = tenth.refused_on("@swiftshader", "SwiftShader has no half precision");
     let tenth = tenth.refused_on("gl", "OpenGL has no half precision in its core");
@@ -1034,9 +1034,7 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
 #[test]
 fn long_loops_are_told_from_those_without_an_end() {
     let look = |text: &str| {
-        karat_inspect::hazards(&Package::from_source("planted", text))
-            .run()
-            .expect("it is looked at")
+        karat_inspect::hazards(&Package::from_source("planted", text)).run().expect("checked")
     };
     let is_endless = |hazards: &Hazards| {
         hazards.found.iter().chain(&hazards.others).any(|one| one.kind == Kind::Endless)
@@ -1074,7 +1072,7 @@ fn derivatives_want_a_whole_quad() {
         );
         let hazards = karat_inspect::hazards(&Package::from_source("planted", text.clone()))
             .run()
-            .expect("it is looked at");
+            .expect("checked");
         let mut all = hazards.found.into_iter();
         let one = all.find(|one| one.kind == Kind::Barrier)?;
         let [reached, missing] = &*one.violation?.accesses else { panic!("two pixels") };
@@ -1184,7 +1182,7 @@ fn a_tail_without_its_guard_is_found() {
     ] {
         let look = |guard: &str| {
             let package = Package::from_source("m", text.replace("GUARD", guard));
-            karat_inspect::hazards(&package).run().expect("it is looked at")
+            karat_inspect::hazards(&package).run().expect("checked")
         };
         let right = look(guard);
         let tails = |one: &&Hazard| one.fails.as_ref().is_some_and(|one| one.contains("multiple"));
@@ -1223,7 +1221,7 @@ fn a_race_that_data_decide_is_found() {
     };
     let look = |barrier: &str| {
         let package = Package::from_source("m", text(barrier));
-        karat_inspect::hazards(&package).run().expect("it is looked at").found
+        karat_inspect::hazards(&package).run().expect("checked").found
     };
     assert!(look("workgroupBarrier();").is_empty());
     let found = look("");
@@ -1288,7 +1286,7 @@ fn digits_that_double_precision_loses_are_lost() {
     }
     for hidden in ["(x + (sqrt(x + 1.0) - sqrt(x)))", "min(0.0, (x + 1.0) - x)"] {
         let text = format!("fn f(x: f32) -> f32 {{ return select({hidden}, 2.0, x > 1.0); }}");
-        assert!(!loses(&text, 1e17..=1e20), "the result doesn't show it: {hidden}");
+        assert!(!loses(&text, 1e17..=1e20), "the result shows no loss: {hidden}");
     }
 }
 
@@ -1327,7 +1325,7 @@ fn the_work_of_a_function_is_bounded() {
         format!("fn f(x: f32) -> f32 {{\n    var y = 1.0 / x;\n{line}    return y;\n}}\n")
     };
     let look = |text: String| {
-        karat_inspect::hazards(&Package::from_source("m", text)).run().expect("it is valid")
+        karat_inspect::hazards(&Package::from_source("m", text)).run().expect("checked")
     };
     let short = look(text(10));
     assert_eq!(short.unseen.inputs, 0, "{short}");
@@ -1485,10 +1483,8 @@ fn overrides_are_declared() {
         "it has no value"
     );
     let faults = |scale: f64| {
-        let hazards = karat_inspect::hazards(&package)
-            .with_override("SCALE", scale)
-            .run()
-            .expect("it has a value");
+        let hazards =
+            karat_inspect::hazards(&package).with_override("SCALE", scale).run().expect("checked");
         assert_eq!((hazards.functions, hazards.skipped.len()), (2, 0));
         hazards.faults().map(|one| one.text.clone()).collect::<Vec<_>>()
     };
@@ -1509,7 +1505,7 @@ fn overrides_are_declared() {
 fn what_hosts_give_is_declared() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| {
-        std::fs::write(folder.path().join(name), text).expect("it is ours");
+        std::fs::write(folder.path().join(name), text).expect("written");
     };
     write(
         "m.wgsl",
@@ -1530,10 +1526,10 @@ fn what_hosts_give_is_declared() {
         override SIZE: u32 = 0u;
         fn sized() -> f32 { return 1.0 / f32(SIZE); }",
     );
-    let package = Package::open(folder.path()).expect("it is there");
+    let package = Package::open(folder.path()).expect("opened");
     let told = |declared: &str| {
         write("karat.toml", declared);
-        let hazards = karat_inspect::hazards(&package).run().expect("it is declared right");
+        let hazards = karat_inspect::hazards(&package).run().expect("valid declarations");
         assert_eq!((hazards.schema, hazards.skipped.len()), (2, 0), "{hazards}");
         hazards
             .found
@@ -1615,7 +1611,7 @@ fn differences_below_zero_that_become_floats_are_found() {
     }
     let package = Package::from_source("m", "fn f(a: u32, b: u32) -> f32 { return f32(a - b); }");
     let check = package.function("f").over((Integers(0..=9_u32), Integers(0..=9_u32)));
-    assert!(check.unrecorded().try_has_no_hazards().is_err(), "a test sees it, too");
+    assert!(check.unrecorded().try_has_no_hazards().is_err(), "a test finds it, too");
 }
 
 /// A kind has the same name in reports, in JSON and in `karat.toml`.
@@ -1637,7 +1633,7 @@ fn kinds_have_one_name() {
         Kind::Unbounded,
         Kind::Endless,
     ] {
-        let key = serde_json::to_value(kind).expect("it is a name");
+        let key = serde_json::to_value(kind).expect("a name");
         assert_eq!(key, kind.name().to_lowercase().replace(' ', "_"));
     }
 }

@@ -11,7 +11,7 @@ fn edited(from: &str, to: &str) -> Vec<Compared> {
     let package = |text: &str| Package::from_source("renderer", text);
     let after = RENDERER.replacen(from, to, 1);
     let compared = Request::new(package(RENDERER), package(&after)).cases(512).run();
-    let all = compared.expect("both are read").into_iter();
+    let all = compared.expect("compared").into_iter();
     all.filter(|one| one.change != Change::Untouched).collect()
 }
 

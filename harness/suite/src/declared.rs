@@ -855,7 +855,7 @@ mod tests {
              monotone = { x = \"increasing\" }\n[[test]]\nname = \"mine\"\nfunction = \"a::g\"\n\
              limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }\n",
         );
-        let names = names.expect("it reads");
+        let names = names.expect("valid tests");
         assert_eq!(
             names,
             [

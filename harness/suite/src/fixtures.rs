@@ -710,7 +710,7 @@ mod tests {
     fn the_last_array_of_a_structure_has_a_size() {
         let text = "struct All { count: u32, items: array<vec2f> }
                     @group(0) @binding(0) var<storage> v: All; fn f() -> f32 { return v.items[0].x; }";
-        let probed = Probed::new(&Package::from_source("bound", text), "f").expect("it is valid");
+        let probed = Probed::new(&Package::from_source("bound", text), "f").expect("valid WGSL");
         let of = |value: &str| {
             let table: toml::Table = format!("v = {value}").parse().expect("TOML");
             fixture(probed.program(), &probed.function().bindings[0], &table["v"], Path::new(""))
@@ -737,7 +737,7 @@ mod tests {
         let of = |seed: u32| {
             let table = format!("size = 256\nrange = \"0..99\"\nseed = {seed}").parse();
             let element = Shape::Scalar(Scalar::U32);
-            spread("v", (&element, 0), &table.expect("TOML")).expect("it fits")
+            spread("v", (&element, 0), &table.expect("TOML")).expect("valid values")
         };
         let words = of(7);
         assert_eq!(words.len(), 256);
@@ -757,7 +757,7 @@ mod tests {
             multisampled: false,
         };
         let of = |kind, text: &str| {
-            let layers = sized("v", kind, &text.parse().expect("TOML")).expect("it fits");
+            let layers = sized("v", kind, &text.parse().expect("TOML")).expect("valid values");
             layers.into_iter().flat_map(|layer| layer.texels).collect::<Vec<_>>()
         };
         let colours = of(float, "size = [8, 4, 2]\nrange = [\"0..1\", 5, \"2..3\", 1]");
@@ -782,7 +782,7 @@ mod tests {
         let of = |value: &str| {
             let text = "@group(0) @binding(0) var<uniform> v: array<vec4u, 3>; fn f() -> u32 { return v[0].x; }";
             let probed =
-                Probed::new(&Package::from_source("bound", text), "f").expect("it is valid");
+                Probed::new(&Package::from_source("bound", text), "f").expect("valid WGSL");
             let table: toml::Table = format!("v = {value}").parse().expect("TOML");
             fixture(probed.program(), &probed.function().bindings[0], &table["v"], Path::new(""))
         };

@@ -94,7 +94,7 @@ fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
             }
         }
     }
-    assert!(asked.contains(&"naga"), "naga is always here");
+    assert!(asked.contains(&"naga"), "naga is always available");
     let read = Tool::naga().validate(&translate(Target::Spirv, "add")).expect("naga runs");
     assert_eq!(read.verdict, Verdict::Valid);
 }

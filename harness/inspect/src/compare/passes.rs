@@ -414,8 +414,7 @@ mod tests {
             }";
         let package = |text: &str| Package::from_source("collect", text.to_owned());
         let compared = |before: &str, after: &str| {
-            let mut all =
-                Request::new(package(before), package(after)).run().expect("both are valid");
+            let mut all = Request::new(package(before), package(after)).run().expect("compared");
             all.pop().expect("the fragment function")
         };
         for first in ["", "if at.x < fwidth(at.x) { discard; }"] {
@@ -454,7 +453,7 @@ mod tests {
             let edited = text.replace("list[k] = k", "list[place[k]] = k");
             let of = |before: &str, after: &str| {
                 let [before, after] = [before, after].map(|text| Package::from_source("m", text));
-                let mut all = Request::new(before, after).run().expect("both are valid");
+                let mut all = Request::new(before, after).run().expect("compared");
                 all.pop().expect("one entry point").violations
             };
             let brought = of(text, &edited);
@@ -478,7 +477,7 @@ mod tests {
             }";
         let reason = |before: &str, after: &str| {
             let [before, after] = [before, after].map(|text| Package::from_source("p", text));
-            let all = Request::new(before, after).run().expect("both are valid");
+            let all = Request::new(before, after).run().expect("compared");
             let Change::Unjudged { reason } = &all[0].change else { panic!("{all:?}") };
             reason.clone()
         };
@@ -492,7 +491,7 @@ mod tests {
 
     fn compared(before: &str, after: &str) -> super::Compared {
         let [before, after] = [before, after].map(|text| Package::from_source("p", text));
-        let mut all = Request::new(before, after).run().expect("both are valid");
+        let mut all = Request::new(before, after).run().expect("compared");
         all.pop().expect("the pass")
     }
 
@@ -572,7 +571,7 @@ mod tests {
             }";
         let edited = text.replace("= g.x;", "= g.x + 7u;").replace("1.0", "2.0");
         let [before, after] = [text, &edited].map(|text| Package::from_source("p", text));
-        let all = Request::new(before, after).run().expect("both are valid");
+        let all = Request::new(before, after).run().expect("compared");
         let Change::Changed { paths } = &all[0].change else { panic!("{all:?}") };
         let words: Vec<&str> = paths[0].words.iter().map(|one| &*one.before).collect();
         assert_eq!(words, ["a[0] = 0", "b[0].y = 1"], "{paths:?}");
@@ -585,7 +584,7 @@ mod tests {
         let text = GATHER;
         let brought = |before: &str, after: &str| {
             let [before, after] = [before, after].map(|text| Package::from_source("m", text));
-            let all = Request::new(before, after).run().expect("both are valid");
+            let all = Request::new(before, after).run().expect("compared");
             all[0].violations.iter().map(|one| one.headline.clone()).collect::<Vec<_>>()
         };
         let bare = text.replace("min(column[id.x], arrayLength(&x) - 1u)", "column[id.x]");
@@ -603,7 +602,7 @@ mod tests {
     fn what_an_edit_leaves_to_the_order_is_a_change() {
         let change = |texts: [&str; 2]| {
             let [before, after] = texts.map(|text| Package::from_source("counts", text));
-            let all = Request::new(before, after).run().expect("both are valid");
+            let all = Request::new(before, after).run().expect("compared");
             let [one] = &all[..] else { panic!("{all:?}") };
             one.change.clone()
         };
@@ -636,7 +635,7 @@ mod tests {
             }";
         let compared = |edited: &str| {
             let [before, after] = [text, edited].map(|text| Package::from_source("p", text));
-            let mut all = Request::new(before, after).run().expect("both are valid");
+            let mut all = Request::new(before, after).run().expect("compared");
             all.pop().expect("the pass")
         };
         let lines = |one: &super::Compared| {
@@ -647,7 +646,7 @@ mod tests {
         let mode = compared(&text.replace("= 3.0;", "= 4.0;"));
         assert!(matches!(mode.change, Change::Same { .. }), "{mode:?}");
         assert_eq!(lines(&mode), ["d[g.x] = 4.0;", "d[g.x] = 3.0;"], "{mode:?}");
-        // A removed line belongs to the edit.
+        // Removing a line is an edit of this line.
         assert_eq!(lines(&compared(&text.replace("d[g.x] = 3.0;", ""))), ["d[g.x] = 3.0;"]);
         let same = compared(&text.replace("2.0 * f32(row)", "f32(row) * 2.0").replace("a row", ""));
         assert!(matches!(same.change, Change::Same { .. }) && lines(&same).is_empty(), "{same:?}");
@@ -749,7 +748,7 @@ mod tests {
             assert!(text.contains(from), "{from}");
             let edited = text.replace(from, to);
             let [before, after] = [text, &edited].map(|text| Package::from_source("m", text));
-            let all = Request::new(before, after).run().expect("both are valid");
+            let all = Request::new(before, after).run().expect("compared");
             let pass =
                 all.iter().find(|one| one.dispatched.is_some()).expect("the package has a pass");
             assert!(matches!(pass.change, Change::Changed { .. }), "{to}: {pass:?}");
@@ -772,7 +771,7 @@ mod tests {
         };
         let [before, after] =
             ["w.x", "w.x + 1u"].map(|guard| Package::from_source("rows", text(guard)));
-        let all = Request::new(before, after).run().expect("both are valid");
+        let all = Request::new(before, after).run().expect("compared");
         let [one] = &all[..] else { panic!("{all:?}") };
         let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
         // The texture's format has one channel.

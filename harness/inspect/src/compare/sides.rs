@@ -152,7 +152,7 @@ pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
         .collect()
 }
 
-/// The differences in how the host has to supply resources after an edit: bindings and offsets of members.
+/// The changed bindings of resources, and the changed offsets of their members, which a host must adapt to.
 pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
     let mut all = Vec::new();
     for new in after.bindings {
@@ -186,7 +186,8 @@ pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
     all
 }
 
-/// The signatures of both sides of an edit. If they are equal, the written resources differ.
+/// The signatures of a function before and after an edit. If the signatures are equal, the texts also name the written
+/// resources.
 pub(super) fn signatures(sides: [&Probed; 2]) -> [String; 2] {
     let shown = sides.map(|one| one.function.to_string());
     if shown[0] != shown[1] || sides.iter().all(|one| one.function.written().next().is_none()) {
