@@ -30,7 +30,7 @@ fn folder(shader: &str, tests: &str) -> TempDir {
 
 fn request(folder: &Path) -> Request {
     // The tests write only into the folder of the shaders.
-    Request::new(Package::open(folder).expect("it opens")).only(["calc"])
+    Request::new(Package::open(folder).expect("the package opens")).only(["calc"])
 }
 
 fn hunted(folder: &Path) -> Hunted {
@@ -259,7 +259,7 @@ fn suggested_tests_kill() {
     std::fs::write(folder.path().join("calc.test.toml"), own + &all).expect("written");
     let second = hunted(folder.path());
     for (id, test) in &suggested {
-        let one = second.tried.iter().find(|one| one.candidate.id == *id).expect("its id stays");
+        let one = second.tried.iter().find(|one| one.candidate.id == *id).expect("the id stays");
         assert!(matches!(one.fate, Fate::Killed { .. }), "{one:?} lives with\n{test}");
     }
 }
@@ -287,7 +287,7 @@ fn tests_are_suggested_in_three_languages() {
         let news = test.lines().filter(|line| !wgsl.contains(line)).collect::<Vec<_>>().join("\n");
         wgsl = format!("{news}\n{wgsl}");
         killed.push((id.clone(), test));
-        rust += &found.test_as(Form::Rust, id).expect("its types are scalars and vectors");
+        rust += &found.test_as(Form::Rust, id).expect("scalars and vectors");
     }
     assert!(killed.len() > 6 && wgsl.contains("expect_near_vec3(turned(vec3<f32>("), "{wgsl}");
     assert!(
@@ -297,7 +297,7 @@ fn tests_are_suggested_in_three_languages() {
     std::fs::write(folder.path().join("calc_test.wgsl"), &wgsl).expect("written");
     let second = hunted(folder.path());
     for (id, test) in killed {
-        let one = second.tried.iter().find(|one| one.candidate.id == id).expect("its id stays");
+        let one = second.tried.iter().find(|one| one.candidate.id == id).expect("the id stays");
         assert!(matches!(one.fate, Fate::Killed { .. }), "{one:?} lives with\n{test}");
     }
     for part in [

@@ -95,7 +95,7 @@ fn translations_of_naga_are_valid_for_the_installed_tools() {
             }
         }
     }
-    assert!(asked.contains(&"naga"), "naga is always here");
+    assert!(asked.contains(&"naga"), "naga is always available");
     let read = Tool::naga().validate(&translate(Target::Spirv, "add")).expect("naga runs");
     assert_eq!(read.verdict, Verdict::Valid);
 }

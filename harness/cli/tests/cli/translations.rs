@@ -259,7 +259,7 @@ fn compute_entry_points_are_run() {
         let waits = &row(&matrix, "waits")[column];
         assert_eq!(waits["stopped"]["why"], "not_run", "{waits}");
         let says = waits["stopped"]["says"].as_str().expect("a reason");
-        assert!(says.contains("with made-up data this loop goes round"), "{says}");
+        assert!(says.contains("with generated data, this loop has"), "{says}");
         assert!(says.contains("sums.wgsl:25:14"), "{says}");
     }
     let nothing = &row(&matrix, "nothing")["vulkan"];
@@ -661,7 +661,10 @@ fn required_columns_decide_the_exit_code() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert!(ran.err.contains("no validator of msl is installed"), "{ran:?}");
     for (wrong, message) in [
-        (&["--require", "vulkan=good"][..], "`good` is no status; they are translated, valid"),
+        (
+            &["--require", "vulkan=good"][..],
+            "`good` isn't a status; the statuses are translated, valid",
+        ),
         (&["--require", "vulkan"], "write COLUMN=STATUS"),
         (&["--require", "vulkn=valid"], "did you mean `vulkan`?"),
         (&["--within=-1"], "a bound is a number from 0 on"),
@@ -950,7 +953,7 @@ mod planted {
         assert_eq!(found["unseen"], serde_json::json!(["p"]), "pointers can't be looked at");
         assert!(found["first"]["text_line"].is_u64(), "{found}");
         let says = &row(&json(&ran.out), "maths::blend")["vulkan:hlsl"]["stopped"]["says"];
-        assert!(says.as_str().is_some_and(|says| says.contains("(not looked at: `p`)")), "{says}");
+        assert!(says.as_str().is_some_and(|says| says.contains("(not compared: `p`)")), "{says}");
     }
 
     /// In a loop the last values are compared, which is said; the report of an entry point repeats it.
@@ -1057,7 +1060,13 @@ mod planted {
         for (rows, column, status, reason, message) in [
             ("maths::blnd", "vulkan", "agrees", "x", "no such row; did you mean `maths::blend`?"),
             ("maths::blend", "vulkn", "agrees", "x", "there is no execution path `vulkn`"),
-            ("maths::blend", "vulkan", "agree", "x", "`agree` is no status; they are translated"),
+            (
+                "maths::blend",
+                "vulkan",
+                "agree",
+                "x",
+                "`agree` isn't a status; the statuses are translated",
+            ),
             ("maths::blend", "vulkan", "agrees", " ", "it has no reason"),
         ] {
             declare(rows, column, status, reason);

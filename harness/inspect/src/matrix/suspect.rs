@@ -1,20 +1,20 @@
-//! Names the suspect if two columns differ: the one against which two others agree.
+//! Names the suspect if two columns differ: the column that disagrees with two columns that agree.
 
 use super::{Cell, Stop};
 
-/// The side that a column takes between two columns that differ.
+/// The side that a column takes if two columns differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
-    /// It agrees with the first column.
+    /// The column agrees with the first column.
     First,
-    /// It agrees with the other column.
+    /// The column agrees with the other column.
     Other,
-    /// It agrees with neither, or with both.
+    /// The column agrees with neither of them, or with both.
     Neither,
 }
 
-/// Names the suspect of a cell that differs from the first column, if one of the two is alone. `sides` has the name and
-/// the side of each column, these two included.
+/// Names the suspect of a cell that differs from the first column, if no third column agrees with one of the two.
+/// `sides` has the name and the side of each column, these two included.
 pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     let of = |side: Side| -> Vec<&str> {
         sides.iter().filter(|(_, own)| *own == side).map(|(name, _)| name.as_str()).collect()
@@ -32,7 +32,7 @@ pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     }
 }
 
-/// Names in a sentence: `a`, `b` and `c`.
+/// The names in a sentence: `a`, `b` and `c`.
 fn and(names: &[String]) -> String {
     match names {
         [all @ .., last] if !all.is_empty() => format!("{} and {last}", all.join(", ")),
