@@ -1,4 +1,4 @@
-//! Prints values of a frame or of passes, with the engine's values beside them.
+//! Printing values of a frame or of passes, beside the values of the engine.
 
 use std::error::Error;
 use std::io::Write;
@@ -12,30 +12,30 @@ use karat::{Frame, Path};
 use crate::steps::rows;
 use crate::taps::write_tapped;
 
-/// An owner of values: a frame, or passes.
+/// A frame, or the passes of a test. Its values can be shown.
 pub trait Tappable {
-    /// The values with names, a line each.
+    /// Lists the values that have names, each in one line.
     ///
     /// # Errors
-    /// If it isn't valid.
+    /// Returns an error if the frame or pass isn't valid.
     fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
 
-    /// The places of the lines that print.
+    /// Lists the locations of the lines that print.
     ///
     /// # Errors
-    /// If it isn't valid.
+    /// Returns an error if the frame or pass isn't valid.
     fn prints(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
 
-    /// The requested values.
+    /// Returns the requested values.
     ///
     /// # Errors
-    /// If one of them doesn't exist, or the frame can't run there.
+    /// Returns an error if a value doesn't exist, or if the frame or pass can't run on the path.
     fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, Box<dyn Error>>;
 
-    /// The engine's value at a pixel or an invocation, as text.
+    /// Returns the engine's value at a pixel or an invocation, as text.
     ///
     /// # Errors
-    /// If the engine can't run it.
+    /// Returns an error if the engine can't run the frame or pass.
     fn engine(
         &self,
         path: Path,
@@ -92,7 +92,7 @@ impl Tappable for Frame<'_> {
                 ));
             }
         };
-        // Skip steps with another number of components than the result.
+        // Steps with another number of components than the result are skipped.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
                 "the engine computes {} of its components: see `karat trace`",
@@ -136,11 +136,11 @@ impl Tappable for Compute<'_> {
     }
 }
 
-/// Writes values of a frame or of passes, each with the engine's value at some pixels or invocations, or lists the
-/// values.
+/// Writes values of a frame or of passes, each with the engine's value at some pixels or invocations. If no values are
+/// requested, lists the values.
 ///
 /// # Errors
-/// If a value doesn't exist, it can't run, or an image can't be written.
+/// Returns an error if a value doesn't exist, if the frame or pass can't run, or if an image can't be written.
 pub fn tap(
     subject: &dyn Tappable,
     name: &str,
@@ -190,7 +190,7 @@ fn index(tapped: &Tapped, (x, y): (u32, u32)) -> usize {
     (y * tapped.size.0 + x) as usize
 }
 
-/// A value at a pixel or an invocation, as text.
+/// Formats the value at a pixel or an invocation.
 fn value(tapped: &Tapped, at: (u32, u32)) -> String {
     let (index, width) = (index(tapped, at), tapped.shape.lanes().len());
     match tapped.told.get(index) {

@@ -1,4 +1,4 @@
-//! Writes values of frames as images: EXR with the numbers, PNG to look at, and a summary in words.
+//! Writing values of frames as images: EXR with the numbers, PNG to look at, and a summary as text.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -14,32 +14,33 @@ use karat::unstable::metric::ErrorMap;
 use karat::unstable::output::{Style, counted};
 use karat::unstable::value::{Scalar, Shape, format_f32, format_lane};
 
-/// The colour of NaN and infinities, as in previews of frames.
+/// The colour of NaN and infinities. Previews of frames have the same colour.
 const NAN: [u8; 4] = [255, 0, 255, 255];
 const INFINITE: [u8; 4] = [255, 255, 0, 255];
 
-/// The largest distance from 1 of a direction's squared length: `normalize` may be off by some steps of `f32`, and
+/// The largest deviation from 1 of a direction's squared length. `normalize` may be off by some steps of `f32`, and
 /// `f16` has three digits.
 const UNIT: f64 = 4e-3;
 
 /// The mapping from numbers to colours.
 enum Mapping {
-    /// Black is false, white is true.
+    /// Black means false, white means true.
     Truth,
-    /// One number: the colours of magma, from the least to the largest.
+    /// One number. The colours of magma go from the smallest to the largest value.
     Range([f64; 2]),
-    /// One number of both signs: blue below 0, black at 0, red above. The brightest is the largest of either sign.
+    /// One number of both signs. Blue is below 0, black is 0, red is above 0. The brightest colour is the largest
+    /// absolute value.
     Signed(f64),
-    /// Three numbers of length 1: red, green and blue are half of 1 + x, 1 + y and 1 + z.
+    /// Three numbers that form a unit vector. Red, green and blue are half of 1 + x, 1 + y and 1 + z.
     Direction,
-    /// Two to four numbers: red, green, blue, from the least to the largest of all.
+    /// Two to four numbers as red, green, blue, from the smallest to the largest of all numbers.
     Channels([f64; 2]),
 }
 
 /// Writes the images of a value into a folder, as `<frame>.<value>.exr` and `.png`, and describes them.
 ///
 /// # Errors
-/// If a file can't be written.
+/// Returns an error if a file can't be written.
 pub(crate) fn write_tapped(
     folder: &FilePath,
     frame: &str,
@@ -97,7 +98,7 @@ pub(crate) fn write_tapped(
     Ok(())
 }
 
-/// The part of a value to ask for, if the value can't be an image; `None` if it can.
+/// Returns the name of a part that can be an image, or `None` if the whole value can be an image.
 fn part_of(shape: &Shape) -> Option<String> {
     match shape {
         Shape::Scalar(_) | Shape::Vector { .. } => None,
@@ -115,7 +116,7 @@ fn with_ending(stem: &FilePath, ending: &str) -> PathBuf {
     name.into()
 }
 
-/// A number to the six digits of an `f32`.
+/// Formats a number with the six digits of an `f32`.
 fn digits(x: f64) -> String {
     let rounded: f64 = format!("{x:.5e}").parse().unwrap_or(x);
     format_f32(to_f32(rounded))
@@ -126,9 +127,9 @@ fn to_f32(x: f64) -> f32 {
     x as f32
 }
 
-/// A name for files, from letters and digits.
+/// Returns a name for files, of letters and digits.
 fn file_name(title: &str) -> String {
-    /// The longest name.
+    /// The largest number of characters in a name.
     const MOST: usize = 48;
     let mut name = String::new();
     for c in title.chars().take(MOST) {
@@ -141,7 +142,7 @@ fn file_name(title: &str) -> String {
     name.trim_matches('-').to_owned()
 }
 
-/// The values as a table; empty if they don't fit into one.
+/// Returns the values as a table, or an empty text if they don't fit into a table.
 fn table(tapped: &Tapped, width: usize) -> String {
     let mut text = String::from("invocation,times");
     let names = tapped.shape.lane_names();
@@ -163,13 +164,14 @@ fn table(tapped: &Tapped, width: usize) -> String {
     text
 }
 
-/// The values of a lane with their pixels.
+/// Returns the values of a lane with their pixels.
 fn lane_of(tapped: &Tapped, width: usize, lane: usize) -> impl Iterator<Item = (usize, u32)> {
     let rows = tapped.lanes.chunks_exact(width).zip(&tapped.told).enumerate();
     rows.filter(|(_, (_, told))| **told).map(move |(pixel, (lanes, _))| (pixel, lanes[lane]))
 }
 
-/// The least and the largest value of a lane with their pixels, the mean, and the values that aren't finite.
+/// Formats the smallest and the largest value of a lane with their pixels, the mean, and the number of values that
+/// aren't finite.
 fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> String {
     let scalar = scalars[lane];
     let of_lane = || lane_of(tapped, scalars.len(), lane);
@@ -179,14 +181,14 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     };
     let mut text = if name.is_empty() { String::new() } else { format!("{name}: ") };
     let finite = || of_lane().filter(|(_, word)| scalar.decode(*word).is_finite());
-    // Of equal values, the first pixel.
+    // Of equal values, the text names the first pixel.
     let by = |a: &(usize, u32), b: &(usize, u32)| scalar.decode(a.1).total_cmp(&scalar.decode(b.1));
     match (finite().min_by(by), finite().max_by(|a, b| by(a, b).then(b.0.cmp(&a.0)))) {
         (Some(least), Some(most)) => {
             let shown = |(pixel, word): (usize, u32)| {
                 format!("{} at {}", format_lane(scalar, word), at(pixel))
             };
-            // Each sum has as many terms as an image has pixels, which keeps 9 digits in `f64`.
+            // Each sum has as many terms as an image has pixels. So the sum in `f64` keeps 9 digits.
             #[expect(
                 clippy::cast_precision_loss,
                 reason = "an image has far fewer pixels than 2^53"
@@ -213,7 +215,7 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     text
 }
 
-/// Notes on pixels without a value, and on colours that changed.
+/// Returns notes on pixels without a value, and on changed colours.
 fn notes(tapped: &Tapped) -> Vec<String> {
     let all = tapped.told.len();
     let undrawn = tapped.times.iter().filter(|times| times.is_none()).count();
@@ -248,7 +250,7 @@ fn notes(tapped: &Tapped) -> Vec<String> {
     notes
 }
 
-/// The numbers as an image, transparent where there is no value.
+/// Returns the numbers as an image. Pixels without a value are transparent.
 fn image(tapped: &Tapped, scalars: &[Scalar]) -> Image {
     let rows = tapped.lanes.chunks_exact(scalars.len()).zip(&tapped.told);
     let pixel = |(lanes, told): (&[u32], &bool)| {
@@ -264,7 +266,7 @@ fn image(tapped: &Tapped, scalars: &[Scalar]) -> Image {
     Image::new(tapped.size.0, tapped.size.1, rows.map(pixel).collect())
 }
 
-/// The numbers of each pixel with the value.
+/// Returns the numbers of each pixel with a value.
 fn numbers<'t>(tapped: &'t Tapped, scalars: &'t [Scalar]) -> impl Iterator<Item = Vec<f64>> + 't {
     let rows = tapped.lanes.chunks_exact(scalars.len()).zip(&tapped.told);
     let told = rows.filter(|(_, told)| **told);
@@ -292,7 +294,7 @@ fn mapping(tapped: &Tapped, scalars: &[Scalar]) -> Mapping {
 }
 
 impl Mapping {
-    /// The mapping in words.
+    /// Describes the mapping.
     fn told(&self) -> String {
         match self {
             Self::Truth => "white is true".to_owned(),

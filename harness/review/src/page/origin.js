@@ -1,7 +1,7 @@
 // The origin of a case: its test, the commands to run it again, and the modules that changed since its golden.
 
 const origin = (() => {
-  // A button that copies, and confirms it in place of its label.
+  // A button that copies a text, and shows a confirmation in place of its label.
   const copied = (text, label) => {
     const button = element("button", { type: "button", className: "copy", title: text }, label);
     const say = (word) => {
@@ -14,7 +14,7 @@ const origin = (() => {
         await navigator.clipboard.writeText(text);
         say("Copied");
       } catch {
-        // Without access to the clipboard the text is selected, so that you can copy it.
+        // If the clipboard isn't accessible, the text is selected, so that you can copy it.
         const shown = button.parentElement.querySelector("code");
         if (shown) getSelection().selectAllChildren(shown);
         say("Selected");

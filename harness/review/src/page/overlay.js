@@ -1,5 +1,5 @@
-// The elements over the canvas: names of panes, the swipe's handle, the frame around the inspected texel, failing
-// areas, legends.
+// The elements over the canvas: the names of panes, the handle of the swipe, the outline of the inspected texel,
+// failing areas, legends.
 
 (() => {
   const canvas = stage.canvas;
@@ -22,7 +22,7 @@
     return made;
   };
 
-  // An outline around the whole image would be useless; a text says that all of it fails.
+  // An outline around the whole image would be useless. A text says that the whole image fails.
   const everywhere = (pane) => {
     const spread = isOutlined(pane) && failing.of(loaded())?.spread;
     return spread ? [element("span", { className: "spread" }, ` fails all over: ${spread}`)] : [];
@@ -33,7 +33,8 @@
     return side === "difference" ? !golden || !actual : !part()?.[side];
   };
 
-  // A frame around texels, in each pane. If it would be smaller than `least` points, it is enlarged around its middle.
+  // Returns an outline around texels, in each pane. An outline that would be smaller than `least` points is enlarged
+  // around its middle.
   const framed = (pane, [left, top, right, bottom], className, least = 3) => {
     const [x, y] = stage.origin(pane);
     const box = element("span", { className });
@@ -52,7 +53,8 @@
     return window_;
   };
 
-  // Around each failing area: thin around large ones, and a ring around those that you could overlook.
+  // Outlines each failing area: with a thin line around large areas, and with a ring around areas that you could
+  // overlook.
   const RING = 13; // points
   const isOutlined = (pane) => state.outlines && !state.part && pane.layer !== "golden";
   const outlined = (pane) => {
