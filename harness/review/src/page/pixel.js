@@ -1,5 +1,5 @@
-// The origin of a pixel: the steps of the pinned one, and values of the shader as maps. The server asks the program for
-// both; a page from files has the steps of the pixels that differ most from the golden.
+// The origin of a pixel: the steps of the pinned pixel, and values of the shader as maps. The server runs the program
+// for both. A page from files has only the steps of the pixels that differ most from the golden.
 
 (() => {
   const pane = byId("pixel");
@@ -17,7 +17,7 @@
   };
   const size = () => extent().join("x");
 
-  // The last question of each kind. Answers to earlier ones are ignored.
+  // The last question of each kind. The page ignores replies to earlier questions.
   const asked = { values: 0, tap: 0, trace: 0 };
   const attempt = async (kind, doing, work) => {
     asked[kind] += 1;
@@ -37,7 +37,7 @@
     { className: parted ? "parted" : strange ? "strange" : lost ? "lost" : "", title: `f64: ${double}\nWGSL allows: ${allowed}` },
     element("td", {}, `${file.split("/").pop()}:${line}`), element("td", {}, operation), element("td", {}, single));
 
-  // Also with the shaders of the golden's commit, if git has one.
+  // If git has the golden's commit, the page also asks for the steps with the shaders of that commit.
   const told = async (entry, [x, y]) => {
     if (!index.pixels) {
       const one = known(entry)[`${x},${y}`];
@@ -49,7 +49,8 @@
     try {
       if (commit) return [...(await ask(entry, `${question}/${commit}`)).pixel, commit];
     } catch {
-      // Then only today's shaders: the golden's may lack variables that the frame binds.
+      // Then the page shows only the steps of today's shaders: the golden's shaders may lack variables that the frame
+      // binds.
     }
     return [null, (await ask(entry, question)).pixel, null];
   };
@@ -126,7 +127,7 @@
     }
     byId("trace").disabled = !state.pinned;
     const at = state.pinned?.join() ?? null;
-    // A click on a differing pixel asks for its steps.
+    // A click on a differing pixel requests its steps.
     const { golden, actual } = part();
     const [g, a] = [texel(golden, state.pinned), texel(actual, state.pinned)];
     const differs = g && a && g.some((value, c) => !Object.is(value, a[c]));

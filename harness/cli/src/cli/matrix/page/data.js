@@ -1,4 +1,4 @@
-// Data.
+// Reading the data of the page.
 
 class Trouble extends Error {}
 

@@ -1,4 +1,4 @@
-// Drawing.
+// Drawing the page.
 
 let sifted = null; // what the rows are shown for
 function drawRows() {
@@ -35,7 +35,7 @@ function draw() {
     buildReasons();
     home();
   }
-  // Moving about leaves the rows as they are.
+  // Moving the focus doesn't change the rows.
   const asked = JSON.stringify([state.package, state.filter, ...[state.show, state.kinds, state.columns ?? [null], state.fold].map((set) => [...set]), state.reason]);
   if (asked !== sifted) drawRows();
   sifted = asked;

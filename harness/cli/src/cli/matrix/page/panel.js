@@ -1,8 +1,8 @@
-// Panel.
+// The panel of a cell.
 
 const quoted = (text) => (/^[\w:.,/-]+$/.test(text) ? text : `'${text.replace(/'/g, "'\\''")}'`);
 
-// Entry points are named by their module and their own name.
+// An entry point is named by its module and its own name.
 function commandOf({ row }, language) {
   if (row.kind === "function" || !row.name.includes("::")) return `karat translate ${quoted(row.name)} --to ${quoted(language)}`;
   return `karat translate ${quoted(moduleOf(row.name))} --to ${quoted(language)} --entry-point ${quoted(lastOf(row.name))}`;
@@ -12,7 +12,7 @@ function section(title, ...children) {
   return element("section", {}, element("h3", {}, title), ...children);
 }
 
-// The values of two results, each component that differs marked.
+// Returns the values of two results. Each component that differs is marked.
 function apart(one, other) {
   const [left, right] = [plain(one).split(", "), plain(other).split(", ")];
   if (left.length !== right.length) return [plain(one), plain(other)].map((text) => element("td", {}, text));
@@ -50,7 +50,7 @@ function divergence(found, column, go) {
   return made;
 }
 
-// Lines of the translation that a validator's words name.
+// Returns the lines of the translation that the message of a validator names.
 function accused(cell) {
   if (cell.stopped?.why !== "rejected") return [];
   const says = String(cell.stopped.says);
@@ -62,8 +62,8 @@ const DIFFERENT = "The first value that differs";
 const NAMED = "The reason names this line";
 const WHOLE = 120; // a shorter text isn't folded if the function's lines are unknown
 
-// Lines of a text, numbered from `first`. Those of `range` and those around marked ones are shown,
-// the others wait behind buttons. `marked` tells why a line is marked.
+// Shows the lines of a text, numbered from `first`. The lines of `range` and those around marked lines are visible, the
+// others appear with a click on a button. `marked` has the reason for each marked line.
 function codeOf(text, { first = 1, range = null, marked = new Map(), label }) {
   const lines = plain(text).replace(/\n+$/, "").split("\n");
   const last = first + lines.length - 1;
@@ -253,7 +253,7 @@ function drawPanel() {
   const go = (which, n) => sides[which].go?.(n);
   body.replaceChildren(judged ? factsOf(entry, judged, column, go) : rowFacts(entry), codes);
   body.scrollTop = 0;
-  // In its own pane only: the page stays where it is.
+  // Only the pane of the code scrolls. The page doesn't move.
   for (const pane of codes.querySelectorAll(".code")) {
     const mark = pane.querySelector(".marked");
     if (mark && pane.scrollHeight > pane.clientHeight) pane.scrollTop = mark.offsetTop - pane.clientHeight / 2;

@@ -49,7 +49,7 @@ function bar(counts, total) {
   return made;
 }
 
-// How many rows get how far in a column.
+// Returns a bar with the number of rows that reach each status in a column.
 function countsOf({ index }) {
   const counts = { sorts: new Map(), classes: new Map(), reached: [0, 0, 0, 0], known: 0, total: 0 };
   for (const { cells } of model.rows) {

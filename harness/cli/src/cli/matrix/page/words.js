@@ -1,4 +1,4 @@
-// Words.
+// The texts of the page.
 
 const STATUSES = ["translated", "valid", "executed", "agrees"];
 // The kinds of cells, in the order of bars and toggles. `sign` is for readers who see no colours.
@@ -27,7 +27,7 @@ const WHY = new Map(Object.entries({
   nothing_to_compare: "There is nothing to compare it with",
 }));
 
-// The word that the table of `karat matrix` uses.
+// Returns the word in the table of `karat matrix`.
 function wordOf(cell) {
   const why = cell.stopped?.why;
   if (why === "differs") return "DIFFERS";
@@ -37,8 +37,8 @@ function wordOf(cell) {
   return STATUSES.includes(cell.status) ? cell.status : "unsupported";
 }
 
-// The sort gives the colour and the sign; the classes are what the toggles ask for.
-// A cell is `idle` where nothing here runs its whole column: there it is no news.
+// The sort determines the colour and the sign. The toggles select by class. A cell is `idle` if nothing runs its column
+// on this machine.
 function judge(cell, head) {
   const word = wordOf(cell);
   const blocked = cell.stopped?.why === "unsupported" && word !== "unsupported";
