@@ -201,12 +201,11 @@ pub fn pixel(text: &str) -> Result<(u32, u32), String> {
     let found = text
         .split_once(',')
         .and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
-    found.ok_or_else(|| format!("`{text}` is no pixel: write its column and its row, as 120,64"))
+    found.ok_or_else(|| format!("`{text}` isn't a pixel: write its column and its row, as 120,64"))
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
-    let form =
-        || format!("`{text}` isn't width x height in pixels; write them as 640x360, each digits");
+    let form = || format!("`{text}` isn't width x height in pixels; write digits, as in 640x360");
     let (width, height) = text.split_once('x').ok_or_else(form)?;
     let side = |digits: &str| {
         if digits.is_empty() || !digits.bytes().all(|digit| digit.is_ascii_digit()) {
@@ -215,7 +214,9 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         // Digits that overflow are out of range, too.
         match digits.parse() {
             Ok(side) if (1..=LONGEST_SIDE).contains(&side) => Ok(side),
-            _ => Err(format!("a side of {digits} pixels; a side has 1 to {LONGEST_SIDE} pixels")),
+            _ => {
+                Err(format!("a side has {digits} pixels, but must have 1 to {LONGEST_SIDE} pixels"))
+            }
         }
     };
     Ok((side(width)?, side(height)?))
@@ -294,10 +295,13 @@ mod tests {
     #[test]
     fn bad_arguments_are_explained() {
         for (words, message) in [
-            (&["--size", "0x5"][..], "a side of 0 pixels; a side has 1 to 16384 pixels"),
-            (&["--size", "5x16385"], "a side of 16385 pixels; a side has"),
-            (&["--size", "5x99999999999"], "a side of 99999999999 pixels"),
-            (&["--size", "640"], "`640` isn't width x height in pixels; write them as 640x360"),
+            (&["--size", "0x5"][..], "a side has 0 pixels, but must have 1 to 16384 pixels"),
+            (&["--size", "5x16385"], "a side has 16385 pixels, but must have"),
+            (&["--size", "5x99999999999"], "a side has 99999999999 pixels"),
+            (
+                &["--size", "640"],
+                "`640` isn't width x height in pixels; write digits, as in 640x360",
+            ),
             (&["--size", "640X360"], "`640X360` isn't width x height"),
             (&["--size", "640x"], "`640x` isn't width x height"),
             (&["--size", "-1x5"], "unexpected argument '-1'"),
@@ -314,7 +318,7 @@ mod tests {
             (&["--environment", "no/sky.exr"], "there is no such file"),
             (&["--environment", "."], "it isn't a file"),
             (&["scene", "--round", "2"], "required arguments were not provided"),
-            (&["--trace", "3"], "`3` is no pixel: write its column and its row, as 120,64"),
+            (&["--trace", "3"], "`3` isn't a pixel: write its column and its row, as 120,64"),
             (&["--path", "vulcan"], "did you mean `vulkan`?"),
             (&["--first", "scene"], "cannot be used with"),
             (&["--first", "--all"], "cannot be used with"),

@@ -127,7 +127,7 @@ enum GalleryError {
             |name| format!("; did you mean `{name}`?"),
         ))]
     Unknown { name: String, nearest: Option<String>, names: Vec<String> },
-    #[error("a pixel of one frame is traced: name one")]
+    #[error("only one frame can be traced: name one frame")]
     OneTraced,
     #[error("can't write into `{folder}`: {cause}")]
     Out { folder: String, cause: io::Error },

@@ -66,7 +66,9 @@ impl Tappable for Frame<'_> {
         at: (u32, u32),
     ) -> Result<String, Box<dyn Error>> {
         if tapped.name.as_ref().is_some_and(|name| name.contains(['.', '['])) {
-            return Ok("the engine shows whole values: name it without its part".to_owned());
+            return Ok(
+                "the engine shows only whole values: name the value without its part".to_owned()
+            );
         }
         let traced = self.trace(path, at)?;
         let steps = traced.steps;
@@ -82,20 +84,20 @@ impl Tappable for Frame<'_> {
             (Some(step), _) => (*step).clone(),
             (None, 0) => {
                 return Ok(
-                    "the engine shows operations, and this is none: a parameter, a call, a constructor, or what the result doesn't need"
+                    "the engine shows only operations, and this is a parameter, a call, a constructor, or a value that the result doesn't need"
                         .to_owned(),
                 );
             }
             (None, shown) => {
                 return Ok(format!(
-                    "of its {times} times the engine shows the first {shown}: choose one of them by --round"
+                    "the pixel computes the value {times} times, and the engine shows the first {shown}: select one of them with --round"
                 ));
             }
         };
         // Steps with another number of components than the result are skipped.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
-                "the engine computes {} of its components: see `karat trace`",
+                "the engine computes {} of the value's components: see `karat trace`",
                 step.single.len()
             ));
         }
@@ -153,7 +155,7 @@ pub fn tap(
     for tap in taps {
         let places = if tap.is_of_prints() { subject.prints(path)? } else { Vec::new() };
         match (tap.is_of_prints(), places.is_empty()) {
-            (true, true) => return Err("no line of it prints: write `//karat: print x`".into()),
+            (true, true) => return Err("no line prints: write `//karat: print x`".into()),
             (true, false) => all.extend(places.iter().map(|place| tap.of(place))),
             (false, _) => all.push(tap.clone()),
         }
@@ -164,7 +166,7 @@ pub fn tap(
             writeln!(out, "{line}")?;
         }
         if values.is_empty() {
-            writeln!(out, "it has no `let` and no parameter; name another expression")?;
+            writeln!(out, "there is no `let` and no parameter; name another expression")?;
         }
     }
     for (tap, tapped) in all.iter().zip(subject.taps(path, &all)?) {
@@ -177,7 +179,7 @@ pub fn tap(
             let driver = value(&tapped, *pixel);
             let engine = match tapped.told[index(&tapped, *pixel)] {
                 true => subject.engine(path, tap, &tapped, *pixel)?,
-                false => "so it has no value in the engine".to_owned(),
+                false => "so the engine has no value".to_owned(),
             };
             writeln!(out, "    at ({x}, {y}): {driver} on {path}; {engine}")?;
         }

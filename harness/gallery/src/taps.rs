@@ -62,12 +62,12 @@ pub(crate) fn write_tapped(
         writeln!(out, "    {note}")?;
     }
     if tapped.told.iter().all(|told| !told) {
-        writeln!(out, "    no {} has it: there is no picture", tapped.of)?;
+        writeln!(out, "    no {} computes the value, so there is no image", tapped.of)?;
         return Ok(());
     }
     if let Some(part) = part_of(&tapped.shape) {
         let one = format!("{title}{part}");
-        writeln!(out, "    it is no picture, and its parts are: `{one}` is one of them")?;
+        writeln!(out, "    the value can't be an image, but its parts can, such as `{one}`")?;
         return Ok(());
     }
     let mut named = tapped.name.as_ref().map(|name| format!("{of}::{name}"));
@@ -197,7 +197,7 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
                 / finite().count() as f64;
             let _ = write!(text, "{} to {}, mean {}", shown(least), shown(most), digits(mean));
         }
-        _ => text += "nothing finite",
+        _ => text += "no value is finite",
     }
     let mut strange = |what: &str, is: fn(f64) -> bool| {
         let mut all = of_lane().filter(|(_, word)| is(scalar.decode(*word))).peekable();
@@ -222,12 +222,12 @@ fn notes(tapped: &Tapped) -> Vec<String> {
     let told = tapped.told.iter().filter(|told| **told).count();
     let mut notes = Vec::new();
     if told < all {
-        let mut parts = vec![format!("{told} of {} have it", counted(all, tapped.of))];
+        let mut parts = vec![format!("{told} of {} compute it", counted(all, tapped.of))];
         if undrawn > 0 {
             parts.push(format!("{undrawn} aren't drawn or are discarded"));
         }
         if all - told - undrawn > 0 {
-            parts.push(format!("{} don't come there", all - told - undrawn));
+            parts.push(format!("{} don't reach it", all - told - undrawn));
         }
         notes.push(parts.join(", "));
     }
@@ -236,14 +236,14 @@ fn notes(tapped: &Tapped) -> Vec<String> {
         notes.push(format!("computed up to {most} times: this is the time {round}"));
     } else if most > 1 {
         notes.push(format!(
-            "computed up to {most} times: this is the last, and --round says another"
+            "computed up to {most} times: this is the last time, and --round selects another"
         ));
     }
     match tapped.changed {
         None => {}
-        Some(0) => notes.push("the frame's own colours are the same beside it".to_owned()),
+        Some(0) => notes.push("the frame has the same colours while the value is shown".to_owned()),
         Some(pixels) => notes.push(format!(
-            "the driver compiles another program to tell it: {} of the frame have another colour then",
+            "the driver compiles another program to show the value: {} of the frame then have another colour",
             counted(pixels, "pixel")
         )),
     }

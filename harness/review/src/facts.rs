@@ -51,7 +51,7 @@ impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::New => "new: no golden yet",
-            Self::Unknown => "the golden doesn't say what made it",
+            Self::Unknown => "the golden has no record of what made it",
             Self::Shader => "the shader changed",
             Self::ShaderAndDriver => "the shader changed, and so did the driver",
             Self::Driver => "only the driver changed",

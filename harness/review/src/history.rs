@@ -48,7 +48,7 @@ pub(super) fn versions(golden: &Path) -> Vec<Value> {
 
 #[derive(Debug, thiserror::Error)]
 pub(super) enum VersionError {
-    #[error("it is no version of this golden")]
+    #[error("this isn't a version of the golden")]
     Unknown,
     #[error("commit {0} has no such file")]
     Absent(String),

@@ -264,7 +264,7 @@ impl Door {
             return refused("a request needs one Host");
         };
         if !ours.iter().any(|name| name == host) {
-            return refused("this Host isn't ours");
+            return refused("this Host isn't the server's");
         }
         let own = match request.header("Origin") {
             Ok(Some(origin)) => origin == format!("http://{host}"),
@@ -272,7 +272,7 @@ impl Door {
             Err(_) => false,
         };
         if !own {
-            return refused("this Origin isn't ours");
+            return refused("this Origin isn't the server's");
         }
         let token = request.url.split(['/', '?']).nth(1).unwrap_or_default();
         // Comparing hashes takes constant time.
@@ -315,10 +315,13 @@ impl<'a> Request<'a> {
                 Ok(httparse::Status::Complete(end)) => end,
                 Ok(httparse::Status::Partial) if begun.len() < LONGEST_HEAD => continue,
                 Ok(httparse::Status::Partial) | Err(httparse::Error::TooManyHeaders) => {
-                    return Ok(Err(Answer::text(431, "a request has a short head")));
+                    return Ok(Err(Answer::text(431, "the head of the request is too long")));
                 }
                 Err(error) => {
-                    return Ok(Err(Answer::text(400, &format!("this is no request: {error}"))));
+                    return Ok(Err(Answer::text(
+                        400,
+                        &format!("can't parse the request: {error}"),
+                    )));
                 }
             };
             let text = |value: &[u8]| String::from_utf8_lossy(value).into_owned();

@@ -117,7 +117,7 @@ pub enum ReviewError {
     #[error(transparent)]
     Goldens(#[from] AcceptError),
     /// A file of an older page can't be removed.
-    #[error("can't remove `{path}`, which is of an older page: {cause}")]
+    #[error("can't remove `{path}`, a file of an older page: {cause}")]
     Remove {
         /// The path of the file.
         path: String,

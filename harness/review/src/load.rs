@@ -54,7 +54,9 @@ impl Case {
             }
             (None, Some(finding)) => (finding.verdict.clone(), finding.margins.clone()),
             (None, None) if golden.is_none() => ("there is no golden yet".to_owned(), Vec::new()),
-            (None, None) => ("its file doesn't say how it differs".to_owned(), Vec::new()),
+            (None, None) => {
+                ("its file has no description of the difference".to_owned(), Vec::new())
+            }
         };
         let maps = golden_image.map_or_else(Vec::new, |golden_image| {
             let exposures = golden_provenance.as_ref().and_then(|known| known.exposures);

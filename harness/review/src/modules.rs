@@ -23,8 +23,10 @@ pub(super) fn by_hash(project: &Path, golden: &Provenance, actual: &Provenance) 
     let changed = names.into_iter().filter_map(|name| match (old.get(name), new.get(name)) {
         (Some(old), Some(new)) if old == new => None,
         (Some(old), Some(new)) => Some(difference(project, name, old, new)),
-        (Some(_), None) => Some(json!({ "name": name, "note": "the frame has it no longer" })),
-        (None, _) => Some(json!({ "name": name, "note": "the golden didn't have it" })),
+        (Some(_), None) => {
+            Some(json!({ "name": name, "note": "the frame no longer uses this module" }))
+        }
+        (None, _) => Some(json!({ "name": name, "note": "the golden didn't use this module" })),
     });
     let changed: Vec<Value> = changed.collect();
     // Features and overrides change a program without changing its modules.
@@ -35,13 +37,13 @@ pub(super) fn by_hash(project: &Path, golden: &Provenance, actual: &Provenance) 
 /// Returns a changed module, with the changed lines if git has the golden's version.
 fn difference(project: &Path, name: &str, old: &str, new: &str) -> Value {
     let Some(commit) = commit_with(project, name, old) else {
-        let note = "git has no version of it with the golden's hash";
+        let note = "git has no version of this module with the golden's hash";
         return json!({ "name": name, "note": note });
     };
     let files = git::differences(project, &commit, &[git::literal(name)]).unwrap_or_default();
     let lines = files.into_iter().next().map(|(_, lines)| lines);
     let edited = !std::fs::read(project.join(name)).is_ok_and(|text| text_hash(&text) == new);
-    let note = edited.then_some("it was edited again since the frame was drawn");
+    let note = edited.then_some("the module was edited again after the frame was drawn");
     json!({ "name": name, "diff": lines, "note": note })
 }
 
@@ -67,13 +69,11 @@ pub(super) fn by_commit(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
 
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 enum Untold {
-    #[error(
-        "the golden is in no git repository, which would have the modules that it was made with"
-    )]
+    #[error("the golden isn't in a git repository, so its modules are unknown")]
     NoGit,
-    #[error("the golden isn't committed, so git doesn't know which modules it was made with")]
+    #[error("the golden isn't committed, so its modules are unknown")]
     Uncommitted,
-    #[error("git fails to compare them")]
+    #[error("git can't compare the modules")]
     Failed,
 }
 

@@ -130,7 +130,7 @@ impl Desk {
             ("POST", "accept", _) => self.decide(request, Self::accept),
             ("POST", "reject", _) => self.decide(request, Self::reject),
             (_, "" | "accept" | "reject", _) | (_, _, Some(_)) => {
-                Answer::text(405, "this takes another method")
+                Answer::text(405, "this request needs another method")
             }
             _ => Answer::text(404, "there is nothing here"),
         }
@@ -208,18 +208,20 @@ impl Desk {
     ) -> Answer {
         let kind = request.header("Content-Type").ok().flatten();
         if !kind.is_some_and(|kind| kind.starts_with("application/json")) {
-            return Answer::text(415, "a decision is JSON");
+            return Answer::text(415, "a decision must be JSON");
         }
         let body = match request.body(LONGEST_BODY) {
             Some(Ok(body)) => body,
             Some(Err(error)) => {
-                return Answer::text(400, &format!("the decision can't be read: {error}"));
+                return Answer::text(400, &format!("can't read the decision: {error}"));
             }
-            None => return Answer::text(413, "a decision is short, and says how long it is"),
+            None => {
+                return Answer::text(413, "a decision must be short, and must state its length");
+            }
         };
         let decision: Decision = match serde_json::from_str(&body) {
             Ok(decision) => decision,
-            Err(error) => return Answer::text(400, &format!("this is no decision: {error}")),
+            Err(error) => return Answer::text(400, &format!("can't parse the decision: {error}")),
         };
         let ended = locked(&self.ended);
         if *ended {

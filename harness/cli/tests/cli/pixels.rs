@@ -64,7 +64,7 @@ fn values_are_pictures_and_numbers() {
         "near  shaders/m.wgsl:2:16 in `m::falloff`: f32\n    0.0625 at (7, 0) to 0.9375 at (0, 0), mean 0.5\n",
         "disc.m-falloff-near.png: black is 0.0625, light yellow 0.9375 (magma)",
         "disc.m-shade-n.png: directions: red, green and blue are half of 1 + x, y, z",
-        "16 of 32 pixels have it, 16 don't come there",
+        "16 of 32 pixels compute it, 16 don't reach it",
         "; NaN is magenta, an infinity yellow",
         "red 0.141406, blue -0.141406",
         "NaN on 16 pixels, first (0, 0)",
@@ -102,11 +102,11 @@ fn values_are_pictures_and_numbers() {
     }
     let parameter = on_vulkan(folder.path(), &["tap", "disc", "uv", "--at=0,0"]);
     assert!(
-        parameter.out.contains("the engine shows operations, and this is none: a parameter,"),
+        parameter.out.contains("the engine shows only operations, and this is a parameter,"),
         "{parameter:?}"
     );
     let beside = on_vulkan(folder.path(), &["tap", "disc", "near", "--beside"]).good();
-    assert!(beside.contains("the frame's own colours are the same beside it"), "{beside}");
+    assert!(beside.contains("the frame has the same colours while the value is shown"), "{beside}");
 }
 
 /// A pass has a value for each invocation: a table, or a picture where it has rows.
@@ -195,7 +195,7 @@ fn what_cannot_be_told_is_an_error() {
         (&["tap", "disc", "near", "--at", "8"], "`8` is no pixel"),
         (&["tap", "disc", "near", "--size", "4x4"], "leave `--size`"),
         (&["trace", "disc", "8,0"], "8 x 4 pixels, from (0, 0) at the upper left"),
-        (&["trace", "disc", "1"], "`1` is no pixel: write its column and its row"),
+        (&["trace", "disc", "1"], "`1` isn't a pixel: write its column and its row"),
         (&["trace", "disc", "1,1", "--against", "HEAD"], "HEAD"),
     ] {
         let ran = on_vulkan(folder.path(), words);

@@ -84,8 +84,7 @@ fn a_frame_is_looked_at_and_accepted() {
     browser.press(&tab, "r");
     browser.press(&tab, "Tab");
     browser.press(&tab, "Enter");
-    browser
-        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    browser.wait(&tab, "document.getElementById('count').textContent === 'nothing to review'");
     assert!(!project.pending("zebra").exists() && project.golden("zebra").is_file());
     let (code, _) = server.interrupt();
     assert_eq!(code, Some(0));
@@ -135,7 +134,7 @@ fn a_failing_frame_is_accepted_in_the_page_and_passes() {
         let tab = browser.open(&server.url);
         browser.settle(&tab);
         accept_for_all(&mut browser, &tab, because);
-        let done = "document.getElementById('count').textContent === 'nothing is left to review'";
+        let done = "document.getElementById('count').textContent === 'nothing to review'";
         browser.wait(&tab, done);
         assert_eq!(server.interrupt().0, Some(0));
         assert_eq!(facts(&project, "review_loop").1["because"], because);
@@ -245,8 +244,7 @@ fn a_frame_of_another_profile_becomes_its_golden() {
     browser.click(&tab, "#because");
     browser.write(&tab, "it is right for all");
     browser.press(&tab, "Enter");
-    browser
-        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    browser.wait(&tab, "document.getElementById('count').textContent === 'nothing to review'");
     assert!(!own("zebra").exists());
     assert_eq!(facts(&project, "zebra").0, other);
 }
@@ -299,8 +297,7 @@ fn frames_of_a_ci_run_are_reviewed() {
     let tab = browser.open(&server.url);
     browser.settle(&tab);
     accept(&mut browser, &tab, "as CI has it");
-    browser
-        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    browser.wait(&tab, "document.getElementById('count').textContent === 'nothing to review'");
     assert_eq!(facts(&project, "tiny").1["because"], "as CI has it");
     assert!(!artefact.join("tiny.new.exr").exists());
 }

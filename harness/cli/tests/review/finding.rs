@@ -67,7 +67,7 @@ fn the_filter_leaves_what_has_each_of_its_words() {
     browser.press(&tab, "/");
     browser.write(&tab, "nothing has this");
     assert_eq!(list(&mut browser, &tab), json!([]));
-    assert_eq!(browser.text(&tab, "#none-found"), "No name has all of this.");
+    assert_eq!(browser.text(&tab, "#none-found"), "No name contains all of these words.");
     browser.press(&tab, "Escape");
     assert_eq!(
         browser.value(&tab, "[karat.state.filter, document.activeElement.id]"),
@@ -134,7 +134,10 @@ fn an_address_without_a_frame_is_told() {
     let project = with(&["a", "b"]);
     let (_server, mut browser, tab) = open(&project, "#rooms/gone%");
     let message = browser.text(&tab, "#message");
-    assert!(message.starts_with("`rooms/gone%` isn't pending: it has been decided"), "{message}");
+    assert!(
+        message.starts_with("`rooms/gone%` isn't pending: somebody has accepted or rejected it"),
+        "{message}"
+    );
     assert_eq!(browser.text(&tab, "#name"), "", "no other takes its place");
     for id in ["accept", "reject"] {
         let disabled = format!("document.getElementById('{id}').disabled");

@@ -143,8 +143,7 @@ fn several_frames_are_accepted_with_one_reason() {
     browser.press(&tab, "r");
     browser.press(&tab, "Tab");
     browser.press(&tab, "Enter");
-    browser
-        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    browser.wait(&tab, "document.getElementById('count').textContent === 'nothing to review'");
     assert!(!project.pending("d-new").exists() && !project.pending("e-nan").exists());
 }
 

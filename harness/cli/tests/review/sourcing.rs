@@ -117,7 +117,7 @@ fn what_changed_since_the_golden_is_shown() {
     .expect("written");
     let (_server, mut browser, tab) = open(&project, &[]);
     let told = browser.text(&tab, "#modules");
-    assert!(told.contains("can't be told: the golden is in no git repository"), "{told}");
+    assert!(told.contains("are unknown: the golden isn't in a git repository"), "{told}");
     assert_eq!(browser.value(&tab, "document.getElementById('versions').hidden"), true);
 
     project.git(&["init", "-q"]);
@@ -130,7 +130,7 @@ fn what_changed_since_the_golden_is_shown() {
     let (_server, mut browser, tab) = open(&project, &[]);
     let names = "[...document.querySelectorAll('#modules summary')].map(name => name.innerText)";
     assert_eq!(browser.value(&tab, names), json!(["shaders/light.wgsl", "shaders/other.wgsl"]));
-    assert!(browser.text(&tab, "#modules").contains("No record of a run says which"));
+    assert!(browser.text(&tab, "#modules").contains("Without the record of a run"));
     assert_eq!(browser.value(&tab, "document.getElementById('test').hidden"), true);
 
     // Another crate of the workspace may have a frame of this name.
@@ -218,12 +218,12 @@ fn modules_that_changed_are_known_by_their_hashes() {
         shown(&project).lines().filter(|line| !line.is_empty()).collect::<Vec<_>>(),
         [
             "Modules that changed since the golden, by their hashes.",
-            "noise::value: the frame has it no longer",
+            "noise::value: the frame no longer uses this module",
             light,
             "@@ -1 +1 @@",
             "-const SUN = 1.0;",
             "+const SUN = 3.0;",
-            "shaders/new.wgsl: the golden didn't have it",
+            "shaders/new.wgsl: the golden didn't use this module",
         ]
     );
     // Edited since, and never committed.
@@ -232,9 +232,15 @@ fn modules_that_changed_are_known_by_their_hashes() {
         json!({ light: hash("a draft"), other: hash("now") }),
     );
     let told = shown(&project);
-    assert!(told.contains("light.wgsl: it was edited again since the frame was drawn"), "{told}");
+    assert!(
+        told.contains("light.wgsl: the module was edited again after the frame was drawn"),
+        "{told}"
+    );
     assert!(told.contains("-const SUN = 2.0;"), "{told}");
-    assert!(told.contains("other.wgsl: git has no version of it with the golden's hash"), "{told}");
+    assert!(
+        told.contains("other.wgsl: git has no version of this module with the golden's hash"),
+        "{told}"
+    );
     // A checkout that ends lines otherwise has edited nothing.
     project.put("shaders/light.wgsl", &lights[2].replace('\n', "\r\n"));
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[2]) }));
@@ -311,8 +317,8 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
 
     // Only what git has listed is a version.
     for (place, status, text) in [
-        ("data/0-HEAD.js", 200, "it is no version of this golden"),
-        ("data/0---output=x.js", 200, "it is no version of this golden"),
+        ("data/0-HEAD.js", 200, "this isn't a version of the golden"),
+        ("data/0---output=x.js", 200, "this isn't a version of the golden"),
         ("data/9-0.js", 404, ""),
     ] {
         let answer = server.get(place);
@@ -383,7 +389,7 @@ fn older_versions_leave_a_report_small() {
     let tab = browser.open(&format!("file://{}/index.html", report.display()));
     browser.settle(&tab);
     browser.value(&tab, "document.getElementById('versions').scrollIntoView()");
-    browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out of this report, which stays small')");
+    browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out to keep this report small')");
 }
 
 /// Facts that the test declares are named where everybody looks.
@@ -405,7 +411,7 @@ fn functions_that_fail_are_on_the_list() {
     let project = Project::with_tiny();
     put_record(&project, &[function_record()]);
     let (_server, mut browser, tab) = open(&project, &[]);
-    assert_eq!(browser.text(&tab, "#cases .folder"), "functions that fail");
+    assert_eq!(browser.text(&tab, "#cases .folder"), "failing functions");
     browser.press(&tab, "j");
     assert_eq!(browser.text(&tab, "#name"), "lobe::ggx agrees_with");
     assert!(browser.text(&tab, "#cases .function .severity").starts_with("40"));
@@ -451,7 +457,7 @@ fn goldens_are_looked_at_without_anything_pending() {
     let names = "[...document.querySelectorAll('#cases .name')].map(name => name.innerText)";
     assert_eq!(browser.value(&tab, names), json!(["tiny", "rooms/dark"]));
     assert_eq!(browser.text(&tab, "#cases .folder"), "accepted goldens");
-    assert_eq!(browser.text(&tab, "#count"), "nothing is left to review");
+    assert_eq!(browser.text(&tab, "#count"), "nothing to review");
     let value = browser.value(&tab, "karat.loaded().parts[0].golden.values[1]");
     assert_eq!(value, f64::from(0.02_f32));
     assert_eq!(browser.text(&tab, "#overlay"), "Golden");

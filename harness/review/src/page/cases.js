@@ -90,7 +90,7 @@ function prepared(image) {
     : [...(finite === false || odd?.nan ? ["NaN"] : []), ...(odd?.size ? ["size"] : [])]);
 
   const size = (entry) => (entry?.table && entry.size ? `${entry.size[1]} rows` : entry?.size?.join(" × ") ?? "");
-  const GROUPS = { unusable: UNUSABLE, golden: "accepted goldens", function: "functions that fail" };
+  const GROUPS = { unusable: UNUSABLE, golden: "accepted goldens", function: "failing functions" };
   const groupOf = (entry) => GROUPS[entry.status] ?? folderOf(entry.name);
 
   // A long name may break after its parts. Browsers also break it after hyphens.
@@ -153,7 +153,7 @@ function prepared(image) {
     byId("sort").textContent = `By ${state.sort}`;
     byId("none-found").hidden = positions.length > 0 || !state.cases.length;
     const left = state.cases.filter(({ status }) => status === "pending").length;
-    byId("count").textContent = left ? `${left} pending` : "nothing is left to review";
+    byId("count").textContent = left ? `${left} pending` : "nothing to review";
     const entry = selectedCase();
     byId("name").textContent = entry?.name ?? "";
     byId("size").textContent = size(entry);

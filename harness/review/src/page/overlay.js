@@ -123,8 +123,8 @@
     if (!stage.gl) {
       return "This browser has no WebGL 2, which the page needs to show float images. Turn on hardware acceleration, or open the page in a current Firefox, Chrome, Edge or Safari.";
     }
-    if (stage.gl.isContextLost()) return "The browser has taken the graphics memory back. The page goes on when it gives it again; else reload it.";
-    if (!current && state.absent && state.cases.length) return `\`${state.absent}\` isn't pending: it has been decided, or has another name. Choose one from the list.`;
+    if (stage.gl.isContextLost()) return "The browser has taken the graphics memory back. The page continues when it gets the memory again; otherwise reload the page.";
+    if (!current && state.absent && state.cases.length) return `\`${state.absent}\` isn't pending: somebody has accepted or rejected it, or it has another name. Choose a frame from the list.`;
     if (!current) return "Nothing is pending.";
     if (current.error) return current.error;
     if (!current.data) return "Loading …";
@@ -132,9 +132,9 @@
     const { golden, actual } = part();
     const sizes = golden && actual && (golden.width !== actual.width || golden.height !== actual.height);
     if (current.status === "golden" && !part().version) return ["golden", "side"].includes(state.view) ? "" : "Nothing is pending for this golden.";
-    if (state.view === "difference" && !golden) return "There is no golden to differ from.";
+    if (state.view === "difference" && !golden) return "There is no golden to compare with.";
     if (state.view === "difference" && sizes) {
-      return `The sizes differ: golden ${golden.width} × ${golden.height}, actual ${actual.width} × ${actual.height}. What both have is shown from the top left corner.`;
+      return `The sizes differ: golden ${golden.width} × ${golden.height}, actual ${actual.width} × ${actual.height}. The common part is shown, from the top left corner.`;
     }
     if (state.view === "map" && !current.data.maps.length) return "This case has no maps.";
     return "";

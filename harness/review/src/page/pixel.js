@@ -41,7 +41,7 @@
   const told = async (entry, [x, y]) => {
     if (!index.pixels) {
       const one = known(entry)[`${x},${y}`];
-      if (!one) throw new Error(`without a server the page has the steps of ${Object.keys(known(entry)).map((at) => `(${at.replace(",", ", ")})`).join(" and ")}`);
+      if (!one) throw new Error(`without a server the page has only the steps of ${Object.keys(known(entry)).map((at) => `(${at.replace(",", ", ")})`).join(" and ")}`);
       return one;
     }
     const question = `trace/${size()}/${x},${y}`;
@@ -63,7 +63,7 @@
       const differs = before ? pixel.steps.findIndex((own, i) => !same(before.steps[i], own)) : -1;
       const was = before?.steps[differs];
       const parting = !before ? []
-        : differs < 0 ? [line(before.engine === pixel.engine ? `each step is as at the golden's commit ${commit}` : `a later run of a step differs from the golden's commit ${commit}`)]
+        : differs < 0 ? [line(before.engine === pixel.engine ? `each step is the same as at the golden's commit ${commit}` : `a later run of a step differs from the golden's commit ${commit}`)]
           : [line(`the first step that differs from the golden's commit ${commit} was ${was ? `${was.operation}: ${was.single}` : "not there"}`)];
       body.replaceChildren(
         line(`${pixel.function} at (${at.join(", ")})`),
@@ -77,7 +77,7 @@
     };
   });
 
-  const offer = (entry) => attempt("values", "asking for its values …", async () => {
+  const offer = (entry) => attempt("values", "asking for the values …", async () => {
     if (!index.pixels) {
       const option = (at) => element("option", { value: at }, `pixel (${at.replace(",", ", ")})`);
       return () => values.replaceChildren(element("option", { value: "" }, "pixels that differ most"), ...Object.keys(known(entry)).map(option));

@@ -17,7 +17,7 @@ const versions = (() => {
     version.loading = true;
     const script = element("script", { src: `data/${entry.index}-${commit}.js`, async: true });
     script.addEventListener("error", () => {
-      const why = index.served ? "it can't be loaded" : "left out of this report, which stays small";
+      const why = index.served ? "can't be loaded" : "left out to keep this report small";
       Object.assign(version, { loading: false, error: why });
       fill();
     });

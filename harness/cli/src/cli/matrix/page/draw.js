@@ -13,7 +13,7 @@ function drawRows() {
   byId("chosen").textContent = `${shown.length} of ${model.columns.length}`;
   byId("because").hidden = !reason;
   if (reason) {
-    byId("because-text").textContent = reason === "none" ? "No row stops for the reason that the link names." : `Stopped by: ${reason.says.replace(/\s+/g, " ")}`;
+    byId("because-text").textContent = reason === "none" ? "No row has the reason in the link." : `Stopped by: ${reason.says.replace(/\s+/g, " ")}`;
     byId("because-text").title = reason === "none" ? "" : reason.says;
   }
   byId("reset").hidden = !(state.filter || state.show.size || state.kinds.size || state.columns || state.reason);

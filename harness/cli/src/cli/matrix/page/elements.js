@@ -42,6 +42,6 @@ async function copy(text, told) {
     area.select();
     const done = document.execCommand("copy");
     area.remove();
-    announce(told, done ? "Copied" : "The browser forbids it", restore);
+    announce(told, done ? "Copied" : "The browser doesn't allow it", restore);
   }
 }

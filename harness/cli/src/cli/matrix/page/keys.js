@@ -127,7 +127,7 @@ function listen() {
   byId("help-open").onclick = help;
   byId("words").append(...[...SORTS].flatMap(([sort, { about }]) => [element("dt", {}, badge(sort)), element("dd", {}, about)]),
     element("dt", {}, "✓ref ✗ref"), element("dd", {}, "the package's own tests accept or reject its results against their references on this path"),
-    element("dt", {}, "not compared"), element("dd", {}, "the column runs here, but nothing is compared with this row's results; or the row is in no column"));
+    element("dt", {}, "not compared"), element("dd", {}, "the column runs on this machine, but no results are compared with this row's; or the row is in no column"));
   byId("panel-close").onclick = closePanel;
   const aside = (by) => () => {
     const shown = model.columns.filter(visible);

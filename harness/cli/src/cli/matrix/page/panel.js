@@ -46,7 +46,7 @@ function divergence(found, column, go) {
       ...(first.text_line ? [" of the author, ", link(`line ${first.text_line}`, () => go("text", first.text_line)), " of the translation."] : [" of the author."])),
     element("table", { className: "values" }, element("tbody", {}, pair(plain(column.name), a), pair(plain(found.baseline), b))));
   } else made.append(element("p", { className: "dim" }, "None of the let-bindings that Karat could compare differs."));
-  if (found.unseen?.length) made.append(element("p", { className: "dim" }, `Not looked at: ${found.unseen.map(plain).join(", ")}.`));
+  if (found.unseen?.length) made.append(element("p", { className: "dim" }, `Not compared: ${found.unseen.map(plain).join(", ")}.`));
   return made;
 }
 
@@ -131,7 +131,7 @@ function codesOf(entry, judged, column) {
   if (named && source && named[1] === source.file) marked.set(Number(named[2]), NAMED);
   sides.author = source
     ? codeOf(source.text, { first: source.line, marked, range: [source.line, Infinity], label: "The author's lines" })
-    : element("div", { className: "code" }, element("p", {}, "The page doesn't hold the author's lines."));
+    : element("div", { className: "code" }, element("p", {}, "The page doesn't have the author's lines."));
   const author = side("Author", source ? `${plain(source.file)}:${source.line}` : plain(entry.row.location ?? ""), sides.author);
   if (!judged) return { codes: element("div", { className: "codes alone" }, author), sides };
   const text = Number.isInteger(cell.text) ? model.matrix.texts?.[cell.text] : undefined;
@@ -145,8 +145,8 @@ function codesOf(entry, judged, column) {
       const copied = button({}, "Copy");
       copied.onclick = () => copy(command, copied);
       copied.setAttribute("aria-label", `Copy ${plain(command)}`);
-      why.append("SPIR-V is words, not text. This shows it: ", element("code", {}, plain(command)), " ", copied);
-    } else why.append("The page doesn't hold the translation.");
+      why.append("SPIR-V is binary. This command shows it as text: ", element("code", {}, plain(command)), " ", copied);
+    } else why.append("The page doesn't have the translation.");
     sides.text = element("div", { className: "code" }, why);
   }
   const lines = cell.text_lines ? `lines ${cell.text_lines[0]} to ${cell.text_lines[1]}` : "";
@@ -157,8 +157,8 @@ function factsOf(entry, judged, column, go) {
   const { cell } = judged;
   const facts = element("div", { className: "facts", tabIndex: 0 });
   facts.setAttribute("role", "region");
-  facts.setAttribute("aria-label", "What is known of it");
-  if (cell.known) facts.append(section("Known", element("p", {}, plain(cell.known)), element("p", { className: "dim" }, "It is declared to fail here, and it does. It isn't counted as a finding.")));
+  facts.setAttribute("aria-label", "Details");
+  if (cell.known) facts.append(section("Known", element("p", {}, plain(cell.known)), element("p", { className: "dim" }, "The package declares that this fails, and it does. It isn't counted as a finding.")));
   if (cell.divergence) facts.append(divergence(cell.divergence, column, go));
   if (cell.stopped) {
     const why = cell.status === null && cell.stopped.why === "unsupported" ? "naga doesn't write it" : WHY.get(cell.stopped.why) ?? "It gets no further";
@@ -171,7 +171,7 @@ function factsOf(entry, judged, column, go) {
     const worst = Number.isFinite(cell.worst_ulp) ? ` The largest distance is ${many(cell.worst_ulp, "step", "steps")} of an f32 (ulp).` : "";
     facts.append(section("Results", element("p", {}, `${many(cell.compared, "case is", "cases are")} compared, and ${cell.differing ? `${cell.differing.toLocaleString("en")} of them ${cell.differing === 1 ? "differs" : "differ"} by more than the tolerance` : "none differs by more than the tolerance"}.${worst}`)));
   }
-  if (cell.open > 0) facts.append(section("Left open", element("p", {}, `${many(cell.open, "result differs", "results differ")} where WGSL leaves open what it is.`)));
+  if (cell.open > 0) facts.append(section("Left open", element("p", {}, `${many(cell.open, "result differs", "results differ")} where WGSL allows several results.`)));
   if (cell.allowed) {
     const { bounded, outside, first } = cell.allowed;
     const all = `WGSL bounds the results of ${many(bounded, "case", "cases")}.`;
@@ -191,7 +191,7 @@ function factsOf(entry, judged, column, go) {
       element("div", { className: "dim" }, plain(version)),
       verdict === "valid" ? element("div", {}, "✓ valid") : element("pre", {}, `✗ ${plain(verdict)}`));
   });
-  facts.append(section("Validators", ...(tools.length ? tools : [element("p", {}, "No validator judged it.")])));
+  facts.append(section("Validators", ...(tools.length ? tools : [element("p", {}, "No validator has checked it.")])));
   if (column.head.adapter) facts.append(section("Runs on", element("p", {}, plain(column.head.adapter))));
   return facts;
 }
