@@ -141,7 +141,7 @@ fn grid(@builtin(global_invocation_id) id: vec3u) {
         assert!(root.contains(&format!("at (1, 0): 4 on {on}; 4 in the engine\n")), "{root}");
         assert!(root.contains(&format!("at (3, 0): not computed on {on}; so ")), "{root}");
         assert!(root.contains("2 at (0, 0) to 6 at (2, 0), mean 4"), "{root}");
-        assert!(root.contains("3 of 4 invocations have it"), "{root}");
+        assert!(root.contains("3 of 4 invocations compute it"), "{root}");
         let table = std::fs::read_to_string(folder.path().join("out/root.m-root-own.csv"));
         assert_eq!(table.expect("a table"), "invocation,times,value\n0,1,2\n1,1,4\n2,1,6\n3,0,\n");
         let grid = karat(folder.path(), &["tap", "m::grid", "place", &out, path]).good();
