@@ -1,18 +1,17 @@
-//! Tint's verdict on the author's text, WebGPU's limits, and what is said where Tint isn't asked.
+//! Tint's verdict on the author's text, WebGPU's limits, and the messages if Tint isn't used.
 //!
-//! Where a test needs Tint it takes the one of this machine, which `cargo ci setup` installs. Other tests
-//! bring a program that says what they want.
+//! Tests that need Tint use the one that `cargo ci setup` installs on this machine. Other tests write a script that
+//! prints the answers of Tint.
 
 use super::*;
 
-/// A folder with one module.
 fn folder(text: &str) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "shaders/m.wgsl", text);
     folder
 }
 
-/// `karat` with the Tint of this machine.
+/// Runs `karat` with the Tint of this machine.
 fn with_tint(folder: &FilePath, arguments: &[&str]) -> Ran {
     let ran = output(command(folder, arguments).env_remove("KARAT_TINT"));
     let missing = ran.out.contains("wasn't asked") || ran.err.contains("Tint: not here");
@@ -28,7 +27,7 @@ fn last_line(text: &str) -> &str {
     text.lines().last().unwrap_or_default()
 }
 
-/// Each kind of reason with its place and what to do, in text that naga accepts.
+/// For text that naga accepts, each kind of rejection has its location and a remedy.
 #[test]
 fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
     let fragment = "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
@@ -102,7 +101,7 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
         assert!(out.contains(&place), "{text}: not at {place}\n{out}");
         assert!(out.contains(remedy), "{text}\n{out}");
         assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
-        // Asked for, it is no note.
+        // With `--require`, the rejection is an error, not a note.
         let ran = with_tint(folder.path(), &[CHECK, &["--require", "tint"]].concat());
         assert_eq!(ran.code, Some(1), "{text}\n{ran:?}");
         write(folder.path(), "shaders/karat.toml", REQUIRED);
@@ -119,7 +118,7 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// The same verdict in each command that validates.
+/// Each command that validates has the same verdict.
 #[test]
 fn each_command_that_validates_asks_tint() {
     let tests = "import package::m::shift;\nimport karat::expect_near;\n@test fn is_zero() { expect_near(f32(shift(0u)), 1.0, 2.0); }\n";
@@ -158,20 +157,20 @@ fn each_command_that_validates_asks_tint() {
     }
 }
 
-/// Without Tint each last line says so, and what requires it fails with what to do.
+/// Without Tint, the last line says so, and a package that requires Tint fails with a remedy.
 #[test]
 fn without_tint_nothing_is_silent() {
     let folder = folder(VALID);
     write(folder.path(), "shaders/m.test.toml", "[[test]]\nfunction = \"half\"\nfinite = true\n");
     let bare = |arguments: &[&str]| {
         let mut command = command(folder.path(), arguments);
-        // Many machines have a Node, which would hide that none is needed.
+        // Many machines have Node, which would hide that the test needs no Node.
         let nothing = folder.path().join("nothing");
         command.env_remove("KARAT_TINT").env("PATH", &nothing).env("XDG_CACHE_HOME", &nothing);
         output(&mut command)
     };
     let out = bare(CHECK).good();
-    // On a machine with a browser in its usual place that is said, too.
+    // If a browser is installed in its usual folder, the message mentions it.
     assert!(last_line(&out).starts_with("1 package valid; Tint wasn't asked: not here"), "{out}");
     let test = ["test", "shaders", "--paths", "cpu"];
     let out = bare(&test).good();
@@ -203,7 +202,7 @@ fn karat_tint_names_one_or_says_why_not() {
         ("nowhere", "KARAT_TINT=nowhere isn't there"),
         ("empty", "is a folder without the npm package `webgpu`"),
         ("OFF", "KARAT_TINT=off"),
-        // A program that says nothing and ends well has read nothing.
+        // A program that prints nothing and exits with 0 hasn't read the text.
         ("true", "is another program than Tint"),
         ("cat", "is another program than Tint"),
     ] {
@@ -212,7 +211,7 @@ fn karat_tint_names_one_or_says_why_not() {
     }
 }
 
-/// A package declares its native features, and a declaration that no module needs is an error.
+/// A package declares the native features that it needs. A declaration that no module needs is an error.
 #[test]
 fn what_wgpu_alone_has_is_declared() {
     let folder = folder("fn twice(x: i64) -> i64 { return x + x; }\n");
@@ -244,7 +243,7 @@ fn what_wgpu_alone_has_is_declared() {
     }
 }
 
-/// Limits are a note, until a table says which are meant.
+/// An exceeded limit is a note, unless a table requires the limit.
 #[test]
 fn what_exceeds_a_limit_is_told_where_it_stands() {
     let workgroup = "var<workgroup> tile: array<vec4f, 2048>;\n\
@@ -337,7 +336,7 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
             "{ran:?}"
         );
     }
-    // A module within its limits has no finding: neither by the default limits, nor by others.
+    // A module within its limits has no finding, neither with the default limits nor with declared ones.
     let more = "[limits]\nmaxComputeInvocationsPerWorkgroup = 512\n\
                 maxComputeWorkgroupStorageSize = 32768\n";
     let stages = "[limits]\nmaxStorageBuffersPerShaderStage = 12\n";
@@ -348,7 +347,7 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
     let nine = format!(
         "{nine}@vertex fn main() -> @builtin(position) vec4f {{ return vec4f(0.0{sum}); }}\n"
     );
-    // No entry point uses it, so it is in no layout.
+    // No entry point uses the variable, so it is in no pipeline layout.
     let unused = "@group(7) @binding(0) var<uniform> u: f32;\nfn f() -> f32 { return u; }\n";
     for (text, limits) in [
         (workgroup, more),
@@ -367,7 +366,7 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
     assert!(ran.code == Some(2) && ran.err.contains("did you mean `maxBindGroups`?"), "{ran:?}");
 }
 
-/// Limits that the project requests are requested: Tint's own pipelines are made with the default ones.
+/// Karat requests the limits that the project declares. Tint's own pipelines use the default limits.
 #[test]
 fn limits_that_are_requested_are_no_rejection() {
     let text = "@compute @workgroup_size(512) fn main() { }\n";
@@ -377,7 +376,7 @@ fn limits_that_are_requested_are_no_rejection() {
     write(folder.path(), "shaders/karat.toml", limits);
     let out = with_tint(folder.path(), CHECK).good();
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
-    // A required limit is an error, which the output has once.
+    // A required limit is an error, which the output contains once.
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     let ran = with_tint(folder.path(), CHECK);
     assert_eq!(
@@ -387,7 +386,6 @@ fn limits_that_are_requested_are_no_rejection() {
     );
 }
 
-/// In compatibility mode Tint and Dawn have more rules.
 #[test]
 fn compatibility_mode_has_its_own_rules() {
     let text = "@fragment fn main(@location(0) @interpolate(linear) a: f32) -> @location(0) vec4f \
@@ -400,7 +398,7 @@ fn compatibility_mode_has_its_own_rules() {
     assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
 }
 
-/// Of an override without a value only its program knows what fits.
+/// Karat gives no value to an override without a default: only the program knows a valid value.
 #[test]
 fn an_override_without_a_value_is_given_none() {
     let text = "override count: u32;\nvar<workgroup> w: array<f32, count - 1u>;\n\
@@ -410,7 +408,7 @@ fn an_override_without_a_value_is_given_none() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// Tests in files that engines load are told, and the text without them is printed.
+/// Karat reports tests in files that engines load, and prints the text without tests.
 #[test]
 fn files_that_are_shipped_stay_shippable() {
     let folder = folder(VALID);
@@ -429,7 +427,7 @@ fn files_that_are_shipped_stay_shippable() {
     assert!(error.contains("did you mean `n`?"), "{error}");
 }
 
-/// An error of naga's says where Tint accepts the module.
+/// If naga reports an error and Tint accepts the module, the message says so.
 #[test]
 fn what_tint_alone_accepts_is_told() {
     let folder = folder("requires linear_indexing;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
@@ -441,7 +439,7 @@ fn what_tint_alone_accepts_is_told() {
     assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
 }
 
-/// A module with a line that browsers want and naga doesn't know is valid, with a warning.
+/// A module with a directive that browsers need and naga doesn't know is valid, with a warning.
 #[test]
 fn a_line_that_browsers_want_is_left_out_for_naga() {
     let text = "enable subgroups;\n@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n";
@@ -458,13 +456,12 @@ fn a_line_that_browsers_want_is_left_out_for_naga() {
     assert!(!ran.out.contains("naga doesn't know this line"), "{ran:?}");
 }
 
-/// A browser has the same verdict.
 #[cfg(unix)]
 #[test]
 fn a_chromium_is_asked_where_it_is_named() {
     let folder = folder("fn shift(x: u32) -> u32 { return x << x + 1u; }\n");
     write(folder.path(), "shaders/valid.wgsl", VALID);
-    // Its device is a software one, without halves: that is no fault of the text.
+    // The browser's software device has no `f16`. The text isn't at fault.
     write(
         folder.path(),
         "shaders/half.wgsl",
@@ -485,14 +482,14 @@ fn a_chromium_is_asked_where_it_is_named() {
     assert!(ran.out.contains("this browser's device lacks a feature"), "{ran:?}");
 }
 
-/// Programs in the place of Tint.
+/// Programs that imitate Tint.
 #[cfg(unix)]
 mod fakes {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
 
-    /// FNV-1a, as an answer has it of its text.
+    /// FNV-1a of the text, as an answer contains it.
     fn sum(text: &str) -> u32 {
         let units = text.encode_utf16();
         units.fold(0x811c_9dc5, |sum, unit| (sum ^ u32::from(unit)).wrapping_mul(0x0100_0193))
@@ -508,7 +505,7 @@ mod fakes {
         std::fs::set_permissions(file, all).expect("it is ours");
     }
 
-    /// `karat check` with a Node that runs a script; what it reads goes to `got`.
+    /// Runs `karat check` with a Node that runs a script. The script's input goes to `got`.
     fn check(folder: &FilePath, own: &str, more: &[&str]) -> Ran {
         write(folder, "package/package.json", "{}");
         write(folder, "package/dist/readme", "");
@@ -517,14 +514,14 @@ mod fakes {
         let path = std::env::join_paths([folder.join("bin"), "/usr/bin".into(), "/bin".into()]);
         let mut command = command(folder, &[CHECK, more].concat());
         command.env("KARAT_TINT", folder.join("package")).env("PATH", path.expect("folders"));
-        // Hung is what takes longer than this.
+        // A program that takes longer than this counts as hung.
         command.env("XDG_CACHE_HOME", folder).env("KARAT_TIMEOUT", "1");
         output(&mut command)
     }
 
     const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
 
-    /// A provider that fails has no verdict, and what requires one fails.
+    /// A compiler that fails has no verdict. A package that requires its verdict fails.
     #[test]
     fn a_tint_that_fails_has_no_verdict() {
         let folder = folder(VALID);
@@ -564,14 +561,14 @@ mod fakes {
         }
     }
 
-    /// One text that ends the process costs no other its verdict.
+    /// If one text ends the process, the other texts still get a verdict.
     #[test]
     fn a_text_that_ends_tint_is_alone_without_a_verdict() {
         let folder = folder(VALID);
         write(folder.path(), "shaders/n.wgsl", "fn one() -> f32 { return 1.0; }\n");
         let (first, second, last) =
             (answer(1, "fn one() -> f32 { return 1.0; }\n"), answer(1, VALID), answer(2, ""));
-        // The first process ends at its first text, the second one has the other.
+        // The first process ends at its first text. The second process gets the other text.
         let own = format!(
             "{GREETING}read line\nif [ ! -e ended ]; then : > ended; exit 3; fi\n\
              echo '{first}' >&2\necho '{last}' >&2\ncat >/dev/null\n"
@@ -581,8 +578,7 @@ mod fakes {
         assert_eq!(last_line(&ran.out), sum, "{second}\n{ran:?}");
     }
 
-    /// The text is the author's: bytes of the file where nothing is linked, and with linked names alone
-    /// where something is.
+    /// Tint gets the author's text: the bytes of the file if nothing is linked, and otherwise only linked names differ.
     #[test]
     fn tint_gets_the_authors_bytes() {
         let text = "// Half, in \u{1d465}.\nfn half(x: f32) -> f32 {\n\treturn 5e-1 * ((x));  // as it is\n}\n";
@@ -596,7 +592,7 @@ mod fakes {
         };
         let folder = folder(text);
         assert_eq!(got(folder.path()), text);
-        // A test is left out, and an import stands for its declaration.
+        // The test is left out, and an import is replaced by its declaration.
         let tested = format!("{text}@test fn is_none() {{ expect(half(0.0) == 0.0); }}\n");
         write(folder.path(), "shaders/m.wgsl", &tested);
         assert_eq!(got(folder.path()).trim_end(), text.trim_end());
@@ -611,7 +607,6 @@ mod fakes {
         }
     }
 
-    /// The compiler's own binary, by what it prints.
     #[test]
     fn a_tint_binary_is_read() {
         let folder = folder("fn f(x: u32) -> u32 { return x << x; }\n");
@@ -644,7 +639,7 @@ mod fakes {
     }
 }
 
-/// A barrier that some invocations miss has Tint's word beside it, which looks at the text and not at a run.
+/// For a barrier that some invocations miss, the message also has Tint's verdict. Tint judges the text, not a run.
 #[test]
 fn a_barrier_that_some_miss_has_tints_word() {
     let entry = |condition: &str| {
@@ -671,7 +666,7 @@ fn a_barrier_that_some_miss_has_tints_word() {
     assert!(!alone.out.contains("Tint says"), "{}", alone.out);
 }
 
-/// A program that doesn't answer `--help` is given up, and the reason is told.
+/// If a program doesn't answer `--help`, Karat stops waiting, and reports the reason.
 #[cfg(unix)]
 #[test]
 fn a_help_that_hangs_is_given_up() {
@@ -679,7 +674,7 @@ fn a_help_that_hangs_is_given_up() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * x; }\n");
     let program = folder.path().join("tint");
-    // One that is waited for, and one that leaves its output to another process.
+    // The first program is slow. The second one leaves its output to another process.
     for script in ["exec sleep 1000", "sleep 1000 & exit 0"] {
         std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).expect("it is ours");
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("ours");
