@@ -201,7 +201,7 @@ fn tests_beside_a_file_are_named() {
     }
 }
 
-/// Without a number if a test fails, if a path counts nothing, or if a filter finds nothing.
+/// The command prints no numbers if a test fails, if a path counts nothing, or if a filter finds nothing.
 #[test]
 fn nothing_is_measured_without_evidence() {
     let folder = folder();
