@@ -1,4 +1,4 @@
-//! `karat`: the command line around the tests.
+//! `karat`: the commands and their exit codes.
 //!
 //! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced,
 //! an acceptance is refused or a path is missing; 2 when the command couldn't do its work or write

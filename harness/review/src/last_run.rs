@@ -27,6 +27,7 @@ pub struct FrameRun {
     pub modules: Vec<PathBuf>,
 }
 
+/// A failing function.
 #[derive(Clone, Debug, Default)]
 pub struct Failure {
     /// The function and its check: `fresnel::schlick agrees_with`.

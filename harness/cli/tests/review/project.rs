@@ -17,7 +17,7 @@ use crate::files::write;
 use crate::program::program;
 use crate::repository::git;
 
-/// The longest wait for the server. The server gives a silent client more time than this. So a test that waits for a
+/// The longest wait for the server. The server gives a silent client more time than this, so a test that waits for a
 /// silent client fails.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(8);
 
