@@ -266,8 +266,8 @@ enum Command {
     /// Lists the execution paths that open, with drivers and versions, and says how to get the others
     #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
                             KARAT_EXECUTORS='mine=python3 mine.py' karat doctor --executor mine\n\
-                            Exit codes: 0 all is well; 1 a required path or every path fails to open, a module isn't \
-                            whole, or a\nprogram's result is wrong; 2 a program doesn't run, or a folder can't be read.")]
+                            Exit codes: 0 all is well; 1 a required path or every path fails to open, a module is \
+                            incomplete, or a\nprogram's result is wrong; 2 a program doesn't run, or a folder can't be read.")]
     Doctor(doctor::Args),
     /// Lists frames that differ from their golden or have no golden
     #[command(after_help = "Examples:\n  karat pending\n  karat pending --from karat.zip --json\n\

@@ -122,7 +122,7 @@ fn digits(x: f64) -> String {
     format_f32(to_f32(rounded))
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "images and what is said of them are of f32")]
+#[expect(clippy::cast_possible_truncation, reason = "images and their descriptions use f32")]
 fn to_f32(x: f64) -> f32 {
     x as f32
 }

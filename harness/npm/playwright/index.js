@@ -83,7 +83,7 @@ export const expect = base.extend({
     const unknown = Object.keys(options).find((key) => !["goldens", "program", "read"].includes(key));
     if (unknown) throw new Error(`toMatchKarat has no option \`${unknown}\`: goldens, program, read`);
     // A missing golden differs from everything, so a negated matcher would pass.
-    if (this.isNot) throw new Error("`not.toMatchKarat` would pass for a golden that is missing: accept another golden");
+    if (this.isNot) throw new Error("`not.toMatchKarat` would pass for a missing golden: accept another golden");
     const info = test.info();
     const root = info.config.configFile ? path.dirname(info.config.configFile) : info.config.rootDir;
     const canvas = "goto" in received ? received.locator("canvas") : received;

@@ -68,8 +68,8 @@ export default function karat(options = {}) {
       const all = await program.list();
       const own = all.filter((one) => one.file === file);
       const errors = own.length ? [] : [
-        `no test of Karat is in ${path.relative(program.root, file)}: it has no \`@test\`, or only ones under a condition that ` +
-          "doesn't hold; or its folder isn't known: karat({ folders: [\"src/shaders\"] })",
+        `no test of Karat is in ${path.relative(program.root, file)}: it has no \`@test\`, or each \`@test\` is under a false ` +
+          "condition, or Karat doesn't search its folder: karat({ folders: [\"src/shaders\"] })",
       ];
       return moduleOf(file, own, errors, [...new Set(own.map((one) => one.package))]);
     } catch (error) {

@@ -255,7 +255,7 @@ export class Karat {
       const { status, err } = await this.run(["accept", frame, "--goldens", goldens, "--because", "vitest --update"]);
       resident.verdicts.delete(name);
       if (status === 0) return this.answer({ folder, name });
-      wrong.message += `\n\nit can't be accepted: ${err.trim()}`;
+      wrong.message += `\n\nthe frame can't be accepted: ${err.trim()}`;
     }
     return verdict(wrong, record, this.root);
   }

@@ -24,7 +24,7 @@ function open() {
     const socket = net.createConnection(process.env.VITEST_KARAT ?? "");
     const lost = (/** @type {string} */ why) => {
       opened = undefined;
-      for (const answer of waiting.values()) answer({ message: `vitest's main process can't be asked: ${why}` });
+      for (const answer of waiting.values()) answer({ message: `can't reach vitest's main process: ${why}` });
       waiting.clear();
     };
     readline.createInterface({ input: socket }).on("line", (line) => {

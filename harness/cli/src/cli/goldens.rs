@@ -44,7 +44,9 @@ impl FolderArgs {
         let others: Vec<String> = others.map(|other| shown(other)).collect();
         anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
         for other in others.iter().filter(|other| has_pending(other)) {
-            tell(&format!("note: `{other}` has pending frames, too: name it with --goldens"));
+            tell(&format!(
+                "note: `{other}` has pending frames, too: name that folder with --goldens"
+            ));
         }
         Ok(folder)
     }
@@ -66,7 +68,9 @@ impl FolderArgs {
         }
         for other in all.iter().skip(1) {
             let other = shown(&other.folder());
-            tell(&format!("note: `{other}` has pending frames, too: name it with --goldens"));
+            tell(&format!(
+                "note: `{other}` has pending frames, too: name that folder with --goldens"
+            ));
         }
         Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }

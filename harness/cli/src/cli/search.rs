@@ -66,7 +66,7 @@ impl Project {
                 args.roots.iter().partition(|root| root.contains('='));
             if let [first, second, ..] = *own {
                 bail!(
-                    "`--root {first}` and `--root {second}`: a crate has its modules in one folder"
+                    "`--root {first}` and `--root {second}`: a crate can have only one folder of modules"
                 );
             }
             let own = own.first().map(|root| root.as_str());

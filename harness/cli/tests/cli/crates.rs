@@ -114,7 +114,7 @@ fn a_crate_that_is_imported_from_may_have_another_folder() {
             &["--root", "engine-cor=wgsl"],
             "ships shaders to `engine-pbr`, so it has no folder; did you mean",
         ),
-        (&["--root", "a", "--root", "b"], "a crate has its modules in one folder"),
+        (&["--root", "a", "--root", "b"], "a crate can have only one folder of modules"),
     ] {
         let error = call(roots).error();
         assert!(error.contains(part), "{error}");

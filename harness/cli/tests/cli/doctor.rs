@@ -41,7 +41,7 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
         "fast = true # a declaration needs it",
         "slow = true # a declaration needs it",
         "noise = { path = \"../noise\" }",
-        "then 7 of 7 modules are whole",
+        "then 7 of 7 modules are complete",
     ] {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }
@@ -61,7 +61,7 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
     let required = karat(folder.path(), &["doctor", "shaders", "--require", "banana"]).error();
     assert!(required.contains("banana"), "{required}");
     karat(folder.path(), &["doctor", "shaders", "--require", "cpu"]).good();
-    assert!(again.contains("8 modules, all whole"), "{again}");
+    assert!(again.contains("8 modules, all complete"), "{again}");
     karat(folder.path(), &["check", "--shaders", "shaders"]).good();
 }
 
@@ -79,7 +79,7 @@ fn a_doctor_leaves_what_no_line_mends() {
         "preprocess = [..]",
         "no definition in scope for identifier: `lower`",
         "[dependencies] sky = { path = \"../sky\" }, or { crate = \"sky@1.2.3\" }",
-        "3 modules not whole",
+        "3 modules not complete",
     ] {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }

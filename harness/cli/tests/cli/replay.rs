@@ -67,7 +67,7 @@ fn what_cannot_be_replayed_is_told() {
         let ran = karat(project.path(), &[&["replay"], arguments].concat());
         assert!(ran.code == Some(3) && ran.err.contains(part), "no `{part}` in {ran:?}");
     };
-    let listed = "which one?\n  ";
+    let listed = "name one of these failures:\n  ";
     told(&project, &[], listed);
     told(&project, &[], "  calc::same agrees_with\n");
     told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; there is ");

@@ -654,7 +654,7 @@ fn what_is_required_of_the_matrix_decides() {
         (&["--require", "vulkan=good"][..], "`good` is no status; they are translated, valid"),
         (&["--require", "vulkan"], "write COLUMN=STATUS"),
         (&["--require", "vulkn=valid"], "did you mean `vulkan`?"),
-        (&["--within=-1"], "a bound is a number from 0 on"),
+        (&["--within=-1"], "a bound is a number of at least 0"),
         (&["--only", "nothing"], "whose name contains `nothing`"),
     ] {
         let ran = matrix(wrong);
