@@ -305,8 +305,8 @@ enum Command {
                             karat unreferenced --delete\n\
                             A test that is ignored, or behind a feature that is off, compares \
                             no golden; a comparison\nthat is `.unrecorded()` doesn't count, either.\n\
-                            Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its facts \
-                            (`.toml`) don't match its image,\nor a file belongs to no golden; 2 a file \
+                            Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its provenance \
+                            (`.toml`) doesn't match its image,\nor a file belongs to no golden; 2 a file \
                             can't be read; 3 no verdict: there is no golden,\nor no record of a \
                             full run that passed and compared frames with goldens of this folder.")]
     Unreferenced(unreferenced::Args),

@@ -193,7 +193,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         let line = ran.out.lines().find(|line| line.starts_with(&start));
         let line = line.unwrap_or_else(|| panic!("no `{start}` in:\n{}", ran.out));
         assert!(line.ends_with("run the test and accept its frame again"), "{line}");
-        let end = "3 goldens compared, 0 unreferenced, 0 stray files, 1 with other facts or none\n";
+        let end = "3 goldens compared, 0 unreferenced, 0 stray files, 1 with wrong or missing provenance\n";
         assert!(ran.out.ends_with(end), "{ran:?}");
         let ran = karat(folder, &["unreferenced", "--delete", "--json"]);
         let report = json(&ran.out);
@@ -208,15 +208,15 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         ("@metal-apple/scene.toml", "scene of profile metal-apple"),
     ] {
         write(&golden, file, &other);
-        fails(file, case, "has other facts than `");
+        fails(file, case, "have different provenance: `");
         let out = karat(folder, &["unreferenced"]).out;
         assert!(out.contains("scene.exr`: `because`, `tolerance`; restore both"), "{out}");
         write(&golden, file, &marked);
-        fails(file, case, "has no readable facts: ");
+        fails(file, case, "has no readable provenance: ");
         write(&golden, file, "");
-        fails(file, case, "has no readable facts: missing field");
+        fails(file, case, "has no readable provenance: missing field");
         std::fs::remove_file(golden.join(file)).expect("removed");
-        fails(file, case, "is missing: it has the facts of `");
+        fails(file, case, "is missing: it has the provenance of `");
         // Git may have changed the line ends.
         write(&golden, file, &facts.replace('\n', "\r\n"));
         karat(folder, &["unreferenced"]).good();
@@ -224,7 +224,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
     // A golden of another tool has no provenance.
     let room = golden.join("room.exr");
     Image::new(1, 1, vec![[1.0; 4]]).write_exr(&room, Precision::Half, None).expect("written");
-    fails("room.toml", "room", "has facts, but `");
+    fails("room.toml", "room", "has provenance, but `");
     std::fs::remove_file(golden.join("room.toml")).expect("removed");
     karat(folder, &["unreferenced"]).good();
     // An unreadable file has no provenance.
@@ -286,7 +286,8 @@ fn stray_files_are_reported_and_only_ours_are_deleted() {
     sky.write_exr(&golden.join("sky.exr"), Precision::Half, None).expect("written");
     let ran = karat(project.path(), &["unreferenced"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    for reason in ["facts without a golden", "not a file of a golden", "a preview without an image"]
+    for reason in
+        ["provenance without a golden", "not a file of a golden", "a preview without an image"]
     {
         assert!(ran.out.contains(reason), "no `{reason}`: {ran:?}");
     }
