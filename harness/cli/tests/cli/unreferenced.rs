@@ -208,7 +208,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         ("@metal-apple/scene.toml", "scene of profile metal-apple"),
     ] {
         write(&golden, file, &other);
-        fails(file, case, "have different provenance: `");
+        fails(file, case, "differs from the provenance of `");
         let out = karat(folder, &["unreferenced"]).out;
         assert!(out.contains("scene.exr`: `because`, `tolerance`; restore both"), "{out}");
         write(&golden, file, &marked);

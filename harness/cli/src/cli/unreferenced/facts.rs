@@ -63,7 +63,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
         Ok(told) if told == held => None,
         Ok(told) => {
             let others = differing(&told, &held).join("`, `");
-            Some(format!("`{shown}` and `{image}` have different provenance: `{others}`"))
+            Some(format!("`{shown}` differs from the provenance of `{image}`: `{others}`"))
         }
         Err(error) => Some(format!("`{shown}` has no readable provenance: {}", error.message())),
     }
