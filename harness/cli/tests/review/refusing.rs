@@ -1,10 +1,10 @@
-//! The server without a browser: who is turned away, and that looking changes nothing.
+//! The server without a browser: it refuses strangers, and reading changes nothing.
 
 use serde_json::json;
 
 use crate::project::{Project, Server, decision, tiny};
 
-/// Hash of the tiny pending frame's pixels.
+/// Returns the hash of the tiny pending frame's pixels.
 fn bright() -> String {
     let mut image = tiny();
     for pixel in image.pixels_mut() {
@@ -65,7 +65,7 @@ fn other_origins_cannot_decide() {
     assert!(!project.pending("tiny").exists());
 }
 
-/// Every file of the goldens' folder with its content.
+/// Returns every file in the goldens' folder with its content.
 fn snapshot(project: &Project) -> Vec<(String, Vec<u8>)> {
     let entries = std::fs::read_dir(project.folder().join("golden")).expect("a folder");
     let mut files: Vec<_> = entries
