@@ -55,7 +55,7 @@ pub trait Stream: Send + Sync {
     /// decide.
     fn admits(&self, row: &[u32]) -> Option<bool>;
 
-    /// Two rows such that each lane of every value lies between theirs. `None` if there are none.
+    /// Two rows that bound all values: each lane of a value lies between the rows' lanes. `None` if there are none.
     fn ends(&self) -> Option<[Vec<u32>; 2]> {
         None
     }
