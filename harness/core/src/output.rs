@@ -236,7 +236,6 @@ impl<W: Write> Output<W> {
         }
     }
 
-    /// Writes the first `bytes` bytes of the waiting text.
     fn pass_on(&mut self, bytes: usize) {
         let rest = self.line.split_off(bytes);
         let text = std::mem::replace(&mut self.line, rest);

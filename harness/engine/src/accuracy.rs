@@ -138,7 +138,6 @@ impl Error {
         Self { ulps: self.ulps.max(other.ulps), absolute: self.absolute.max(other.absolute) }
     }
 
-    /// The allowed error of a result near `y`.
     fn of(self, y: f64) -> f64 {
         SAFETY * (f64::from(self.ulps) * ulp(y)).min(f64::from(self.absolute))
     }

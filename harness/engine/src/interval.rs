@@ -272,7 +272,6 @@ impl Interval {
         chain::divide(x, y, Self::outwards(below, above))
     }
 
-    /// The smaller argument, which is exact.
     pub(crate) fn min(self, other: Self) -> Self {
         self.both(other, f32::min)
     }
@@ -307,7 +306,6 @@ impl Interval {
         }
     }
 
-    /// The square root: `1 / inverseSqrt(x)`, and 0 for 0.
     pub(crate) fn sqrt(self) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
         if lo < 0.0 {

@@ -496,7 +496,6 @@ pub struct Dynamic {
 
 type Holds = dyn Fn(&[u32]) -> bool + Send + Sync;
 
-/// Keeps the rows that satisfy a condition.
 struct Filter {
     statement: String,
     holds: Box<Holds>,

@@ -126,7 +126,6 @@ fn distinct<T: PartialEq>(values: Vec<T>) -> Vec<T> {
     found
 }
 
-/// Implements [`Domain`] for the edges of one type.
 macro_rules! edges {
     ($($type:ty, |$v:ident| $complexity:expr, $same:expr;)*) => {$(
         impl Domain for Edges<$type> {

@@ -16,7 +16,6 @@ const PARALLEL: f64 = 1e-6;
 #[derive(Debug)]
 pub(super) struct Perpendicular {
     pub(super) lanes: Range<usize>,
-    /// The first lane of each other vector.
     pub(super) to: Vec<usize>,
 }
 

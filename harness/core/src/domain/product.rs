@@ -245,7 +245,6 @@ macro_rules! product {
     )*};
 }
 
-/// A domain of tuples with tied components.
 trait Tied<'a>: Domain {
     type Parts;
     /// The tuple from its parts. Simpler tuples simplify both components of a tie together, so that the tie holds, or

@@ -29,7 +29,6 @@ pub(super) struct Tie {
     /// The stream from which `from` was sampled. A mapped domain can't check if it has a value. So it samples an equal
     /// value from this stream.
     start: Source,
-    /// The random numbers for a nearby value.
     place: Source,
 }
 

@@ -12,7 +12,6 @@ use crate::diagnostic::shown;
 /// Middle grey: previews show the key of an image with this value.
 const MIDDLE_GREY: f32 = 0.18;
 
-/// The meaning of a PNG's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Samples {
     /// Light, encoded for screens.

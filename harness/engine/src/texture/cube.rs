@@ -61,7 +61,6 @@ struct Edge {
     reversed: bool,
 }
 
-/// The left, right, upper and lower edge of each face.
 static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
     let edge = |face: usize, edge: usize| {
         // The second texel along each edge of a face with 4 x 4 texels.
