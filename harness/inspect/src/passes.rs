@@ -12,9 +12,11 @@ use karat::unstable::reflect::{Binding, Overrides, Program};
 use crate::limits::LEAST_INVOCATIONS;
 use crate::made_up::{Content, Extents, Mix, Ranges, Resources};
 
-/// The workgroups of a pass without a given dispatch. Two in each direction in which the pass reads its place, or may
-/// read it and a workgroup extends, as nothing orders two workgroups; three downwards, so that rows and columns differ.
-/// A pass that reads nothing that distinguishes workgroups is made for one.
+/// Returns the number of workgroups of a pass without a given dispatch. There are two workgroups in each direction in
+/// which the pass reads its position, because two workgroups run in no fixed order. In the second direction there are
+/// three, so that rows and columns differ. If Karat can't tell which directions the pass reads, the directions in which
+/// the workgroup has several invocations count. A pass that reads nothing that differs between workgroups gets one
+/// workgroup.
 fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) -> [u32; 3] {
     if !tells_apart {
         return [1; 3];
@@ -44,7 +46,7 @@ const APART: [&str; 5] = [
     "@builtin(num_workgroups)",
 ];
 
-/// Those of them that count over all directions.
+/// The builtin values that count over all directions.
 const INDICES: [&str; 2] = ["@builtin(global_invocation_index)", "@builtin(workgroup_index)"];
 
 /// A compute entry point with its usual dispatch.
@@ -55,13 +57,10 @@ pub struct Usual {
 }
 
 impl Usual {
-    /// # Errors
-    /// If the entry point isn't valid, or isn't a compute entry point.
     pub fn of(package: &Package, name: &str) -> Result<Self, String> {
         Self::with_overrides(package, name, &Overrides::new())
     }
 
-    /// The same, with values for overrides.
     pub(crate) fn with_overrides(
         package: &Package,
         name: &str,
@@ -78,27 +77,29 @@ impl Usual {
         let is_filled = program.fixed_elements(bindings).is_some_and(|most| {
             most <= size.iter().fold(1, |all: usize, count| all.saturating_mul(*count as usize))
         });
-        // A host dispatches one workgroup if one fills the arrays.
+        // If one workgroup covers all elements of the arrays, hosts dispatch only one.
         let (apart, by_index) = (has(&APART) && !is_filled, has(&INDICES));
         let asks = program.asks_for_places(own);
         let asks = asks.map(|asks| asks.filter(|asks| *asks || !by_index));
         Self { size, workgroups: usual_workgroups(size, apart, asks) }
     }
 
-    /// The workgroups in each direction: one if the pass doesn't distinguish them, otherwise several.
+    /// Returns the number of workgroups in each direction. If the pass can't distinguish workgroups, the number is one,
+    /// otherwise several.
     #[must_use]
     pub fn workgroups(&self) -> [u32; 3] {
         self.workgroups
     }
 
-    /// The value of a whole number, or of a lane of a vector, whose name says that it is a size: `width` in a pass over
-    /// 16 columns is 16.
+    /// Returns the value of an integer, or of a vector's lane, if the name means a size: `width` in a pass over 16
+    /// columns is 16.
     #[must_use]
     pub fn number(&self, name: &str, lane: usize, lanes: usize) -> Option<u32> {
         Extents::of(self.size, self.workgroups, Content::OF_PASSES[0]).size(name, lane, lanes, true)
     }
 
-    /// The invocations in each direction for dispatching two passes, whatever their workgroup sizes are.
+    /// Returns the number of invocations in each direction that both passes can have, although their workgroup sizes
+    /// differ.
     pub(crate) fn invocations_with(self, other: Self) -> [u32; 3] {
         [0, 1, 2].map(|k| {
             let usual = |one: Self| one.size[k] * one.workgroups[k];
@@ -109,11 +110,12 @@ impl Usual {
     }
 }
 
-/// A pass over generated resources. Their sizes follow from the dispatch: so many invocations in each direction, if
-/// given. The resources in `given` replace generated ones, and some inputs may come from another content.
+/// Builds a pass over generated resources, with sizes that fit the dispatch. `invocations` gives the number of
+/// invocations in each direction. Resources in `given` replace generated ones, and `mix` takes some inputs from another
+/// content.
 ///
 /// # Errors
-/// If the pass isn't valid, or a resource can't be generated.
+/// If the pass isn't valid, or Karat can't generate a resource.
 pub(crate) fn arbitrary(
     package: &Package,
     name: &str,
@@ -167,7 +169,8 @@ mod tests {
         assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);
     }
 
-    /// A pass that uses one component reads only that one. A pass that hands the whole vector on may read each.
+    /// A pass that uses one component reads only that component. A pass that hands the whole vector to a function may
+    /// read every component.
     #[test]
     fn a_pass_runs_along_the_places_that_it_asks_for() {
         let head = "struct In { @builtin(workgroup_id) w: vec3u, @builtin(local_invocation_index) i: u32 }\n\

@@ -1,5 +1,5 @@
-//! Chooses the cases of a function that run, by one rule: no loop may go round more than 4,096 times, and as many of
-//! these cases run, evenly chosen, as the function's work budget allows.
+//! Chooses the cases of a function that run. Karat leaves out cases in which a loop runs more than 4,096 times. If all
+//! cases cost more than the work budget allows, evenly chosen ones run.
 
 use std::borrow::Cow;
 
@@ -11,10 +11,11 @@ use karat_core::diagnostic::Span;
 use crate::limits::SAMPLE;
 use crate::made_up::{Arguments, Ranges, SEED};
 
-/// Converts so many rows into the words that a function takes.
+/// Converts rows of arguments, with their number, into the `u32` words that a function reads.
 type Own<'s> = &'s dyn Fn(&[u32], usize) -> Vec<u32>;
 
-/// A function with its resources, and its conversion of rows; `None` if it takes them unchanged.
+/// A function with its resources. `own` converts the rows for this function; without `own`, the function reads the rows
+/// unchanged.
 pub(crate) struct Side<'s> {
     pub(crate) probed: &'s Probed,
     pub(crate) fixtures: &'s Fixtures,
@@ -27,20 +28,20 @@ impl Side<'_> {
     }
 }
 
-/// The cases that run.
 pub(crate) struct Chosen {
     pub(crate) count: usize,
     pub(crate) rows: Vec<u32>,
     /// The number of cases that don't run.
     pub(crate) cut: usize,
-    /// The rows in which a loop has too many rounds, with the loop.
+    /// The rows in which a loop runs too often, each with the loop's position.
     pub(crate) long: Vec<(Vec<u32>, Span)>,
-    /// The number of cases that the work budget allows; 0 if even the sample costs too much.
+    /// The number of cases that the work budget allows. If even the sample costs too much, this number is 0.
     pub(crate) allowed: usize,
 }
 
 impl Chosen {
-    /// The rows in which each loop ends. If the engine can't run the side, all rows stay: other paths may run it.
+    /// Keeps the rows in which every loop ends. If the engine can't run the function, all rows stay, because other
+    /// paths may run the function.
     pub(crate) fn ending(
         side: &Side<'_>,
         arguments: &Arguments,
@@ -55,8 +56,8 @@ impl Chosen {
         Self { count, rows: left, cut: all - count, long, allowed: usize::MAX }
     }
 
-    /// As many rows as the work budget of each side allows, without those in which a loop of the first side doesn't
-    /// end.
+    /// Keeps as many rows as the work budgets of all sides allow, without those in which a loop of the first side
+    /// doesn't end.
     pub(crate) fn of(
         sides: &[Side<'_>],
         arguments: &Arguments,
@@ -69,7 +70,8 @@ impl Chosen {
         };
         let (count, sample) = spread(SAMPLE);
         let sample = Self::ending(&sides[0], arguments, (count, &sample));
-        // If no loop of the sample ends, that holds for all rows: the loops don't count to an argument.
+        // If the loop ends in no row of the sample, Karat assumes the same for all rows: the arguments don't set the
+        // loop's length.
         if sample.count == 0 {
             return Self { cut: all, ..sample };
         }
@@ -88,8 +90,8 @@ impl Chosen {
     }
 }
 
-/// The arguments for so many cases of a function without effects besides its result, one row each. If fewer cases end,
-/// they repeat.
+/// Generates arguments for this number of cases of a function that has no effects besides its result. If loops end in
+/// fewer cases, the cases repeat.
 pub(crate) fn rows(
     probed: &Probed,
     ranges: &Ranges,
@@ -104,11 +106,10 @@ pub(crate) fn rows(
     let (count, rows) = arguments.rows(SEED, cases);
     let side = Side { probed, fixtures, own: None };
     let Chosen { rows: ending, .. } = Chosen::ending(&side, &arguments, (count, &rows));
-    // If no loop ends, the loops don't count to an argument, and drivers may run more rounds.
+    // If the loop ends in no row, the arguments don't set its length, and drivers may run more rounds.
     let rows = if ending.is_empty() { rows } else { ending };
     Ok(rows.iter().copied().cycle().take(cases * width).collect())
 }
 
-/// The reason why a function can't be tried.
 pub(crate) const ENDS_FOR_NONE: &str =
-    "for each of its inputs a loop goes round more than 4096 times";
+    "for each input, a loop runs more than 4096 times";

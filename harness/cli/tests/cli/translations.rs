@@ -259,7 +259,7 @@ fn compute_entry_points_are_run() {
         let waits = &row(&matrix, "waits")[column];
         assert_eq!(waits["stopped"]["why"], "not_run", "{waits}");
         let says = waits["stopped"]["says"].as_str().expect("a reason");
-        assert!(says.contains("with made-up data this loop goes round"), "{says}");
+        assert!(says.contains("with generated data this loop runs"), "{says}");
         assert!(says.contains("sums.wgsl:25:14"), "{says}");
     }
     let nothing = &row(&matrix, "nothing")["vulkan"];
@@ -661,7 +661,10 @@ fn required_columns_decide_the_exit_code() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert!(ran.err.contains("no validator of msl is installed"), "{ran:?}");
     for (wrong, message) in [
-        (&["--require", "vulkan=good"][..], "`good` is no status; they are translated, valid"),
+        (
+            &["--require", "vulkan=good"][..],
+            "`good` isn't a status; the statuses are translated, valid",
+        ),
         (&["--require", "vulkan"], "write COLUMN=STATUS"),
         (&["--require", "vulkn=valid"], "did you mean `vulkan`?"),
         (&["--within=-1"], "a bound is a number from 0 on"),
@@ -693,7 +696,7 @@ fn a_matrix_without_evidence_fails() {
     assert!(none.contains("no row to judge"), "{none}");
     let mut bare = command(folder.path(), &["matrix", "--columns", "hlsl,msl", "--only", "maths"]);
     let bare = output(bare.env("PATH", folder.path()).env_remove("VULKAN_SDK")).error();
-    assert!(bare.contains("of 2 rows none was judged"), "{bare}");
+    assert!(bare.contains("none of the 2 rows was judged"), "{bare}");
     let absent = matrix(&["--columns", "vulkan,vulkan:wgsl,metal", "--only", "maths"]);
     let absent = absent.error();
     assert!(absent.contains("`metal` isn't here, so nothing ran on it"), "{absent}");
@@ -1053,8 +1056,14 @@ mod planted {
         for (rows, column, status, reason, message) in [
             ("maths::blnd", "vulkan", "agrees", "x", "no such row; did you mean `maths::blend`?"),
             ("maths::blend", "vulkn", "agrees", "x", "there is no execution path `vulkn`"),
-            ("maths::blend", "vulkan", "agree", "x", "`agree` is no status; they are translated"),
-            ("maths::blend", "vulkan", "agrees", " ", "it has no reason"),
+            (
+                "maths::blend",
+                "vulkan",
+                "agree",
+                "x",
+                "`agree` isn't a status; the statuses are translated",
+            ),
+            ("maths::blend", "vulkan", "agrees", " ", "the declaration has no reason"),
         ] {
             declare(rows, column, status, reason);
             let ran = run_with_glslang(&folder, "", "", &[]);

@@ -8,19 +8,18 @@ use serde::Serialize;
 use super::Row;
 use super::execute::shown;
 
-/// The number of results of a function on a column that the WGSL specification allows.
+/// The number of a function's results on a column that the WGSL specification allows.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Allowed {
-    /// Cases in which WGSL bounds each component.
+    /// The number of cases in which WGSL bounds each component.
     pub bounded: usize,
-    /// Cases with a component outside its bounds.
+    /// The number of cases with a component outside its bounds.
     pub outside: usize,
-    /// The first of these: its arguments, the bounds, and the result.
+    /// The first case outside its bounds: its arguments, the bounds, and the result.
     pub first: Option<String>,
 }
 
 impl Allowed {
-    /// Checks each case.
     pub(super) fn of(probed: &Probed, rows: &[u32], bounds: &[Bound], results: &[u32]) -> Self {
         let function = probed.function();
         let scalars = function.result.lanes();
@@ -39,13 +38,13 @@ impl Allowed {
                 let row = &rows[case * arguments.len()..][..arguments.len()];
                 let (least, most) = ends[lane].expect("what has no ends allows all");
                 let (at, result) = (shown(&arguments, row), shown(&scalars, words));
-                format!("at {at} it returns {result}, of which WGSL allows {least} to {most}")
+                format!("at {at} the function returns {result}, but WGSL allows {least} to {most}")
             });
         }
         allowed
     }
 
-    /// The counts of these cases and of more.
+    /// Adds the counts of more cases.
     pub(super) fn and(self, more: Self) -> Self {
         let (bounded, outside) = (self.bounded + more.bounded, self.outside + more.outside);
         Self { bounded, outside, first: self.first.or(more.first) }
@@ -53,7 +52,7 @@ impl Allowed {
 }
 
 impl Row {
-    /// The columns with results that WGSL doesn't allow, by index.
+    /// Lists the columns with results that WGSL doesn't allow, by index.
     pub fn columns_outside(&self) -> impl Iterator<Item = (usize, &Allowed)> {
         let cells = self.cells.iter().enumerate();
         let outside = cells.filter_map(|(index, cell)| Some((index, cell.allowed.as_ref()?)));

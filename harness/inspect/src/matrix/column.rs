@@ -7,7 +7,7 @@ use karat::path::Path;
 use karat::unstable::path::{Api, Via};
 use karat_translate::Target;
 
-/// A language that naga writes, and the execution path that runs it, if there is one.
+/// A language that naga writes, and the execution path that runs the language, if one exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Column {
     pub(super) target: Target,
@@ -16,13 +16,13 @@ pub struct Column {
     by_tint: bool,
 }
 
-/// The column with Tint's verdict on the author's own text.
+/// The name of the column with Tint's verdict on the author's own text.
 const TINT: &str = "tint";
 
-/// The text of a column.
+/// The kind of text that a column runs or checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Written {
-    /// A translation.
+    /// naga's translation.
     ByNaga(Target),
     /// The author's own text, which the engine executes.
     ByAuthor,
@@ -31,8 +31,8 @@ pub(super) enum Written {
 }
 
 impl Column {
-    /// The columns that every machine can have: the APIs with their languages, the routes on Vulkan, two languages that
-    /// none of Karat's paths runs, Tint's verdict on the author's text, and the engine.
+    /// Returns the columns that every machine can have: the APIs with their languages, the routes on Vulkan, two
+    /// languages that none of Karat's paths runs, Tint's verdict on the author's text, and the engine.
     #[must_use]
     pub fn usual() -> Vec<Self> {
         let names = [
@@ -52,7 +52,6 @@ impl Column {
         names.iter().map(|name| name.parse().expect("a path or a language")).collect()
     }
 
-    /// The column of a path.
     fn of_path(path: Path) -> Option<Self> {
         let target = match (path.via(), path.api()) {
             (Via::Direct, Api::Vulkan) | (Via::Spirv, _) => Target::Spirv,
@@ -69,13 +68,12 @@ impl Column {
         Some(Self { target, path: Some(path), by_tint: false })
     }
 
-    /// The language of its translation.
+    /// The name of the translation's language.
     #[must_use]
     pub fn language(self) -> &'static str {
         self.target.name()
     }
 
-    /// The text that it runs or checks.
     pub(super) fn written(self) -> Written {
         match self.path.map(Path::api) {
             Some(Api::Cpu | Api::Process) => Written::ByAuthor,
@@ -84,15 +82,15 @@ impl Column {
         }
     }
 
-    /// The reason why nothing runs it.
+    /// The reason why no path runs the column.
     pub(super) fn without_path(self) -> String {
         match self.by_tint {
-            true => "Tint judges a text, and runs nothing".to_owned(),
-            false => format!("no path here runs {}", self.target),
+            true => "Tint only checks the text, and doesn't run it".to_owned(),
+            false => format!("no path of Karat runs {}", self.target),
         }
     }
 
-    /// The path that runs it.
+    /// The path that runs the column.
     #[must_use]
     pub fn path(self) -> Option<Path> {
         self.path
@@ -109,7 +107,7 @@ impl fmt::Display for Column {
     }
 }
 
-/// A path (`vulkan:hlsl`), a language (`msl`) or `tint`.
+/// Parses a path (`vulkan:hlsl`), a language (`msl`) or `tint`.
 impl FromStr for Column {
     type Err = String;
 
@@ -126,7 +124,7 @@ impl FromStr for Column {
                 languages()
             )
         })?;
-        Self::of_path(path).ok_or_else(|| format!("nothing is translated for path `{path}`"))
+        Self::of_path(path).ok_or_else(|| format!("Karat translates nothing for path `{path}`"))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Finds a function and its variables in naga's output.
 
-/// The lines of a function in a translation, counted from 1, ends included. naga keeps names, but appends to one that
-/// is taken or reserved. In GLSL each entry point is `main`.
+/// Returns the first and the last line of a function in a translation, counted from 1. naga keeps a function's name,
+/// and appends something if the name is taken or reserved. In GLSL each entry point is called `main`.
 pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Option<(usize, usize)> {
     let heads = |line: &str| {
         let top = line.starts_with(|c: char| c.is_alphabetic());
@@ -15,8 +15,8 @@ pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Optio
     Some((first + 1, first + rest + 1))
 }
 
-/// The line, counted from 1, that defines one of several variables with the same name: number `which` of so many. naga
-/// writes them in the author's order. If there are more or fewer of that name, the answer is unknown.
+/// Returns the line, counted from 1, that defines one of several variables with the same name: number `which` of `of`.
+/// naga writes the variables in the author's order. `None` if the translation has more or fewer variables of that name.
 pub(super) fn definition_line(
     text: &str,
     (first, last): (usize, usize),
@@ -27,7 +27,7 @@ pub(super) fn definition_line(
         let line = line.trim_start();
         let assigned = |(word, rest): (&str, &str)| {
             let rest = rest.trim_start();
-            // A definition has a type or `let` before the name; an assignment has nothing.
+            // A definition has a type or `let` before the name, an assignment doesn't.
             let defined = line.len() > word.len() + rest.len() && !line.starts_with(word);
             defined && is(word, name) && rest.starts_with('=') && !rest.starts_with("==")
         };
@@ -39,7 +39,7 @@ pub(super) fn definition_line(
     (found.len() == of).then(|| found.get(which).copied()).flatten()
 }
 
-/// The identifiers of a line, each with the text after it.
+/// Splits a line into identifiers, each with the text after it.
 fn words(line: &str) -> impl Iterator<Item = (&str, &str)> {
     let part = |c: char| c.is_alphanumeric() || c == '_';
     let mut rest = line;
@@ -52,7 +52,7 @@ fn words(line: &str) -> impl Iterator<Item = (&str, &str)> {
     })
 }
 
-/// Returns `true` if `word` is naga's version of a name: `f0` becomes `f0_`, a second `x` becomes `x_1`.
+/// Checks if `word` is naga's version of a name: `f0` becomes `f0_`, and a second `x` becomes `x_1`.
 fn is(word: &str, name: &str) -> bool {
     let Some(appended) = word.strip_prefix(name.trim_end_matches('_')) else { return false };
     appended.chars().all(|c| c == '_' || c.is_ascii_digit())

@@ -9,14 +9,14 @@ use super::leeway::{Freedom, Latitude, OfCase};
 use super::{Cell, Status, Stop};
 use crate::limits::CANCELLED;
 
-/// The results of a column.
 pub(super) struct Ran<'p> {
     pub(super) column: usize,
     pub(super) caller: Caller<'p>,
     pub(super) results: Vec<u32>,
 }
 
-/// The reason why something didn't run; without the function's name, so that equal reasons are listed once.
+/// Gives the reason why a function didn't run. The text lacks the function's name, so that equal reasons are listed
+/// once.
 pub(super) fn not_run(error: ProbeError) -> String {
     match error {
         ProbeError::Compile { error, .. } => error.to_string(),
@@ -24,7 +24,8 @@ pub(super) fn not_run(error: ProbeError) -> String {
     }
 }
 
-/// Concludes the first column from its comparisons: if a column agrees with it, it agrees, too.
+/// Finishes the first column's cell: if another column agrees with the first column, the first column's status is
+/// `agrees`, too.
 pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: usize) {
     first.stopped = match agreeing {
         Some(seen) => {
@@ -32,34 +33,34 @@ pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: u
             (first.compared, first.worst_ulp) = (seen.compared, seen.worst_ulp);
             return;
         }
-        None if others == 0 => Some(Stop::NothingToCompare("no other column ran it".to_owned())),
-        None => Some(Stop::NothingToCompare("no other column agrees with it".to_owned())),
+        None if others == 0 => {
+            Some(Stop::NothingToCompare("no other column ran the row".to_owned()))
+        }
+        None => Some(Stop::NothingToCompare("no other column agrees with this column".to_owned())),
     };
 }
 
-/// The comparison of two columns' results.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Comparison {
     pub(super) compared: usize,
     /// The cases that differ by more than WGSL allows.
     pub(super) differing: Vec<usize>,
-    /// The number of cases with a lane that differs, where WGSL allows both results.
+    /// The number of cases with a differing lane in which WGSL allows both results.
     pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
 }
 
-/// The rules for comparing results of a function.
 #[derive(Clone, Debug)]
 pub(super) struct Judge<'j> {
     scalars: &'j [Scalar],
     within: &'j Tolerance,
-    /// For each component, its largest result, or 1 if that is less: absolute bounds are relative to it. Otherwise a
-    /// function with small results would agree with anything.
+    /// For each component, the magnitude of its largest result, but at most 1. Absolute tolerances are relative to this
+    /// scale. Without the scale, a function with small results would agree with any other function.
     scales: Vec<f64>,
 }
 
 impl<'j> Judge<'j> {
-    /// The rules for these results of the first column.
+    /// Makes the rules for comparisons with the first column's results, `expected`.
     pub(super) fn new(scalars: &'j [Scalar], within: &'j Tolerance, expected: &[u32]) -> Self {
         let mut scales = vec![0.0_f64; scalars.len()];
         for case in expected.chunks_exact(scalars.len()) {
@@ -68,13 +69,12 @@ impl<'j> Judge<'j> {
                 *scale = scale.max(if size.is_finite() { size.min(1.0) } else { 0.0 });
             }
         }
-        // Beside a large component, a small one may be the rest of terms that cancel.
+        // A small component beside a large one may remain from terms that cancel.
         let least = CANCELLED * scales.iter().copied().fold(0.0, f64::max);
         let one = |scale: f64| if scale > 0.0 { scale.max(least) } else { 1.0 };
         Self { scalars, within, scales: scales.into_iter().map(one).collect() }
     }
 
-    /// Compares results case by case.
     pub(super) fn compare(
         &self,
         expected: &[u32],
@@ -96,9 +96,9 @@ impl<'j> Judge<'j> {
         comparison
     }
 
-    /// Compares a case, lane by lane. Two results that WGSL allows are both right. If the allowed results are unknown
-    /// and a float of the first result isn't finite, the comparison skips the floats of the case: implementations may
-    /// assume that infinities and NaN don't occur, so the values computed with it are open, too.
+    /// Compares a case, lane by lane. If WGSL allows both results of a lane, both are right. If the bounds are unknown
+    /// and a float of the first result isn't finite, the comparison skips all floats of the case. Implementations may
+    /// assume that infinities and NaN don't occur, so the case's other floats are open, too.
     pub(super) fn case(
         &self,
         expected: &[u32],
@@ -112,7 +112,7 @@ impl<'j> Judge<'j> {
             let freedom = latitude
                 .map_or(Freedom::Unknown, |case| case.freedom(lane, *scalar, [wanted, found]));
             let agrees = self.agree(lane, wanted, found);
-            // NaN and infinity agree with nothing, and prove nothing if WGSL allows any value.
+            // NaN and infinity agree with no value, and prove nothing if WGSL allows any value.
             let is_number = scalar.decode(wanted).is_finite();
             match freedom {
                 Freedom::Any if !(agrees && is_number) => {
@@ -135,37 +135,36 @@ impl<'j> Judge<'j> {
         seen
     }
 
-    /// Returns `true` if two results of a lane are equal within the tolerance.
+    /// Checks if two results of a lane are equal within the tolerance.
     fn agree(&self, lane: usize, expected: u32, actual: u32) -> bool {
         let (scalar, scale) = (self.scalars[lane], self.scales[lane]);
         if expected == actual || !scalar.is_float() {
             return expected == actual;
         }
-        // Both in units of the largest result, so that an absolute bound is relative to it.
+        // Divide both by the scale, so that an absolute tolerance is relative to it.
         let (found, wanted) = (scalar.decode(actual) / scale, scalar.decode(expected) / scale);
         self.within.measure_sum(0, found, wanted).passes()
     }
 }
 
-/// The comparison of two results of a case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Seen {
     /// `true` if a lane was compared.
     pub(super) compared: bool,
-    /// `true` if a lane differs and WGSL isn't known to allow both results.
+    /// `true` if a lane differs, unless Karat knows that WGSL allows both results.
     pub(super) differs: bool,
     /// `true` if a lane differs and WGSL allows both results.
     pub(super) open: bool,
     worst_ulp: Option<u64>,
 }
 
-/// A float with subnormals replaced by 0, as drivers may flush them.
+/// Replaces a subnormal float by 0, because drivers may do so.
 pub(super) fn flushed(word: u32) -> u32 {
     let is_subnormal = f32::from_bits(word).abs() < f32::MIN_POSITIVE;
     if is_subnormal { 0 } else { word }
 }
 
-/// The `f32` steps between two components, with subnormals as 0.
+/// Counts the `f32` steps between two components, with subnormals as 0.
 fn distance((scalar, (expected, actual)): (&Scalar, (&u32, &u32))) -> Option<u64> {
     if !scalar.is_float() {
         return None;
@@ -174,7 +173,6 @@ fn distance((scalar, (expected, actual)): (&Scalar, (&u32, &u32))) -> Option<u64
     ulp_distance(value(expected), value(actual))
 }
 
-/// A value as text.
 pub(super) fn shown(scalars: &[Scalar], words: &[u32]) -> String {
     let one = |(scalar, word): (&Scalar, &u32)| match scalar {
         Scalar::F32 | Scalar::F16 => format_f32(f32::from_bits(*word)),

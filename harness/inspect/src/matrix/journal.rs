@@ -1,5 +1,5 @@
-//! Recovers from rows that end the process: a driver that hangs can't be stopped, and one that crashes ends the
-//! process. A file records which row runs where, so that the next process leaves that row out.
+//! Recovers from rows that end the process. A driver that hangs can't be stopped, and a driver that crashes ends the
+//! process. A file records which row runs on which path, so that the next process skips that row.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -17,14 +17,14 @@ use super::{Cell, Column, Stop};
 #[serde(rename_all = "snake_case")]
 enum Line {
     Began(At),
-    /// Something passed the deadline, as the sentence says.
+    /// An operation passed its deadline. The sentence says which one.
     Overdue(At, String),
     Ended(At),
-    /// The process ended, as the sentence says.
+    /// The process ended. The sentence says how.
     Process(String),
 }
 
-/// A row on a path. Without a path, it is being prepared or compared.
+/// A row on a path; no path while the row is being prepared or compared.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 struct At {
     package: String,
@@ -36,21 +36,19 @@ struct At {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Culprit {
     at: At,
-    /// The end of the process, in a sentence.
     why: String,
 }
 
-/// The rows of a package that were running when earlier processes ended.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     file: Option<PathBuf>,
     package: String,
-    /// For each row, an entry for each process that it may have ended.
+    /// For each row, one entry for each process that the row may have ended.
     culprits: BTreeMap<String, Vec<Culprit>>,
 }
 
 impl Journal {
-    /// Reads a file. If there is none, no process has ended.
+    /// Reads the file of an earlier process. If the file doesn't exist, the journal is empty.
     pub(super) fn read(file: Option<&Path>, package: &str) -> io::Result<Self> {
         let mut journal = Self { package: package.to_owned(), ..Self::default() };
         let Some(file) = file else { return Ok(journal) };
@@ -63,13 +61,14 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Returns `true` if a row is suspected and so runs alone: another row that ran beside it may have ended the
-    /// process.
+    /// Checks if a row is suspected. A suspected row runs without others beside it, because another row may have ended
+    /// the process.
     pub(super) fn is_suspected(&self, row: &str) -> bool {
         self.culprits.contains_key(row)
     }
 
-    /// Returns `true` if a row isn't run because it ended the process alone. Its cells then say so.
+    /// Checks if a row ended the process when no other row ran. Such a row is skipped, and its cells then give the
+    /// reason.
     pub(super) fn ends(&self, row: &str, columns: &[Column], cells: &mut [Cell]) -> bool {
         let Some([.., _, last]) = self.culprits.get(row).map(Vec::as_slice) else { return false };
         let runs = |(column, cell): &(&Column, &mut Cell)| match &cell.stopped {
@@ -78,14 +77,14 @@ impl Journal {
         };
         let mut open: Vec<_> =
             columns.iter().zip(cells).filter(|pair| runs(pair).is_some()).collect();
-        // If the path is unknown, or another one, blame the row all the same, once.
+        // If the path is unknown, or isn't one of the open columns, blame the row on the first open column.
         let blamed = open.iter().position(|pair| runs(pair) == last.at.path).unwrap_or(0);
         let on = open.get(blamed).map_or_else(String::new, |(column, _)| column.to_string());
         for (index, (_, cell)) in open.iter_mut().enumerate() {
             cell.stopped = Some(match index == blamed {
                 true => Stop::Broke(last.why.clone()),
                 false => Stop::NotRun(format!(
-                    "it isn't run, as it ends the process on `{on}`: {}",
+                    "Karat doesn't run the row, because it ends the process on `{on}`: {}",
                     last.why
                 )),
             });
@@ -93,11 +92,12 @@ impl Journal {
         true
     }
 
-    /// Runs a row, and records where it is.
+    /// Runs a row, and records its path.
     pub(super) fn watched<T>(&self, row: &str, work: impl FnOnce() -> T) -> T {
         let Some(file) = self.file.clone() else { return work() };
         let row = At { package: self.package.clone(), row: row.to_owned(), path: None };
-        // If the line can't be written and the process ends, it isn't started again, and its status says how it ended.
+        // If this line can't be written and the process ends, [`restarted`] doesn't start the process again. Its exit
+        // status then shows how it ended.
         let write = move |line: Line| drop(line.write(&file));
         let note = {
             let (write, row) = (write.clone(), row.clone());
@@ -120,23 +120,23 @@ impl Journal {
 impl Line {
     fn write(&self, file: &Path) -> io::Result<()> {
         let mut file = std::fs::OpenOptions::new().create(true).append(true).open(file)?;
-        // After half a line, begin a new one.
+        // A killed process may have left half a line, so begin a new one.
         let begin = if matches!(self, Self::Process(_)) { "\n" } else { "" };
         file.write_all(format!("{begin}{}\n", serde_json::to_string(self)?).as_bytes())
     }
 }
 
-/// The lines of a file; empty if there is no file.
+/// Reads the lines of a file; none if the file doesn't exist.
 fn lines(file: &Path) -> io::Result<Vec<Line>> {
     let text = match std::fs::read_to_string(file) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
         text => text?,
     };
-    // A process that ended while writing left half a line.
+    // Skip the half line of a process that ended while it wrote.
     Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
 }
 
-/// The rows that were running when each process ended. If one passed the deadline, only that one.
+/// Finds the rows that were running when each process ended. If one row passed the deadline, only that row counts.
 fn culprits(lines: &[Line]) -> Vec<Culprit> {
     let (mut culprits, mut running, mut overdue) = (Vec::new(), Vec::<At>::new(), Vec::new());
     for line in lines {
@@ -154,7 +154,7 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
             }
             Line::Process(how) => {
                 let mut rows: BTreeMap<(String, String), At> = BTreeMap::new();
-                // The row with the path that it is on.
+                // Blame each running row together with its path.
                 for at in running.drain(..) {
                     rows.insert((at.package.clone(), at.row.clone()), at);
                 }
@@ -174,9 +174,9 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
     culprits
 }
 
-/// Runs a program that makes matrices, and runs it again each time that a row ends it: by the deadline, or because a
-/// driver crashes. The program passes the same file to [`Request::journal`](super::Request::journal). Returns the exit
-/// status of the last run.
+/// Runs a program that makes matrices. If a row ends the program, by its deadline or by a driver's crash, runs the
+/// program again. The program must pass the same file to [`Request::journal`](super::Request::journal). Returns the
+/// exit status of the last run.
 ///
 /// # Errors
 /// If the program can't be run, or the file can't be read or written.
@@ -184,7 +184,8 @@ pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     loop {
         let before = culprits(&lines(file)?).len();
         let status = program.status()?;
-        // A process that ends by itself has a small exit code. After a crash there is none, or a large one on Windows.
+        // A process that ends normally has a small exit code. After a crash there is no code, or on Windows a large
+        // one.
         if status.code().is_some_and(|code| (0..=255).contains(&code)) || is_asked_to_end(status) {
             return Ok(status);
         }
@@ -195,7 +196,6 @@ pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     }
 }
 
-/// Returns `true` if a signal asked the process to end.
 #[cfg(unix)]
 fn is_asked_to_end(status: ExitStatus) -> bool {
     /// SIGHUP, SIGINT and SIGTERM; POSIX defines these numbers.
@@ -219,7 +219,8 @@ mod tests {
         At { package, row, path: path.map(str::to_owned) }
     }
 
-    /// The row that was recorded first may have waited for the row that hung.
+    /// Several rows may be running when one row hangs. The first recorded row may only have waited for the row that
+    /// hung.
     // Lesson 161
     #[test]
     fn a_row_is_given_up_when_it_ends_the_process_alone() {
@@ -233,7 +234,7 @@ mod tests {
             ]
         };
         let crashes = |package: &str| {
-            // One row is done, and one waits for the other.
+            // One row has finished, and another row waits for the row that hangs.
             let over = at(package, "fast", Some("vulkan"));
             vec![
                 Line::Began(at(package, "slow", None)),
@@ -266,7 +267,7 @@ mod tests {
         }
     }
 
-    /// A row that crashes beside its dispatches is one finding. Half a line hides no other line.
+    /// A row that crashes outside of its dispatches is one finding. Half a line in the file hides no other line.
     #[test]
     fn a_row_that_runs_nowhere_is_blamed_once() {
         let folder = tempfile::tempdir().expect("a folder");

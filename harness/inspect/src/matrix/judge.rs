@@ -1,4 +1,4 @@
-//! Validators' verdicts on translations, and the statuses that follow.
+//! Validators' verdicts on translations, and the statuses that follow from the verdicts.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,35 +15,35 @@ use super::{Cell, Column, Status, Stop};
 /// A validator's verdict.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Said {
-    /// The command. `shader.*` is the file with the translation.
+    /// The command. `shader.*` stands for the file with the translation.
     pub command: String,
-    /// The validator's version, in its own words.
+    /// The validator's version, as the validator prints it.
     pub version: String,
     /// The outcome.
     pub outcome: Outcome,
-    /// `valid`, or the validator's own words.
+    /// `valid`, or the validator's message.
     pub verdict: String,
 }
 
-/// The outcome of a validator.
+/// The kind of a validator's verdict.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Nothing wrong.
+    /// The validator found no error.
     Valid,
-    /// Something wrong.
+    /// The validator found an error.
     Invalid,
-    /// None: it doesn't support all of the language.
+    /// There is no verdict, because the validator doesn't support all of the language.
     Unable,
-    /// None: it crashed, didn't end, or can't be run.
+    /// There is no verdict: the validator crashed, didn't end, or can't be run.
     Broke,
 }
 
-/// The validators' verdicts on the translations of some rows, by row and text, in the order of the tools.
+/// The validators' verdicts, by row and kind of text, in the order of the validators.
 pub(super) struct Judged(BTreeMap<(usize, Written), Vec<Said>>);
 
 impl Judged {
-    /// Asks each validator about all translations into a language together.
+    /// Runs each validator once for all translations into its language.
     pub(super) fn of(rows: &[&Ready], columns: &[Column], package: &Package) -> Self {
         let mut judged = BTreeMap::new();
         let mut written: Vec<Written> = columns.iter().map(|column| column.written()).collect();
@@ -61,7 +61,7 @@ impl Judged {
             for (row, _) in &made {
                 judged.insert((*row, written), Vec::new());
             }
-            // For the author's own text only naga counts: the engine runs naga's IR.
+            // Only naga judges the author's own text, because the engine runs naga's IR.
             let tools: Vec<&Tool> = match written {
                 Written::ByAuthor => vec![Tool::naga()],
                 Written::ByNaga(target) => Tool::of(target).collect(),
@@ -84,7 +84,7 @@ impl Judged {
         Self(judged)
     }
 
-    /// The cell of a row on a column, as far as translation and validation go.
+    /// Makes the cell of a row on a column, with the results of translation and validation.
     pub(super) fn cell(&self, row: usize, ready: &Ready, column: Column) -> Cell {
         let nothing = Cell::default();
         let made = ready.of(column);
@@ -114,13 +114,13 @@ impl Judged {
             None if own.is_empty() => {
                 let why = match made.written {
                     Written::ForTint => {
-                        "Tint isn't here: `karat doctor` says how to get it".to_owned()
+                        "Tint isn't installed: `karat doctor` shows how to install it".to_owned()
                     }
                     _ => no_validator(target),
                 };
                 (Status::Translated, Some(Stop::NoValidator(why)))
             }
-            // naga reads only a part of SPIR-V, so its verdict on its own output doesn't count.
+            // naga reads only a part of SPIR-V, so naga's verdict on its own output doesn't count.
             None if is_read_back(column) && !Tool::naga().targets().contains(&target) => {
                 let said = said(Tool::naga(), Tool::naga().validate(translation));
                 let text = format!("naga doesn't read it back: {}", said.verdict);
@@ -137,9 +137,10 @@ impl Judged {
     }
 }
 
-/// The verdict against a translation: a rejection, otherwise a validator without a verdict. A validator that doesn't
-/// support all of the language counts only if no other one accepts. `spirv-cross` writes source text from SPIR-V, and
-/// doesn't support all that is valid: if `spirv-val` accepts, it doesn't count.
+/// Returns the verdict that stops a translation: a rejection, or else a validator without a verdict. A validator that
+/// doesn't support all of the language counts only if no other validator accepts. `spirv-cross` turns SPIR-V into
+/// source text and doesn't support all valid SPIR-V, so a failure of `spirv-cross` doesn't count if `spirv-val`
+/// accepts.
 fn rejection(said: &[Said]) -> Option<&Said> {
     let of = |said: &Said, tool: &str| said.command.starts_with(tool);
     let accepted = said.iter().any(|said| of(said, "spirv-val") && said.outcome == Outcome::Valid);
@@ -150,7 +151,7 @@ fn rejection(said: &[Said]) -> Option<&Said> {
     first(Outcome::Invalid).or_else(|| first(Outcome::Broke)).or_else(unable)
 }
 
-/// A tool's verdicts on translations, split over all cores.
+/// Runs a tool on translations, split over all cores.
 fn ask(tool: &Tool, translations: &[&Translation]) -> Vec<Said> {
     use rayon::prelude::*;
     let size = translations.len().div_ceil(rayon::current_num_threads()).max(1);
@@ -159,7 +160,7 @@ fn ask(tool: &Tool, translations: &[&Translation]) -> Vec<Said> {
     all.map(|answer| said(tool, answer)).collect()
 }
 
-/// Tint's verdicts on the author's texts; empty if Tint isn't installed.
+/// Returns Tint's verdicts on the author's texts; empty if Tint isn't installed.
 fn ask_tint(package: &Package, translations: &[&Translation], about: &[&About]) -> Vec<Said> {
     let Ok(tint) = Tint::beside(&package.root(), false) else { return Vec::new() };
     let question = |(translation, about): (&&Translation, &&About)| {
@@ -175,7 +176,7 @@ fn ask_tint(package: &Package, translations: &[&Translation], about: &[&About]) 
         Question { text, pipelines, ..Question::default() }
     };
     let questions: Vec<Question> = translations.iter().zip(about).map(question).collect();
-    // If it reports no version, it gives no verdict, either.
+    // A Tint that can't report its version can't give a verdict, either.
     let version = tint.version().unwrap_or_default();
     let answers = tint.ask(&questions).into_iter();
     let said = answers.map(|answer| {
@@ -199,11 +200,13 @@ fn said(tool: &Tool, answer: std::io::Result<Validation>) -> Said {
             match said.verdict {
                 Verdict::Valid => (Outcome::Valid, "valid".to_owned()),
                 Verdict::Invalid(message) => (Outcome::Invalid, format!("invalid: {message}")),
-                Verdict::Unable(what) => (Outcome::Unable, format!("no verdict, as {what}")),
-                Verdict::Broke(how) => (Outcome::Broke, format!("no verdict, as it {how}")),
+                Verdict::Unable(what) => (Outcome::Unable, format!("no verdict, because {what}")),
+                Verdict::Broke(how) => (Outcome::Broke, format!("no verdict, because it {how}")),
             },
         ),
-        Err(error) => (name, (Outcome::Broke, format!("no verdict, as it can't be run: {error}"))),
+        Err(error) => {
+            (name, (Outcome::Broke, format!("no verdict, because it can't be run: {error}")))
+        }
     };
     Said { command, version, outcome, verdict }
 }

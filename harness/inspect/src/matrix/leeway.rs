@@ -1,4 +1,4 @@
-//! Finds results that WGSL leaves open: two columns that differ there are both right.
+//! Finds results that WGSL leaves open: if two columns differ in such a result, both are right.
 
 use karat::fixture::Fixtures;
 use karat::unstable::interpret::{Alone, Bound, Interpreted};
@@ -6,7 +6,7 @@ use karat::unstable::probe::Probed;
 use karat::unstable::reflect::BindingKind;
 use karat_core::value::Scalar;
 
-/// A function in Karat's engine, which knows the results that WGSL leaves open; empty if the engine can't execute the
+/// A function in Karat's engine, which computes the bounds that WGSL allows. Empty if the engine can't execute the
 /// function.
 #[derive(Default)]
 pub(super) enum Leeway {
@@ -16,21 +16,21 @@ pub(super) enum Leeway {
         function: Interpreted,
         loose: bool,
     },
-    /// Each case is a dispatch of its own.
+    /// The function writes, so each case runs as its own dispatch.
     Alone(Alone),
 }
 
-/// The lanes of some cases that WGSL leaves open.
+/// The lanes that WGSL leaves open, for some cases.
 pub(super) struct Latitude {
-    /// The bounds of each lane; `None` if they are unknown, as for derivatives.
+    /// The allowed bounds of each lane; `None` if the bounds are unknown, as for derivatives.
     pub(super) bounds: Option<Vec<Bound>>,
     /// The lanes that depend on a read or a write outside an array.
     strays: Vec<bool>,
-    /// `true` if bounds are wider than WGSL allows: those of a texture contain all of its texels.
+    /// `true` if the bounds are wider than WGSL allows. The bounds of a texture contain all of its texels.
     loose: bool,
 }
 
-/// The lanes of a case that WGSL leaves open.
+/// The lanes that WGSL leaves open, for one case.
 #[derive(Clone, Copy)]
 pub(super) struct OfCase<'l> {
     bounds: Option<&'l [Bound]>,
@@ -38,16 +38,15 @@ pub(super) struct OfCase<'l> {
     loose: bool,
 }
 
-/// The verdict on two results of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Freedom {
     /// Any value is allowed, so both are right even if they differ.
     Any,
     /// WGSL allows both results.
     Both,
-    /// One of them isn't allowed.
+    /// WGSL forbids at least one of the results.
     NotBoth,
-    /// The allowed results are unknown.
+    /// The bounds of the lane are unknown.
     Unknown,
 }
 
@@ -65,7 +64,7 @@ impl Leeway {
         }
     }
 
-    /// The open lanes of these cases; `None` if they are unknown.
+    /// Computes the open lanes of these cases; `None` if they are unknown.
     pub(super) fn at(&self, rows: &[u32], cases: usize) -> Option<Latitude> {
         match self {
             Self::Unknown => None,
@@ -83,7 +82,7 @@ impl Leeway {
 }
 
 impl Latitude {
-    /// The lanes of a case whose result has `width` lanes.
+    /// Selects a case whose result has `width` lanes.
     pub(super) fn case(&self, case: usize, width: usize) -> OfCase<'_> {
         let lanes = case * width..(case + 1) * width;
         let bounds = self.bounds.as_ref().and_then(|bounds| bounds.get(lanes.clone()));
@@ -92,7 +91,6 @@ impl Latitude {
 }
 
 impl OfCase<'_> {
-    /// Judges two results of a lane.
     pub(super) fn freedom(&self, lane: usize, scalar: Scalar, results: [u32; 2]) -> Freedom {
         if self.strays.get(lane) == Some(&true) {
             return Freedom::Any;
@@ -146,13 +144,13 @@ mod tests {
         assert_eq!(f(1, two), [Freedom::Both, Freedom::Both]);
         assert_eq!(f(1, three), [Freedom::NotBoth, Freedom::Both]);
         assert_eq!(f(7, three), [Freedom::Any, Freedom::Unknown]);
-        // A write outside may change any element; a division by zero is defined.
+        // A write outside of the array may change any element. WGSL defines the result of a division by zero.
         let g = |i: u32, n: u32| freedom("g", [i, n], Scalar::I32, [[0, 0], [7, 0]]);
         assert_eq!(g(1, 0), [Freedom::Both, Freedom::NotBoth]);
         assert_eq!(g(9, 0), [Freedom::Any, Freedom::Unknown]);
     }
 
-    /// An atomic operation outside its array may change another element, or none.
+    /// An atomic operation outside of its array may change another element, or no element.
     // Lesson 163
     #[test]
     fn an_atomic_out_of_bounds_has_open_results() {

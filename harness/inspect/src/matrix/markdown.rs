@@ -8,7 +8,7 @@ use karat_core::output::{counted, markdown, visible};
 use super::{Cell, Matrix, Status, Stop};
 
 impl Cell {
-    /// Its word in a table: how far it got, that it is wrong, or that this is known.
+    /// The cell's word in a table: the status, a kind of failure, or `known` for a declared failure.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match (self.status, &self.stopped) {
@@ -24,7 +24,7 @@ impl Cell {
 }
 
 impl Cell {
-    /// The reason why it stops, and its weight.
+    /// Returns the reason why the row stops here, and the weight of this reason.
     fn reason(&self) -> Option<(Weight, String)> {
         if let Some(known) = self.fails_as_declared() {
             return Some((Weight::Other, format!("known: {}", known.reason)));
@@ -40,7 +40,6 @@ impl Cell {
     }
 }
 
-/// The weight of a reason.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Weight {
     Wrong,
@@ -49,10 +48,9 @@ enum Weight {
     Absent,
 }
 
-/// The most rows that a list names.
 const MOST_NAMES: usize = 6;
 
-/// A name as code: a plain one between backticks, any other one as escaped HTML.
+/// Formats a name as code: a plain name between backticks, any other name as escaped HTML.
 fn code(name: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "_:.-#@ (),".contains(c);
     match name.chars().all(plain) {
@@ -61,10 +59,10 @@ fn code(name: &str) -> String {
     }
 }
 
-/// A sentence with code between single backticks.
+/// Formats a sentence, with code between single backticks.
 fn prose(text: &str) -> String {
     let parts: Vec<&str> = text.split('`').collect();
-    // Backticks come in pairs, and never two side by side: so exactly the parts between them are code.
+    // The backticks come in pairs, and never two side by side, so exactly the parts between the pairs are code.
     if text.contains("``") || parts.len().is_multiple_of(2) {
         return markdown(text);
     }
@@ -76,14 +74,13 @@ fn prose(text: &str) -> String {
 }
 
 impl Matrix {
-    /// The reasons why rows stop, each with its columns and rows. First those with something wrong, then those with
-    /// something missing or not run; within each, the most frequent first.
+    /// Lists the reasons why rows stop, each with its columns and rows. Faults are first, then things that didn't run,
+    /// then missing validators and paths. Within each group, the most frequent reason is first.
     #[must_use]
     pub fn reasons(&self) -> Vec<(String, Vec<String>)> {
         self.ranked_reasons().into_iter().map(|(_, why, rows)| (why, rows)).collect()
     }
 
-    /// The reasons, each with its weight.
     fn ranked_reasons(&self) -> Vec<(Weight, String, Vec<String>)> {
         #[derive(Default)]
         struct Where<'m> {
@@ -118,7 +115,8 @@ impl Matrix {
         reasons.into_iter().map(shown).collect()
     }
 
-    /// The number of results that differ where WGSL leaves them open, which isn't a finding; `None` if none does.
+    /// Counts the results that differ where WGSL leaves the result open. Such a difference isn't a finding. `None` if
+    /// no result differs.
     #[must_use]
     pub fn open(&self) -> Option<String> {
         let open = |cell: &&Cell| cell.open > 0;
@@ -141,8 +139,8 @@ impl Matrix {
         ))
     }
 
-    /// The matrix as a page of Markdown: the columns that ran, the number of rows by status, each row, and the reasons
-    /// why rows stop.
+    /// Writes the matrix as a page of Markdown: the columns, the validators, the number of rows by status, each row,
+    /// and the reasons why rows stop.
     #[must_use]
     pub fn markdown(&self) -> String {
         self.write_markdown().expect("writing to a String never fails")
@@ -176,7 +174,7 @@ impl Matrix {
             writeln!(text, "\n{open}.")?;
         }
         writeln!(text, "\n## Why rows stop\n")?;
-        // A column that isn't available says so in its head.
+        // The table of columns already shows why a column isn't available.
         let whole = |(weight, _, rows): &(Weight, String, Vec<String>)| {
             *weight == Weight::Absent && rows.len() * 2 > self.rows.len()
         };
@@ -191,7 +189,7 @@ impl Matrix {
         Ok(text)
     }
 
-    /// The number of rows that reach at least this status on a column.
+    /// Counts the rows that reach at least this status on a column.
     #[must_use]
     pub fn count(&self, column: usize, status: Status) -> usize {
         let rows = self.rows.iter().filter(|row| row.is_judged());
@@ -204,7 +202,7 @@ impl Matrix {
 mod tests {
     use super::*;
 
-    /// The HTML outside code, in a text without two adjacent backticks.
+    /// Returns the text outside of code, for a text without two adjacent backticks.
     fn bare(text: &str) -> String {
         text.split('`').step_by(2).collect()
     }

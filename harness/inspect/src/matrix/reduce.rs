@@ -8,14 +8,12 @@ use karat_core::value::Scalar;
 use super::execute::{Comparison, Judge};
 use super::leeway::{Latitude, Leeway};
 
-/// Rounds of simplification.
 const ROUNDS: usize = 24;
 
-/// Two columns, and the tolerance between them.
 pub(super) struct Pair<'r, 'p> {
     pub(super) expected: &'r Caller<'p>,
     pub(super) actual: &'r Caller<'p>,
-    /// The inputs to search for simpler ones.
+    /// The inputs from which simpler values may come.
     pub(super) inputs: &'r dyn Stream,
     pub(super) arguments: &'r [Scalar],
     pub(super) results: &'r [Scalar],
@@ -23,7 +21,6 @@ pub(super) struct Pair<'r, 'p> {
     pub(super) leeway: &'r Leeway,
 }
 
-/// An input on which two columns differ, with both results.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Case {
     pub(super) row: Vec<u32>,
@@ -32,8 +29,8 @@ pub(super) struct Case {
 }
 
 impl Pair<'_, '_> {
-    /// Simplifies the arguments of a case as long as the columns differ when it runs alone. `None` if they agree then:
-    /// the difference depends on the cases that run beside it.
+    /// Simplifies the arguments of a case, as long as the columns still differ when only this case runs. `None` if the
+    /// columns then agree: the difference depends on the cases that run beside this one.
     pub(super) fn reduce(&self, found: &Case) -> Option<Case> {
         let mut simplest = found.row.clone();
         for _ in 0..ROUNDS {
@@ -43,13 +40,13 @@ impl Pair<'_, '_> {
                 None => break,
             }
         }
-        // Run a case that was found among others alone.
+        // Run the case on its own, because it was found among others.
         self.first_that_differs(&[simplest])
             .or_else(|| self.first_that_differs(std::slice::from_ref(&found.row)))
     }
 
-    /// Compares the results of some rows. A case that differs because one column flushes its arguments is open,
-    /// whatever is known about the function: WGSL lets operations treat subnormals as zeros (15.7.2).
+    /// Compares the results of some rows. If one column flushes the arguments of a case and another doesn't, the case
+    /// is open for any function: WGSL lets operations treat subnormals as zeros (15.7.2).
     pub(super) fn compare(
         &self,
         rows: &[u32],
@@ -77,7 +74,8 @@ impl Pair<'_, '_> {
         seen
     }
 
-    /// The first of these rows on which the columns differ; `None` if there is none, or a column can't run them.
+    /// Returns the first of these rows on which the columns differ; `None` if there is none, or a column can't run
+    /// them.
     fn first_that_differs(&self, rows: &[Vec<u32>]) -> Option<Case> {
         if rows.is_empty() {
             return None;
@@ -107,7 +105,6 @@ mod tests {
     use karat_core::domain::{Dynamic, Part};
     use karat_core::tolerance::{Abs, Tolerance};
 
-    /// Computes each result from all arguments together.
     #[derive(Debug)]
     struct By(fn(&[u32]) -> Vec<u32>);
 
@@ -139,7 +136,7 @@ mod tests {
         }
     }
 
-    /// Some drivers use one invocation's value for all that run together.
+    /// Some drivers use the value of one invocation for all invocations that run together.
     // Lesson 156
     #[test]
     fn a_difference_that_needs_other_invocations_is_not_simplified() {
@@ -171,7 +168,7 @@ mod tests {
         assert_eq!(reduced(wrong), Some(simplest), "with its own results");
     }
 
-    /// A column that treats a subnormal as 0 is right; one that returns something else isn't.
+    /// A column that treats a subnormal as 0 is right. A column that returns something else is wrong.
     #[test]
     fn only_flushed_results_are_open() {
         let kept = |all: &[u32]| {

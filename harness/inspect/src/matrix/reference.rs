@@ -8,21 +8,21 @@ use serde::Serialize;
 
 use super::{Cell, Matrix, Row, Status, Stop};
 
-/// The verdicts of a function's tests on one path.
+/// The verdicts of a function's own tests on one path.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Reference {
-    /// Checks that ran there.
+    /// The number of checks that ran on the path.
     pub checks: usize,
-    /// Those that failed.
+    /// The names of the checks that failed.
     pub failed: Vec<String>,
-    /// The largest error as a share of what its check allows; `None` if it isn't a number.
+    /// The largest error, divided by the error that its check allows; `None` if the error isn't a number.
     pub worst: Option<f64>,
 }
 
 impl Matrix {
-    /// Judges functions by the verdicts of their tests on the same path, from the record of a run. A test compares with
-    /// a reference, with a tolerance that its author chose for the function, so its verdict counts; the comparison with
-    /// other columns stays in the cell. Skips verdicts on files that have changed since.
+    /// Judges functions by the verdicts of their own tests on the same path. `records` come from a test run. A test
+    /// compares results with a reference, and its author chose the tolerance, so the verdict decides the cell's status.
+    /// The comparison with other columns stays in the cell. Skips verdicts on files that have changed since the run.
     ///
     /// Returns the number of cells that were judged.
     pub fn judge_by(&mut self, records: &[Record]) -> usize {
@@ -55,7 +55,7 @@ impl Matrix {
 fn judge(cell: &mut Cell, found: &[(&Record, PathRecord)]) {
     let mut reference = Reference { checks: found.len(), ..Reference::default() };
     for (record, path) in found {
-        // A path without failures passes, whatever happened on others.
+        // If no case failed on this path, the check passes on this path, even if it fails on others.
         if path.failures > 0 || (record.paths.len() == 1 && record.verdict != Verdict::Pass) {
             reference.failed.push(record.test.clone());
         }
@@ -74,7 +74,7 @@ fn judge(cell: &mut Cell, found: &[(&Record, PathRecord)]) {
     cell.reference = Some(reference);
 }
 
-/// Returns `true` if a verdict is about the current files.
+/// Checks if a verdict is about the current files.
 fn is_current(record: &Record) -> bool {
     let same = |read: &FileRead| FileRead::now(&read.file) == *read;
     record.overlay.is_none() && !record.read.is_empty() && record.read.iter().all(same)

@@ -23,7 +23,7 @@ use crate::limits::REPEATED;
 use crate::made_up::{self, Content, Ranges};
 use crate::work;
 
-/// Runs a row on the columns that got far enough, and compares the results.
+/// Runs a row on the columns where its translation is valid, and compares the results.
 pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row {
     for cell in &mut cells {
         let entry_point = matches!(ready.about, About::EntryPoint { .. });
@@ -50,7 +50,7 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                         })
                         .map(of)
                 };
-                // A content that the pass changes shows its effect.
+                // The comparison needs a content that the pass changes.
                 let shows = |one: &Result<(Passes, _), String>| {
                     one.as_ref().map_or(true, |(passes, _)| changes(passes) != Some(false))
                 };
@@ -62,7 +62,7 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                     buffers = data.iter().filter_map(super::Buffer::of).collect();
                 }
             }
-            // The translation is that of the entry point, but the run calls it as a function.
+            // naga translated the entry point, but Karat runs the function.
             None => match request.probed(&ready.row.name) {
                 Ok(probed) => run_function(request, &probed, &mut cells),
                 Err(error) => {
@@ -80,13 +80,13 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
     let ranges = Ranges::of(&request.package).map_err(|error| error.to_string());
     let drawn = ranges.and_then(|ranges| {
         let fixtures = made_up::fixtures(probed, &ranges, made_up::beyond(probed)[0]);
-        // A resource that can't be generated fails where it is used.
+        // If Karat can't generate a resource, the calls that use the resource fail.
         let rows = work::rows(probed, &ranges, &fixtures.unwrap_or_default(), request.cases)?;
         Ok((rows, ranges))
     });
     let (rows, ranges) = match drawn {
         Ok(drawn) => drawn,
-        // Only a declared range can be without values.
+        // Only a declared range can contain no values.
         Err(why) => {
             for cell in cells.iter_mut().filter(|cell| cell.stopped.is_none()) {
                 cell.stopped = Some(Stop::Broke(why.clone()));
@@ -125,7 +125,7 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
 }
 
 impl Cell {
-    /// Adds other cases of the same function. The worse verdict counts.
+    /// Adds the results of other cases of the same function. The worse verdict counts.
     fn add(&mut self, other: Self) {
         let worst = self.worst_ulp.max(other.worst_ulp);
         let counts = [self.compared, self.differing, self.open];
@@ -158,7 +158,7 @@ fn run_cases(
     cells: &mut [Cell],
 ) {
     let mut ran: Vec<Ran<'_>> = Vec::new();
-    // If one driver reports an endless loop, others would hang.
+    // If one driver reports an endless loop, the other drivers would hang.
     let mut endless: Option<String> = None;
     for (index, column) in request.columns.iter().enumerate() {
         let cell = &mut cells[index];
@@ -197,11 +197,12 @@ fn results<'p>(
     (rows, cases): (&[u32], usize),
     endless: &mut Option<String>,
 ) -> Result<(Caller<'p>, Vec<u32>), Stop> {
-    // An unavailable path is one reason, a function that can't run there another.
+    // Tell an unavailable path from a function that the path can't run.
     karat::unstable::path::adapter(path).map_err(|error| Stop::Unavailable(error.to_string()))?;
     let mut stop = |error: ProbeError| {
         if let ProbeError::Rounds { .. } = error {
-            *endless = Some(format!("on `{path}` a loop of it doesn't end for these inputs"));
+            *endless =
+                Some(format!("on `{path}` a loop of the function doesn't end for these inputs"));
         }
         Stop::NotRun(not_run(error))
     };
@@ -249,7 +250,7 @@ fn compare_all(
         cell.open = seen.open;
         if seen.compared == 0 {
             let none = match latitude {
-                Some(_) => "WGSL leaves open what each case returns",
+                Some(_) => "WGSL leaves the result of every case open",
                 None => "no case has a finite result",
             };
             cell.stopped = Some(Stop::NothingToCompare(none.to_owned()));
@@ -271,7 +272,7 @@ fn compare_all(
             let width = results.len();
             let of = |ran: &Ran<'_>| ran.results[case * width..(case + 1) * width].to_vec();
             let (was, is) = (of(first), of(other));
-            // Compare with both columns, by the same rule that compared them with each other.
+            // Compare with both columns, by the rule that compared these two columns.
             let agrees = |one: &[u32], with: &[u32]| {
                 let latitude = latitude.map(|all| all.case(*case, width));
                 !judge.case(with, one, latitude).differs
@@ -300,7 +301,7 @@ mod tests {
     use super::*;
     use karat::Package;
 
-    /// A matrix of those of these columns that are available here.
+    /// Makes a matrix with those columns of `columns` that this machine has.
     fn matrix(text: &str, columns: &[&str]) -> Matrix {
         let columns =
             columns.iter().map(|name| name.parse::<super::super::Column>().expect("a column"));
@@ -346,7 +347,7 @@ mod tests {
 
     #[test]
     fn results_within_the_wgsl_bound_agree() {
-        // GL's `mix` cancels, and so does the distance to a near point.
+        // GL's `mix` cancels digits, and so does the distance to a near point.
         let text = "
             fn blend(p: f32, q: f32, h: f32) -> f32 { return mix(p, q, clamp(h, 0.0, 1.0)); }
             fn union_of(p: f32, q: f32) -> f32 {
@@ -380,7 +381,7 @@ mod tests {
                 assert_eq!(cell.differs(), is_gl, "{name}: {:?}", cell.stopped);
                 let said = cell.stopped.as_ref().map_or("", Stop::text);
                 assert_eq!(said.contains("where samplers repeat"), is_gl, "{said}");
-                // The two others agree against it.
+                // The other two columns agree against GL.
                 let suspect = (is_gl && made.columns.len() == 3).then_some("gl");
                 assert_eq!(cell.suspect.as_deref(), suspect, "{said}");
             }

@@ -23,9 +23,9 @@ use rayon::prelude::*;
 /// Functions and entry points on every column.
 #[derive(Clone, Debug, Serialize)]
 pub struct Matrix {
-    /// The package.
+    /// The package's name.
     pub package: String,
-    /// The version of naga that wrote these translations. Other versions write others.
+    /// The version of naga that wrote these translations. Other versions may write other translations.
     pub naga: String,
     /// The validators, with their versions.
     pub validators: BTreeMap<String, String>,
@@ -35,21 +35,21 @@ pub struct Matrix {
     pub columns: Vec<Head>,
     /// The rows, in the order of modules and lines.
     pub rows: Vec<Row>,
-    /// The declarations that can't be checked here: the column isn't in the matrix, the row can't be judged, or a
+    /// The declarations that can't be checked here: the matrix lacks the column, the row can't be judged, or a
     /// validator or a driver is missing.
     pub undecided: Vec<Known>,
 }
 
-/// The head of a column.
+/// The description of a column.
 #[derive(Clone, Debug, Serialize)]
 pub struct Head {
-    /// Its name.
+    /// The column's name.
     pub name: String,
-    /// The language of its translations.
+    /// The language of the column's translations.
     pub language: String,
-    /// The adapter and the driver that run it.
+    /// The adapter and the driver that run the column.
     pub adapter: Option<String>,
-    /// The reason why nothing runs it.
+    /// The reason why no driver runs the column.
     pub unavailable: Option<String>,
 }
 
@@ -63,59 +63,59 @@ pub enum MatrixError {
     /// An environment variable has an invalid setting.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// There is no row.
+    /// No function or entry point matches.
     #[error("package `{package}` has no function and no entry point{}", match only.as_slice() {
         [] => String::new(),
         names => format!(" whose name contains `{}`", names.join("` or `")),
     })]
     Nothing {
-        /// The package.
+        /// The package's name.
         package: String,
         /// The parts of names that were requested.
         only: Vec<String>,
     },
-    /// There is no column, or no case.
+    /// The request has no column or no case.
     #[error("a matrix has at least one column and one case")]
     Empty,
-    /// There are more cases than fit into memory.
-    #[error("a matrix has at most {most} cases a function, not {cases}")]
+    /// The cases need more memory than a matrix may use.
+    #[error("a matrix has at most {most} cases for each function, not {cases}")]
     TooMany {
-        /// The requested number.
+        /// The requested number of cases for each function.
         cases: usize,
-        /// The largest number.
+        /// The largest allowed number.
         most: usize,
     },
-    /// The file that records which row ran when a process ended can't be read.
-    #[error("can't read `{file}`, which says what ran as a process ended: {why}")]
+    /// The journal can't be read. The journal records the rows that ran when a process ended.
+    #[error("can't read the journal `{file}`: {why}")]
     Journal {
-        /// The file.
+        /// The file's path.
         file: String,
         /// The reason.
         why: String,
     },
-    /// A declaration about a row that doesn't work is impossible.
+    /// A declaration about a failing row can't be right.
     #[error("row `{row}` is declared not to work on `{column}`: {why}")]
     Known {
-        /// The row.
+        /// The row's name.
         row: String,
-        /// The column.
+        /// The column's name.
         column: String,
         /// The problem.
         why: String,
     },
-    /// An override that no row has, or a value that doesn't fit its type.
-    #[error("an override: {0}")]
+    /// No row has the override, or the value doesn't fit the override's type.
+    #[error("wrong override: {0}")]
     Override(String),
     /// A column is named twice.
     #[error("the column `{0}` is named twice")]
     Repeated(String),
 }
 
-/// The most cases of a function, all in memory on each column: as many as `karat call` accepts.
+/// The most cases of each function, as all cases are in memory on each column. `karat call` has the same limit.
 const MOST_CASES: usize = 1 << 22;
 
-/// The rows that are translated, judged and run together: enough to share a validator's process, and few enough that
-/// their texts fit into memory.
+/// The number of rows that are translated, judged and run together: enough to share a validator's process, and few
+/// enough that the translations fit into memory.
 const TOGETHER: usize = 64;
 
 pub(super) fn make(
@@ -157,10 +157,10 @@ pub(super) fn make(
     let all = items.len();
     let order: BTreeMap<String, usize> =
         items.iter().enumerate().map(|(index, item)| (item.name.clone(), index)).collect();
-    // Suspected rows first, each alone: if one ends the process again, no other row is running.
+    // Suspected rows run first, one at a time: if a row ends the process again, no other row is running.
     let suspected: Vec<FunctionItem> =
         items.extract_if(.., |item| journal.is_suspected(&item.name)).collect();
-    // Open devices before the rows need them, one after the other.
+    // Open the devices in turn, before the rows need them.
     let columns = request.columns.iter().map(head).collect();
     let done = Mutex::new(0);
     let together = suspected.chunks(1).chain(items.chunks(TOGETHER));
@@ -187,7 +187,7 @@ pub(super) fn make(
                 (Subject::Ready(ready), None) => ready.row(Vec::new()),
                 (Subject::Row(row), _) => *row,
             };
-            // Report a count before another thread counts, so that reports stay in order.
+            // Report while holding the lock, so that reports stay in order.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
             *done += 1;
             progress(*done, all);
@@ -205,7 +205,7 @@ pub(super) fn make(
     Ok(Matrix { package, naga, validators, cases, columns, rows, undecided })
 }
 
-/// The functions and entry points, and a row for each module that can't be read.
+/// Lists the functions and entry points, and makes a row for each module that can't be read.
 fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageError> {
     let (mut items, mut unread) = (Vec::new(), Vec::new());
     for module in package.modules()? {
@@ -217,7 +217,7 @@ fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageErro
     Ok((items, unread))
 }
 
-/// The declarations in the test and in `karat.toml`.
+/// Collects the declarations in the test and in `karat.toml`.
 fn known(request: &Request) -> Result<Vec<Known>, MatrixError> {
     let mut all = request.known.clone();
     for written in known_rows(&request.package)? {
@@ -252,7 +252,7 @@ fn head(column: &Column) -> Head {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Missed {
-    /// No column has this name.
+    /// The matrix has no column of this name.
     #[error("the matrix has no column `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoColumn {
@@ -261,14 +261,14 @@ pub enum Missed {
         /// The closest column.
         nearest: Option<String>,
     },
-    /// No row is an entry point, or a function that a kernel can call.
+    /// No row is an entry point or a function that a kernel can call.
     #[error(
         "the matrix has no row to judge: there is no entry point, and no function can be called"
     )]
     NoRow,
-    /// All rows were translated, but nothing else.
+    /// naga translated the rows, but no validator or path judged a row.
     #[error(
-        "of {rows} rows none was judged: there is no validator of these languages, and nothing ran \
+        "none of the {rows} rows was judged: no validator of these languages is installed, and no path ran \
              them; `karat doctor` lists what is missing and how to get it"
     )]
     NothingJudged {
@@ -300,10 +300,7 @@ pub enum Missed {
     },
     /// A declaration names a row that the matrix doesn't have.
     #[error("a declaration names the row `{name}`, which the matrix doesn't have")]
-    NoSuchRow {
-        /// The row.
-        name: String,
-    },
+    NoSuchRow { name: String },
 }
 
 fn list(rows: &[(String, String)]) -> String {
@@ -312,10 +309,10 @@ fn list(rows: &[(String, String)]) -> String {
 }
 
 impl Matrix {
-    /// Checks that there is a row, and a cell that a validator or another column has judged.
+    /// Checks that the matrix has a row, and a cell that a validator or another column has judged.
     ///
     /// # Errors
-    /// If one is missing.
+    /// If there is no such row, or no such cell.
     pub fn try_expect_evidence(&self) -> Result<(), Missed> {
         let rows = self.rows.iter().filter(|row| row.is_judged()).count();
         let judged = |cell: &Cell| {
@@ -327,23 +324,23 @@ impl Matrix {
         match self.rows.iter().flat_map(|row| &row.cells).any(judged) {
             _ if rows == 0 => Err(Missed::NoRow),
             true => Ok(()),
-            // An unreadable module is reported on its own.
+            // An unreadable module is reported as its own error.
             false if self.rows.iter().any(|row| row.is_judged() && row.error.is_some()) => Ok(()),
             false => Err(Missed::NothingJudged { rows }),
         }
     }
 
-    /// Checks that every row reaches a status on a column. Functions that no kernel can call are left out.
+    /// Checks that every row reaches a status on a column. Functions that no kernel can call don't count.
     ///
     /// # Panics
-    /// If a row doesn't reach it, or there is no such column or no row.
+    /// If a row doesn't reach the status, or if the matrix has no such column or no row.
     #[track_caller]
     pub fn expect(&self, column: &str, status: Status) {
         self.expect_but(column, status, &[]);
     }
 
-    /// Does the same as [`expect`](Self::expect), except for rows that are declared with a reason. These must not reach
-    /// the status: an outdated declaration is an error.
+    /// Does the same as [`expect`](Self::expect), except for the rows in `known`, each with a reason. These rows must
+    /// not reach the status: an outdated declaration is an error.
     ///
     /// # Panics
     /// As [`expect`](Self::expect), and if a declared row reaches the status.
@@ -355,7 +352,8 @@ impl Matrix {
     /// Does the same as [`expect_but`](Self::expect_but), without the panic.
     ///
     /// # Errors
-    /// If a row doesn't reach the status, a declared one does, or there is no such column or no row.
+    /// If a row doesn't reach the status, if a declared row reaches the status, or if the matrix has no such column or
+    /// no row.
     pub fn try_expect_but(
         &self,
         column: &str,
@@ -401,7 +399,6 @@ impl Matrix {
 }
 
 impl Row {
-    /// The row of a module that can't be read.
     fn of_module(module: &str, error: String) -> Self {
         let source = Source { file: String::new(), line: 1, text: String::new() };
         Self {
@@ -416,18 +413,18 @@ impl Row {
         }
     }
 
-    /// Returns `true` if there is something to judge. A function that no kernel can call has nothing.
+    /// Checks if there is something to judge. A function that no kernel can call can't be judged.
     #[must_use]
     pub fn is_judged(&self) -> bool {
         self.kind != "not callable"
     }
 
-    /// The reason why it gets no further on a column.
+    /// Returns the reason why the row reaches no further status on a column.
     #[must_use]
     pub fn why(&self, column: usize) -> String {
         let stopped = self.cells.get(column).and_then(|cell| cell.stopped.as_ref());
         let text = stopped.map(super::Stop::text).or(self.error.as_deref());
-        text.unwrap_or("it isn't known why").to_owned()
+        text.unwrap_or("the reason isn't known").to_owned()
     }
 }
 
@@ -444,7 +441,7 @@ mod tests {
         let told = Mutex::new(Vec::new());
         let request = crate::matrix(&package).columns(["cpu".parse().expect("a column")]).cases(4);
         let made = request.run_with(&|done, of| told.lock().expect("whole").push((done, of)));
-        // A module that can't be read is a row without work.
+        // A module that can't be read becomes a row without cells.
         assert_eq!(made.expect("made").rows.len(), TOGETHER + 4);
         let all = TOGETHER + 3;
         assert_eq!(

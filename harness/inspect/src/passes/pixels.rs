@@ -1,5 +1,5 @@
-//! Runs a fragment function that writes storage as a pass: each invocation is a pixel, and nothing orders the pixels of
-//! a draw.
+//! Runs a fragment function that writes storage as a compute pass. Each invocation is a pixel, because the pixels of a
+//! draw run in no fixed order.
 
 use std::sync::Arc;
 
@@ -11,19 +11,18 @@ use karat::unstable::probe::Probed;
 
 use crate::made_up::{Arguments, Content, Extents, Mix, Ranges, Resources};
 
-/// The sizes of draws in pixels, across and down, taken in turn. They have about as many pixels as a compute pass of 8
-/// x 8 workgroups usually has invocations, and rows and columns differ. In one of them an edge at any tenth, quarter or
-/// third splits a quad.
+/// The sizes of draws in pixels, across and down; each content uses the next size. A draw has about as many pixels as a
+/// compute pass of 8 x 8 workgroups usually has invocations, and rows and columns differ. For each edge at a tenth, a
+/// quarter or a third of a draw, some size has this edge inside a quad.
 const SIZES: [[u32; 2]; 4] = [[18, 26], [14, 22], [22, 30], [10, 34]];
 
-/// The seed: functions with the same signature get the same rows, on every machine.
 const SEED: u64 = 0x7069_7865_6c73; // "pixels"
 
-/// The pixels of a draw, with generated inputs and resources whose sizes follow from the pixels. A single pixel if
-/// requested.
+/// Builds a draw of several pixels or of a single one, with generated inputs and with resources that fit the draw's
+/// size.
 ///
 /// # Errors
-/// If the function isn't valid, or an input or a resource can't be generated.
+/// If the function isn't valid, or Karat can't generate an input or a resource.
 pub(crate) fn of_pixels(
     package: &Package,
     name: &str,
@@ -36,7 +35,7 @@ pub(crate) fn of_pixels(
     let probed = Probed::with_overrides(package, name, &overrides);
     let probed = probed.map_err(|error| error.to_string())?;
     let (program, function) = (&probed.program, probed.function());
-    // A single pixel has the rest of its quad for neighbours.
+    // The other pixels of a single pixel's quad are its neighbours.
     let whole = SIZES[content.draw % SIZES.len()];
     let (size, [across, down]) = if single { ([1; 2], [2; 2]) } else { (whole, whole) };
     let extents_of = |content| Extents::of([1; 3], [whole[0], whole[1], 1], content);
