@@ -1486,7 +1486,7 @@ mod tests {
         let Change::Unjudged { reason } = &endless.change else { panic!("{endless:?}") };
         assert_eq!(
             reason,
-            "after the edit a loop of it goes round too often to compare it, or doesn't end"
+            "after the edit a loop runs too often to be compared, or doesn't end"
         );
     }
 

@@ -21,8 +21,8 @@ pub(crate) const CONTENTS: usize = 6;
 /// operands.
 pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 
-/// The number of failing cases in which the known inputs are held constant, one input after the other. One of the first
-/// cases is an end of a range.
+/// The most failing cases of a finding that run again, with the known inputs held and the other inputs sampled anew.
+/// The first of these cases include an end of a range.
 pub(crate) const HOLDS: usize = 4;
 
 /// The most such cases for all findings of a function together. Each case costs a twentieth of the function's trial.
@@ -38,8 +38,8 @@ pub(crate) const VARIED: usize = 32;
 /// The most members of buffers, arrays and textures that vary separately. Each costs one run for each content.
 pub(crate) const INPUTS_TRIED: usize = 16;
 
-/// The least number of calls by callers that must run an operation before Karat judges a finding in that operation by
-/// its callers. The first hundred calls include edges of the callers' inputs.
+/// The least number of the callers' calls that must run an operation without an error, before its requirement counts as
+/// met. The first hundred calls include edges of the callers' inputs.
 pub(crate) const MET: usize = 256;
 
 /// The most operations that all inputs of a function run together, with one content of its resources. One core needs

@@ -1208,7 +1208,10 @@ fn a_tail_without_its_guard_is_found() {
         let wrong = look(less);
         let beyond = wrong.found.iter().find(|one| one.kind == Kind::OutOfRange);
         let told = beyond.map(ToString::to_string).unwrap_or_default();
-        assert!(told.contains("where the elements are no multiple of the workgroup"), "{wrong}");
+        assert!(
+            told.contains("where the number of elements isn't a multiple of the workgroup's size"),
+            "{wrong}"
+        );
         assert!(told.contains(" and `v` has "), "{told}");
     }
 }

@@ -949,7 +949,7 @@ mod planted {
         assert_eq!(found["unseen"], serde_json::json!(["p"]), "pointers can't be looked at");
         assert!(found["first"]["text_line"].is_u64(), "{found}");
         let says = &row(&json(&ran.out), "maths::blend")["vulkan:hlsl"]["stopped"]["says"];
-        assert!(says.as_str().is_some_and(|says| says.contains("(not looked at: `p`)")), "{says}");
+        assert!(says.as_str().is_some_and(|says| says.contains("(not compared: `p`)")), "{says}");
     }
 
     /// In a loop the last values are compared, which is said; the report of an entry point repeats it.

@@ -137,7 +137,7 @@ impl Request {
                     Err(ProbeError::Rounds { .. })
                         if pair.old.results(&shared.rows(&rows, count), count).is_ok() =>
                     {
-                        return Err("after the edit a loop of it goes round too often to compare it, or doesn't end".to_owned());
+                        return Err("after the edit a loop runs too often to be compared, or doesn't end".to_owned());
                     }
                     other => other,
                 };

@@ -85,7 +85,7 @@ impl Request {
                 break;
             }
             match (&seen_old.endless, &seen_new.endless) {
-                (None, Some(_)) => return Err("after the edit a loop of it goes round too often to compare it, or doesn't end".to_owned()),
+                (None, Some(_)) => return Err("after the edit a loop runs too often to be compared, or doesn't end".to_owned()),
                 (Some(_), _) => {
                     compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                     continue;
@@ -523,7 +523,7 @@ mod tests {
             (
                 text,
                 &*endless,
-                "after the edit a loop of it goes round too often to compare it, or doesn't end",
+                "after the edit a loop runs too often to be compared, or doesn't end",
             ),
             (&endless, text, "its loops are too long to be run"),
         ] {

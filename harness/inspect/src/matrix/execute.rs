@@ -215,7 +215,7 @@ mod tests {
         assert!(judge.compare(&expected, &expected, None).differing.is_empty());
         let seen = judge.compare(&expected, &words([1.0, f32::NAN, 1.0], 7), None);
         assert_eq!((seen.compared, &*seen.differing), (3, &[1][..]));
-        // The other component is still compared.
+        // Karat still compares the other component.
         let other = words([1.0, 1.0, 1.0], 8);
         assert_eq!(judge.compare(&expected, &other, None).differing, [0, 1, 2]);
         let alone = Judge::new(&scalars[..1], &within, &expected);

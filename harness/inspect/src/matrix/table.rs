@@ -258,7 +258,7 @@ pub enum Missed {
     NoColumn {
         /// The requested name.
         name: String,
-        /// The closest column.
+        /// The most similar name of a column.
         nearest: Option<String>,
     },
     /// No row is an entry point or a function that a kernel can call.
