@@ -1356,7 +1356,7 @@ mod tests {
         let moved = interface(aligned, "y: f32", "@align(16) y: f32");
         assert_eq!(
             moved,
-            ["`p` takes 32 bytes now, and took 8 before", "`p.y` lies at byte 16, and was at 4"]
+            ["`p` takes 32 bytes now, and took 8 before", "`p.y` is at byte 16, and was at 4"]
         );
         let space = interface(buffer, "var<storage>", "var<storage, read_write>");
         assert_eq!(space.len(), 1, "{space:?}");
@@ -1484,10 +1484,7 @@ mod tests {
         // A loop that no longer ends after the edit is reported as before.
         let endless = compared(&text("2u", "x"), &text("2u", "x").replace("i++", "i += 0u"));
         let Change::Unjudged { reason } = &endless.change else { panic!("{endless:?}") };
-        assert_eq!(
-            reason,
-            "after the edit a loop runs too often to be compared, or doesn't end"
-        );
+        assert_eq!(reason, "after the edit a loop runs too often to be compared, or doesn't end");
     }
 
     #[test]
@@ -1648,7 +1645,7 @@ mod tests {
         let uses = bound.replace("i.n.x", "i.n.x + 0.0 * q");
         assert_eq!(compared(&bound, &uses).interface, ["`q` at @group(0) @binding(3) is new"]);
         let lost = compared(&uses, &bound).interface;
-        assert_eq!(lost, ["`q` at @group(0) @binding(3) isn't used any more"]);
+        assert_eq!(lost, ["`q` at @group(0) @binding(3) is no longer used"]);
     }
 
     /// A structure and its members may be renamed, and the members may change their order.

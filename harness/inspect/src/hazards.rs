@@ -702,7 +702,7 @@ fn parted(function: &str, found: &Found) -> Option<Violation> {
     };
     let other = match parted {
         Some(parted) => access(parted, missing, "takes another branch here"),
-        None => access(&found.span, missing, "doesn't"),
+        None => access(&found.span, missing, "doesn't reach it"),
     };
     let accesses = vec![access(&found.span, reached, "reaches it"), other];
     let headline = format!("`{function}` takes a derivative that {missing} doesn't reach");

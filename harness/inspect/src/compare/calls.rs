@@ -16,10 +16,8 @@ use crate::limits::{CHANGED_WORK, COMPARED_WORK, LAST_VERTEX, LEAST_EQUAL, OTHER
 use crate::made_up::{Arguments, Content, Drawn, Mix, Ranges, Resources};
 use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
-/// The seed: each run has the same arguments.
 const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
 
-/// The inputs that a comparison ran over.
 #[derive(Default)]
 pub(super) struct Ran {
     pub(super) drawn: Drawn,
@@ -27,14 +25,13 @@ pub(super) struct Ran {
     pub(super) reached: Both,
 }
 
-/// Both sides of an edit, on one path and over one content of their resources.
 struct Pair<'p> {
     old: Caller<'p>,
     new: Caller<'p>,
     shared: &'p Shared,
 }
 
-/// The results of both sides, one row a call.
+/// The results of both sides, one row for each call.
 struct Results {
     was: Vec<u32>,
     is: Vec<u32>,
@@ -65,18 +62,17 @@ impl<'p> Pair<'p> {
 }
 
 impl Results {
-    /// The words of one call.
     fn of(&self, case: usize) -> (&[u32], &[u32]) {
         let [was, is] = self.widths;
         (&self.was[case * was..][..was], &self.is[case * is..][..is])
     }
 }
 
-/// How clearly a case shows a change, and the distance between its results.
+/// The clarity with which a case shows a change, and the distance between its results.
 type Evidence = (Clarity, bool, Distance);
 
 impl Request {
-    /// Runs both sides on each path, over each content of buffers.
+    /// Runs both sides on each path, with each content of buffers.
     pub(super) fn run_both(
         &self,
         before: &Probed,
@@ -84,7 +80,7 @@ impl Request {
         (ran, mut shared): (&mut Ran, Shared),
     ) -> Result<Change, String> {
         let mut ranges = self.ranges()?;
-        // A shader may look up its corners: 3 vertices are as valid as 36, and both sides get the same.
+        // A shader may look up its vertices in an array: 3 vertices are as valid as 36. Both sides get the same number.
         for (path, builtin) in &after.function.form.builtins {
             if matches!(&**builtin, "vertex_index" | "instance_index") && ranges.get(path).is_none()
             {
@@ -100,19 +96,19 @@ impl Request {
         let (mut drawn, mut anywhere) = (arguments.drawn(), any.drawn());
         let (count, rows) = arguments.rows_beside(&any, SEED, self.cases);
         if count == 0 {
-            return Err("no arguments can be made up for it".to_owned());
+            return Err("Karat can't generate arguments for this function".to_owned());
         }
         let own = Arguments::of(&before.function, &ranges)?;
         let (own_count, of_own) = own.rows(SEED, 2 * contents().count());
         let mut paths: Vec<PathChange> = Vec::new();
         let (mut cases, mut left_out) = (0, 0);
-        // The second content without names has negative numbers.
+        // The second content that ignores names has negative numbers.
         let usual = Content::OF_FUNCTIONS.map(|content| (content, &ranges));
         let of_nameless = Content::NAMELESS.into_iter().zip([&nameless, &below]);
         for (content, ranges) in usual.into_iter().chain(of_nameless) {
             let (all, rows) = arguments.part(&rows, count, content.draw);
             if own_count > 0 && !shared.is_same() {
-                // The values behind the edges; the first edges are 0.
+                // Take the values after the edges, because the first edges are 0.
                 let at = own_count - 1 - content.draw % own_count;
                 shared.fill(&of_own[at * own.width()..][..own.width()]);
             }
@@ -133,11 +129,14 @@ impl Request {
                 let pair = Pair::new(*path, [before, after], &held, (&shared, count));
                 let pair = pair.map_err(|error| error.to_string())?;
                 let found = match changed(&pair, &arguments, (&rows, count, allowed)) {
-                    // The function still ended before the edit.
+                    // Before the edit, the function still ended.
                     Err(ProbeError::Rounds { .. })
                         if pair.old.results(&shared.rows(&rows, count), count).is_ok() =>
                     {
-                        return Err("after the edit a loop runs too often to be compared, or doesn't end".to_owned());
+                        return Err(
+                            "after the edit a loop runs too often to be compared, or doesn't end"
+                                .to_owned(),
+                        );
                     }
                     other => other,
                 };

@@ -1,5 +1,5 @@
 //! Matches the lanes of a function before and after an edit. An attribute identifies an entry point's input or output,
-//! whatever its name and structure are.
+//! even if its name or structure changed.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -8,24 +8,23 @@ use karat::unstable::probe::Probed;
 use karat::unstable::reflect::Function;
 use karat_core::value::{Scalar, Shape};
 
-/// The lanes that both sides of an edit have.
 #[derive(Debug)]
 pub(super) struct Shared {
-    /// For each argument lane before the edit, the lane after it.
+    /// For each argument lane before the edit, the matching lane after the edit.
     arguments: Vec<Option<usize>>,
-    /// The lanes before and after the edit that hold the same value.
+    /// The matching lanes of the results, before and after the edit.
     pub(super) results: Vec<(usize, usize)>,
     /// `true` if both sides have the same lanes in the same order.
     is_same: bool,
-    /// The words of arguments that only the function before the edit has.
+    /// The words of argument lanes that only the function before the edit has.
     pub(super) own: Vec<u32>,
 }
 
-/// Lanes by their attribute, or else their name, and the component.
+/// The lanes of a function. Each is named by its attribute, or else its name, and by its component.
 type Keyed = Vec<(String, Scalar)>;
 
 impl Shared {
-    /// The matched lanes of two functions; `None` if their inputs or outputs differ and no attribute identifies them.
+    /// Matches the lanes of two functions; `None` if their inputs or outputs differ and no attribute identifies them.
     pub(super) fn of(
         before: &Probed,
         after: &Probed,
@@ -72,7 +71,7 @@ impl Shared {
             old.iter().map(|one| new.iter().position(|other| other == one)).collect();
         let [given, gives] = results;
         let (given, gives) = (keyed(0, given), keyed(1, gives));
-        // Resources that both sides write have no attribute; they are matched by name.
+        // Resources that both sides write have no attribute, so Karat matches them by name.
         let named = |all: &Keyed| {
             all.iter().filter(|(key, _)| !key.contains('@')).cloned().collect::<Vec<_>>()
         };
@@ -85,8 +84,8 @@ impl Shared {
         (!results.is_empty()).then_some(Self { arguments, results, is_same: false, own })
     }
 
-    /// The matched lanes of two functions that no host calls, by the positions of parameters and the names of members:
-    /// a structure's members may change their order, or their names.
+    /// Matches the lanes of two functions that no host calls. Parameters match by position and members by name. If the
+    /// names of members differ, the members match by position.
     fn of_names(was: &Function, is: &Function) -> Option<Self> {
         let arguments = |function: &Function| -> Keyed {
             let of = |(at, (_, shape)): (usize, &(String, Shape))| {
@@ -113,12 +112,12 @@ impl Shared {
         Some(Self { arguments, results, is_same: false, own })
     }
 
-    /// Fills the lanes that only the function before the edit has, from one of its own rows.
+    /// Fills the lanes that only the function before the edit has, from one of that function's rows.
     pub(super) fn fill(&mut self, row: &[u32]) {
         self.own.copy_from_slice(row);
     }
 
-    /// The rows before the edit for the rows after it.
+    /// Converts rows for the function after the edit into rows for the function before it.
     pub(super) fn rows<'r>(&self, rows: &'r [u32], count: usize) -> Cow<'r, [u32]> {
         if self.is_same {
             return Cow::Borrowed(rows);
@@ -131,13 +130,13 @@ impl Shared {
         Cow::Owned((0..count).flat_map(|at| of(&rows[at * width..][..width])).collect())
     }
 
-    /// Returns `true` if results are shown whole, because both sides have the same lanes.
+    /// Checks if results are shown completely, because both sides have the same lanes.
     pub(super) fn is_same(&self) -> bool {
         self.is_same
     }
 }
 
-/// Returns `true` if the type of an attribute that both sides have differs.
+/// Checks if an attribute of both sides has another type on one side.
 fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     let of = |all: &Keyed| -> BTreeMap<String, Keyed> {
         let mut types = BTreeMap::<_, Keyed>::new();
@@ -151,7 +150,7 @@ fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     of(one).iter().any(|(attribute, lanes)| others.get(attribute).is_some_and(|of| of != lanes))
 }
 
-/// The lanes of the arguments: `in.uv.x`. In a quad, each begins with the name of one of its three parts.
+/// Lists the lanes of the arguments: `in.uv.x`. In a quad, each name begins with one of three parts.
 fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
     let of = |(name, shape): &(String, Shape)| {
         let parts: Vec<(&str, &Shape)> = match shape.quad() {
@@ -167,7 +166,7 @@ fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
     function.parameters.iter().flat_map(of).collect()
 }
 
-/// The lanes of the result: `result.color.x`.
+/// Lists the lanes of the result: `result.color.x`.
 fn result_lanes(function: &Function) -> Vec<(String, Scalar)> {
     let shape = &function.result;
     let named = shape.lane_names().into_iter().zip(shape.lanes());
@@ -182,7 +181,6 @@ fn result_lanes(function: &Function) -> Vec<(String, Scalar)> {
     named.map(|(lane, scalar)| (full(lane), scalar)).collect()
 }
 
-/// The name of an unnamed result.
 const RESULT: &str = "result";
 
 /// Replaces the path before an attribute with the attribute: `in.uv.x` becomes `@location(0).x`.

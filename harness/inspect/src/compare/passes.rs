@@ -1,4 +1,5 @@
-//! Compares a compute pass before and after an edit: the words that it leaves in each resource, and its violations.
+//! Compares a compute pass before and after an edit: the words that the pass writes to each resource, and its
+//! violations.
 
 use karat::check::HazardKind as Kind;
 use karat::fixture::Fixtures;
@@ -50,7 +51,7 @@ impl Request {
         compared.dispatched = Some(usual);
         let mut runs: Vec<(Content, [u32; 3])> =
             Content::OF_PASSES.map(|content| (content, usual)).to_vec();
-        // In a pass of one workgroup, the workgroup may get its number from an atomic.
+        // A pass of one workgroup may read the workgroup's number from an atomic.
         if sides.iter().all(|side| side.workgroups() == [1; 3]) {
             runs.push((Content::OF_PASSES[0], [SEVERAL_WORKGROUPS * usual[0], usual[1], usual[2]]));
         }
@@ -60,12 +61,12 @@ impl Request {
         let mut covered = Both::default();
         let mut unwatched = None;
         for (content, invocations) in runs {
-            // The pass may not be made for several workgroups: they only count if nothing else shows the edit.
+            // Hosts may dispatch this pass as one workgroup. More workgroups only count if nothing else shows the edit.
             let is_more = invocations != usual;
             if is_more && !(paths.is_empty() && brought.sure.is_empty()) {
                 break;
             }
-            // Names are ignored if the indices and counts aren't likely ones, either.
+            // If the content has unlikely indices and counts, ignore names, too.
             let ranges = if content.is_likely { &ranges } else { &nameless };
             let made = |package: &Package, given: &Fixtures| {
                 passes::arbitrary(package, name, Some(invocations), ranges, (content, None, given))
@@ -85,7 +86,12 @@ impl Request {
                 break;
             }
             match (&seen_old.endless, &seen_new.endless) {
-                (None, Some(_)) => return Err("after the edit a loop runs too often to be compared, or doesn't end".to_owned()),
+                (None, Some(_)) => {
+                    return Err(
+                        "after the edit a loop runs too often to be compared, or doesn't end"
+                            .to_owned(),
+                    );
+                }
                 (Some(_), _) => {
                     compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                     continue;
@@ -216,7 +222,8 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
-    /// Indices outside over arbitrary sizes and numbers: a guard was removed.
+    /// Adds violations that only the second side has with this content. `renamed` lists the resources that the edit
+    /// renamed.
     of_indices: Vec<Violation>,
 }
 

@@ -4,10 +4,11 @@ use crate::limits::VISIBLE;
 use karat_core::tolerance::ulp_distance;
 use karat_core::value::{Scalar, Shape, format_lane};
 
-/// The most components that a result shows whole. A larger one, such as a buffer, shows only those that changed.
+/// The most components that a result shows completely. A longer result, such as a buffer, shows only the changed
+/// components.
 const WHOLE: usize = 16;
 
-/// The text of a result: whole, unless it is long or the two sides have different results.
+/// Formats a result, either completely or only its changed lanes.
 pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool) -> String {
     let scalars = shape.lanes();
     if is_whole && scalars.len() <= WHOLE {
@@ -28,14 +29,14 @@ pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool
     }
 }
 
-/// The distance between two results.
+/// A distance between two results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Distance {
-    /// For integers and booleans: they differ.
+    /// The distance of two different integers or booleans.
     Other,
-    /// In `f32` steps.
+    /// The number of `f32` steps.
     Ulp(u64),
-    /// Between a number and NaN.
+    /// The distance between a number and NaN.
     Nan,
 }
 
@@ -44,7 +45,8 @@ impl Distance {
         if let Self::Ulp(steps) = self { Some(steps) } else { None }
     }
 
-    /// Returns `true` if it shows as much as the largest distance: it has at least half as many binary digits.
+    /// Checks if this distance shows a change as well as the largest distance, that is, has at least half as many
+    /// binary digits.
     pub(super) fn is_like(self, farthest: Self) -> bool {
         match (self, farthest) {
             (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),
@@ -53,7 +55,7 @@ impl Distance {
     }
 }
 
-/// The distance between two words; `None` if they are equal bit by bit, or both are NaN.
+/// Computes the distance between two words; `None` if the words are equal bit by bit, or both are NaN.
 pub(super) fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
     if was == is {
         return None;
@@ -69,8 +71,9 @@ pub(super) fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
     }
 }
 
-/// How clearly a case shows a change. The clearest case is shown: plain numbers that differ visibly before NaN, which
-/// the names of inputs may rule out, and both before a last digit.
+/// The clarity with which a case shows a change. Karat shows the clearest case. Plain numbers that differ visibly are
+/// clearest. NaN is less clear, because the names of inputs may rule it out. A difference in the last digits is least
+/// clear.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Clarity {
     /// The difference is too small to see in an image.
@@ -82,7 +85,7 @@ pub(super) enum Clarity {
     Plain,
 }
 
-/// How clearly a word shows a change; `None` if there is none.
+/// Returns how clearly a word shows a change; `None` if the word didn't change.
 pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
     distance(scalar, was, is)?;
     if !scalar.is_float() {
@@ -96,12 +99,11 @@ pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
     })
 }
 
-/// The largest changes among some words.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Largest {
-    /// In `f32` steps; `None` once a pair has no distance in steps.
+    /// The largest change in `f32` steps; `None` after a pair that has no distance in steps.
     pub(super) ulp: Option<u64>,
-    /// Relative to the value before; `None` in the same cases.
+    /// The largest change relative to the value before; `None` in the same cases.
     pub(super) relative: Option<f64>,
 }
 
@@ -112,7 +114,7 @@ impl Default for Largest {
 }
 
 impl Largest {
-    /// Adds two words, and returns their distance.
+    /// Adds a pair of words, and returns the distance between the two words.
     pub(super) fn add(&mut self, scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
         let far = distance(scalar, was, is)?;
         let (a, b) = (f64::from(f32::from_bits(was)), f64::from(f32::from_bits(is)));
@@ -128,7 +130,7 @@ impl Largest {
 mod tests {
     use super::*;
 
-    /// Words are compared bit by bit, except NaN.
+    /// Karat compares words bit by bit, except NaN.
     #[test]
     fn words_are_as_far_as_their_values() {
         let far = |was: f32, is: f32| distance(Scalar::F32, was.to_bits(), is.to_bits());
@@ -156,7 +158,7 @@ mod tests {
         assert!(Clarity::Slight < Clarity::NotFinite && Clarity::NotFinite < Clarity::Plain);
     }
 
-    /// Of many components, the first four that changed are shown, and the others are counted.
+    /// A result with many components shows the first four that changed, and the number of other changes.
     #[test]
     fn the_first_components_that_changed_are_shown() {
         let of = |changed: usize, length: u32| {
