@@ -168,7 +168,7 @@ impl Request {
         if paths.is_empty() && each < LEAST_EQUAL && left_out > 0 {
             let inputs = counted(each, "input");
             return Err(format!(
-                "not looked at whole: {inputs} of {} give the same results, and more is too much work",
+                "compared in part: {inputs} of {} give the same results, and more inputs are too much work",
                 each + left_out
             ));
         }
@@ -180,12 +180,11 @@ impl Request {
     }
 }
 
-/// The contents of buffers and textures: the usual ones, and those that ignore names.
+/// Lists the contents of buffers and textures: the usual contents, and contents that ignore names.
 fn contents() -> impl Iterator<Item = Content> {
     Content::OF_FUNCTIONS.into_iter().chain(Content::NAMELESS)
 }
 
-/// The resources of both sides of an edit.
 struct Made {
     held: [Fixtures; 2],
     members: Vec<(String, String)>,
@@ -194,7 +193,8 @@ struct Made {
 }
 
 impl Made {
-    /// Generates the resources of each side. A resource that only one side reads is generated for that side.
+    /// Generates the resources of each side. If only one side reads a resource, Karat generates the resource for that
+    /// side.
     fn of(
         [before, after]: [&Probed; 2],
         ranges: &Ranges,
@@ -213,7 +213,7 @@ impl Made {
     }
 }
 
-/// The members of buffers that affect a change in a row: with another value the results differ.
+/// Lists the members of buffers that affect the change in a row: with another value of the member, the results differ.
 fn matter(
     sides: [&Probed; 2],
     ranges: &Ranges,
@@ -235,7 +235,7 @@ fn matter(
     members.iter().filter(|member| matters(member)).cloned().collect()
 }
 
-/// The difference of the results on a path, and a row that shows it; `None` if they are equal.
+/// Returns the difference of the results on a path, with the row that shows it best; `None` if the results are equal.
 fn changed(
     pair: &Pair<'_>,
     drawn: &Arguments,
@@ -256,7 +256,7 @@ fn changed(
         let far = all().filter_map(|(scalar, was, is)| distance(scalar, was, is)).max()?;
         Some((clear, drawn.domain.admits(row) != Some(false), far))
     };
-    // The first of equally clear ones: edges come first, and are simplest.
+    // Take the first of equally clear cases, because edges come first and are simplest.
     let row_of = |case: usize| &rows[case * width..][..width];
     let evidence = |case| Some((shows(row_of(case), results.of(case))?, std::cmp::Reverse(case)));
     let Some((best, std::cmp::Reverse(first))) = (0..count).filter_map(evidence).max() else {
@@ -317,8 +317,8 @@ fn changed(
     Ok(Some((change, row)))
 }
 
-/// For each lane of a row, `true` if it affects the results: they differ with the word of another row. If the work
-/// budget allows no other row, each lane counts.
+/// Checks which lanes of a row affect the results: with the lane's word of another row, the results must differ. If the
+/// work budget allows no other row, every lane counts.
 fn lanes_that_matter(
     pair: &Pair<'_>,
     (rows, count, allowed): (&[u32], usize, usize),

@@ -99,7 +99,7 @@ impl Request {
                 (None, None) => {}
             }
             if seen_new.too_long && !seen_old.too_long {
-                return Err("after the edit its loops go round too often to be compared".to_owned());
+                return Err("after the edit the loops run too often to be compared".to_owned());
             }
             if seen_old.too_long {
                 compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
@@ -110,7 +110,7 @@ impl Request {
             if is_whole {
                 mended.add(content, [&seen_new, &seen_old], &renamed);
             }
-            // Drivers return tickets in their own order.
+            // Drivers return tickets (results of an `atomicAdd`) in an order of their own.
             let paths_of = self.paths.iter().filter(|path| !is_more || **path == Path::CPU);
             for path in paths_of {
                 let run = |passes: &Passes| {
@@ -127,8 +127,8 @@ impl Request {
                     None => paths.push(change),
                 }
             }
-            // A driver has its own order: an effect of the edit that depends on it may not show in the engine's order.
-            // A violation that the edit adds says more.
+            // A driver has an order of its own, so the engine's order may not show an effect of the edit that depends
+            // on the order. If the edit adds a violation, other orders need not run.
             let is_silent = paths.is_empty() && brought.sure.is_empty();
             if is_silent && content.is_likely {
                 paths.extend(ordered((&old, &new), &renamed, &made.members)?);
@@ -141,10 +141,10 @@ impl Request {
             }
         }
         if words == 0 && compared.cut > 0 {
-            return Err("its loops are too long to be run".to_owned());
+            return Err("the loops of the pass are too long to run".to_owned());
         }
         if words == 0 {
-            return Err("it writes nothing that is seen afterwards".to_owned());
+            return Err("the pass writes no resource".to_owned());
         }
         compared.violations = brought.told(!paths.is_empty());
         compared.mended = mended.told(!paths.is_empty() || !compared.violations.is_empty());
@@ -164,8 +164,8 @@ impl Request {
 }
 
 impl Request {
-    /// Violations between the pixels of a draw, for a fragment function that writes memory: those that an edit adds,
-    /// and those that it removes.
+    /// Finds violations between the pixels of a draw, for a fragment function that writes memory: violations that an
+    /// edit adds, and violations that it removes.
     pub(super) fn brought_to_pixels(
         &self,
         name: &str,
@@ -195,18 +195,20 @@ impl Request {
     }
 }
 
-/// Returns `true` if the sanitizer saw both sides completely. If it saw only the side before the edit, the violations
-/// that the edit adds are unknown: keeps the reason, in case nothing else shows the edit.
+/// Checks if the sanitizer saw both sides completely. If the sanitizer saw only the side before the edit, the
+/// violations after the edit are unknown: `unwatched` keeps the reason, in case nothing else shows the edit.
 fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) -> bool {
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
     if was.is_empty() && !is.is_empty() {
-        unwatched.get_or_insert(format!("after the edit its invocations can't be watched: {is}"));
+        unwatched.get_or_insert(format!(
+            "after the edit the sanitizer can't watch the invocations: {is}"
+        ));
     }
     was.is_empty() && is.is_empty()
 }
 
-/// The subject of a violation, with the names that resources have after the edit. Indices have no variable; their
-/// headline says whether they read or write.
+/// Returns the kind of a violation and its variable, with the resource's name after the edit. A wrong index has no
+/// variable, so its headline identifies it.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
     let text = match one.kind.is_of_index() {
@@ -218,24 +220,24 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     (one.kind, renamed.iter().fold(text, new_name))
 }
 
-/// Violations of only one side of an edit: the first of each kind for each variable.
+/// Violations on only one side of an edit: the first of each kind for each variable.
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
-    /// Adds violations that only the second side has with this content. `renamed` lists the resources that the edit
-    /// renamed.
+    /// Wrong indices with arbitrary sizes and numbers, which show that the edit removed a guard.
     of_indices: Vec<Violation>,
 }
 
 impl Brought {
-    /// Adds violations over a content that only the second side has. `renamed` are the resources that the edit renamed.
+    /// Adds violations that only the second side has with this content. `renamed` lists the resources that the edit
+    /// renamed.
     fn add(&mut self, content: Content, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
         let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
             if old.violations.iter().any(|(known, _)| subject(known) == subject(one)) {
                 continue;
             }
-            // If sizes are independent of each other, an index may be outside on only one side.
+            // If sizes are independent of each other, an index may be wrong on only one side.
             let is_sure = content.is_sized || !one.kind.is_of_index();
             if content.is_likely && is_sure {
                 add_kind(&mut self.sure, one);
@@ -246,7 +248,7 @@ impl Brought {
         }
     }
 
-    /// The violations. Includes indices over arbitrary sizes if nothing else shows the edit.
+    /// Returns the violations. If nothing else shows the edit, includes wrong indices with arbitrary sizes.
     fn told(self, is_changed: bool) -> Vec<Violation> {
         if self.sure.is_empty() && !is_changed { self.of_indices } else { self.sure }
     }
@@ -258,7 +260,7 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
-/// The change in an order of invocations that didn't affect the results before the edit.
+/// Returns the change in another order of invocations. Before the edit, this order didn't affect the results.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
@@ -270,7 +272,8 @@ fn ordered(
     let usual = left(old, None)?;
     for run in Runner::new(new).few(ORDERS) {
         let Some(order) = run.order else { continue };
-        // If the pass already depended on the order before, or didn't end in it, that isn't an effect of the edit.
+        // An effect of this order from before the edit isn't an effect of the edit. A pass that didn't end in this
+        // order doesn't count, either.
         let was = left(old, Some(&order)).ok().filter(|was| *was == usual);
         let (Some(was), Some(is)) = (was, run.left) else { continue };
         let path = format!("{}, in another order", Path::CPU);
@@ -285,13 +288,12 @@ fn ordered(
 /// The reason why a resource has lanes: a dispatch returns the words of each resource that a pass writes.
 const WRITTEN: &str = "a pass writes the resource";
 
-/// The differences between the words that passes leave.
 #[derive(Default)]
 struct Difference {
     words: usize,
     changed: usize,
     largest: Largest,
-    /// The element of each resource that shows its change best, and how clearly.
+    /// For each resource, the element that shows the change best, and how clearly it does.
     firsts: Vec<(Clarity, WordChange)>,
 }
 
@@ -309,7 +311,7 @@ impl Difference {
             let lanes = new.lanes(*number, words).expect(WRITTEN);
             let short = name.rsplit("::").next().unwrap_or(name);
             let known = renamed.iter().find(|(_, is)| is == name).map_or(name, |(was, _)| was);
-            // A resource that wasn't written keeps its content.
+            // A resource that one side doesn't write keeps its initial content on that side.
             let (old_shape, before) = match old.written(known) {
                 Ok((part, shape)) => {
                     let words = was.iter().find(|(known, _)| *known == part.number);
@@ -318,11 +320,13 @@ impl Difference {
                 Err(_) => match old.content(known) {
                     Ok((_, shape, lanes)) => (shape, Some(lanes)),
                     Err(_) => {
-                        return Err(format!("it writes `{short}`, which it didn't use before"));
+                        return Err(format!(
+                            "the pass writes `{short}`, which it didn't use before the edit"
+                        ));
                     }
                 },
             };
-            // A structure that contains only an array counts as the array.
+            // A structure with only an array counts as the array.
             let (is, was) = (shape.lanes(), old_shape.lanes());
             if is.len() != was.len() {
                 return Err(format!("`{short}` has {} words, and had {}", is.len(), was.len()));
@@ -362,13 +366,13 @@ impl Difference {
             let known = renamed.iter().find(|(was, _)| was == name).map_or(name, |(_, is)| is);
             if new.written(known).is_err() {
                 let short = name.rsplit("::").next().unwrap_or(name);
-                return Err(format!("it wrote `{short}`, and doesn't any more"));
+                return Err(format!("the pass no longer writes `{short}`"));
             }
         }
         Ok(all)
     }
 
-    /// The change on a path, with the members of uniforms; `None` if nothing changed.
+    /// Returns the change on a path, with the members of uniforms; `None` if nothing changed.
     fn change(self, path: String, members: &[(String, String)]) -> Option<PathChange> {
         let (clarity, first) = self.firsts.first()?.clone();
         let Largest { ulp, relative } = self.largest;
@@ -405,7 +409,7 @@ mod tests {
             if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
         }";
 
-    /// On its own each pixel does what it did before; side by side, pixels use one place.
+    /// A single pixel does the same as before the edit, but several pixels now use one element.
     #[test]
     fn a_new_race_between_pixels_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -433,7 +437,7 @@ mod tests {
         }
     }
 
-    /// The numbers of elements repeat in only one content. They are positions in a list.
+    /// In only one content, the numbers in the buffer repeat. These numbers are positions in a list.
     #[test]
     fn a_violation_with_one_content_is_reported() {
         let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
@@ -464,7 +468,7 @@ mod tests {
         }
     }
 
-    /// Words that only one side writes aren't a change of words.
+    /// A word that only one side writes isn't a changed word.
     #[test]
     fn a_resource_that_only_one_side_writes_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
@@ -480,11 +484,14 @@ mod tests {
             reason.clone()
         };
         let without = text.replace("b[g.x] = 1u;", "");
-        assert_eq!(reason(text, &without), "it wrote `b`, and doesn't any more");
-        assert_eq!(reason(&without, text), "it writes `b`, which it didn't use before");
+        assert_eq!(reason(text, &without), "the pass no longer writes `b`");
+        assert_eq!(
+            reason(&without, text),
+            "the pass writes `b`, which it didn't use before the edit"
+        );
         let reads = text.replace("var<storage, read_write> b", "var<storage, read> b");
         let reads = reads.replace("b[g.x] = 1u;", "").replace("= g.x;", "= g.x + 0u * b[0];");
-        assert_eq!(reason(text, &reads), "it wrote `b`, and doesn't any more");
+        assert_eq!(reason(text, &reads), "the pass no longer writes `b`");
     }
 
     fn compared(before: &str, after: &str) -> super::Compared {
@@ -493,7 +500,7 @@ mod tests {
         all.pop().expect("the pass")
     }
 
-    /// A resource that was renamed is the same one; a resource with another type isn't.
+    /// A renamed resource matches its old name. A resource with another type doesn't.
     #[test]
     fn resources_are_compared_by_their_names_and_types() {
         let text = "@group(0) @binding(0) var<storage, read> from_: array<u32>;
@@ -516,7 +523,7 @@ mod tests {
         );
     }
 
-    /// A loop that ended before the edit, and one that didn't.
+    /// A loop may become endless by the edit, or may have been endless before.
     #[test]
     fn a_loop_that_becomes_endless_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -532,7 +539,7 @@ mod tests {
                 &*endless,
                 "after the edit a loop runs too often to be compared, or doesn't end",
             ),
-            (&endless, text, "its loops are too long to be run"),
+            (&endless, text, "the loops of the pass are too long to run"),
         ] {
             let one = compared(before, after);
             let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
@@ -548,8 +555,8 @@ mod tests {
                 y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
             }";
 
-    /// An index over arbitrary numbers is reported only if nothing else is. A pass of one workgroup that races with
-    /// itself in several workgroups is made for one.
+    /// A wrong index with arbitrary numbers is reported only if nothing else is. A pass that has one workgroup, and
+    /// would race in several, is made for one workgroup.
     #[test]
     fn findings_with_arbitrary_numbers_come_last() {
         let text = GATHER;
@@ -576,7 +583,7 @@ mod tests {
         assert_eq!(paths[0].before, words[0]);
     }
 
-    /// If a host's numbers stay inside, an edit that drops a guard changes nothing else.
+    /// If the numbers of a host stay inside of the array, an edit that drops a guard changes no result.
     #[test]
     fn a_removed_guard_is_reported() {
         let text = GATHER;
@@ -589,13 +596,14 @@ mod tests {
         let reads = brought(text, &bare);
         assert!(reads.len() == 1 && reads[0].contains("reads outside"), "{reads:?}");
         assert!(brought(&bare, text).is_empty());
-        // Another index outside doesn't hide it.
+        // Another wrong index doesn't hide this one.
         let both = bare.replace("if id.x >= arrayLength(&y) { return; }", "");
         let writes = brought(&bare, &both);
         assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
-    /// Atomics don't race, and statements that run side by side count correctly without a barrier.
+    /// Atomic operations don't race. In the engine's usual order, such statements count correctly even without the
+    /// barrier.
     #[test]
     fn a_result_that_becomes_dependent_on_order_is_a_change() {
         let change = |texts: [&str; 2]| {
@@ -613,11 +621,11 @@ mod tests {
         }
         let alike = COUNTS.replace("% 16u", "& 15u");
         assert!(matches!(change([COUNTS, &alike]), Change::Same { .. }));
-        // If an edit removes the dependence on the order, the results don't count as changed.
+        // If the edit removes the dependence on the order, the results don't count as changed.
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 
-    /// A row or a mode that the host gives decides where a pass writes; their names don't say so.
+    /// A row or a mode that the host sets decides where a pass writes, and its name doesn't suggest that.
     #[test]
     fn lines_that_no_invocation_reaches_are_listed() {
         let text = "struct P { width: u32, mode: u32 }
@@ -644,7 +652,7 @@ mod tests {
         let mode = compared(&text.replace("= 3.0;", "= 4.0;"));
         assert!(matches!(mode.change, Change::Same { .. }), "{mode:?}");
         assert_eq!(lines(&mode), ["d[g.x] = 4.0;", "d[g.x] = 3.0;"], "{mode:?}");
-        // A removed line belongs to the edit.
+        // A line that the edit removed is part of the edit.
         assert_eq!(lines(&compared(&text.replace("d[g.x] = 3.0;", ""))), ["d[g.x] = 3.0;"]);
         let same = compared(&text.replace("2.0 * f32(row)", "f32(row) * 2.0").replace("a row", ""));
         assert!(matches!(same.change, Change::Same { .. }) && lines(&same).is_empty(), "{same:?}");
@@ -724,7 +732,7 @@ mod tests {
             if i == 0u && group < arrayLength(&starts) { starts[group] = group * 32u; }
         }";
 
-    /// Edits that only some rows show, or twice as many elements as invocations, or a colour below 0.
+    /// Only some rows, or twice as many elements as invocations, or a colour below 0 reveal these edits.
     #[test]
     fn edits_that_few_inputs_reveal_are_reported() {
         for (text, from, to) in [
@@ -751,7 +759,7 @@ mod tests {
         }
     }
 
-    /// One workgroup for each row: each row of the texture has a workgroup.
+    /// The pass runs one workgroup for each row of the texture.
     #[test]
     fn the_last_row_of_a_texture_is_compared() {
         let text = |guard: &str| {
@@ -770,7 +778,7 @@ mod tests {
         let all = Request::new(before, after).run().expect("both are valid");
         let [one] = &all[..] else { panic!("{all:?}") };
         let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
-        // The format has one channel.
+        // The texture's format has one channel.
         assert!(paths[0].before.starts_with("image[0, 1] = "), "{}", paths[0].before);
     }
 }
