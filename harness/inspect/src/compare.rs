@@ -1,13 +1,13 @@
 //! Compares every function of a package before and after an edit, without any test.
 //!
-//! Functions and entry points whose linked text is the same aren't run. Other functions are called with arguments of
-//! their types: three in four lie in the range that their names suggest, one in four anywhere. Both sides get the same
-//! inputs: an entry point's inputs are matched by their attributes, resources by their names or bindings. Compute
-//! passes are dispatched over generated resources. The comparison is bit by bit; all NaNs are one value. A function
-//! without a result isn't judged. If all results are the same, the comparison lists lines of the edit that no input
-//! covers: their results are unknown.
+//! Karat doesn't run functions and entry points whose linked text is equal on both sides. Karat calls other functions
+//! with generated arguments: three in four are in the range that the argument's name suggests, one in four is any value
+//! of its type. Both sides get the same inputs: attributes match the inputs of entry points, names or bindings match
+//! resources. Compute passes run over generated resources. Results are compared bit by bit, and all NaNs are one value.
+//! A function without a result or another effect can't be judged. If all results are equal, the comparison lists the
+//! lines of the edit that no input reaches: their results are unknown.
 //!
-//! Code that conditions leave out is compared under the fewest features that include it.
+//! Code that conditions leave out is compared with the fewest features that include it.
 //!
 //! ```no_run
 //! use karat::Package;
@@ -54,10 +54,10 @@ use rayon::prelude::*;
 
 pub use karat::unstable::interpret::{Missed, Uncovered};
 
-/// Inputs of each function: they run within a moment on any path.
+/// The number of inputs of each function. Any path runs them in less than a second.
 const CASES: usize = 4096;
 
-/// Two packages. One is an edited version of the other.
+/// A request to compare two packages: one before an edit, one after it.
 ///
 /// ```
 /// use karat::Package;
@@ -81,37 +81,38 @@ pub struct Request {
     overrides: Overrides,
 }
 
-/// A function of either package.
+/// The comparison of one function.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
     /// `fresnel::schlick`
     pub function: String,
     /// `file:line:column`, after the edit if the function still exists.
     pub location: String,
-    /// Features that are off by default and that include the edit: both sides have them on.
+    /// The features that both sides have on, because only these features include the edit. They are off by default.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub under: Vec<String>,
     /// The effect of the edit.
     #[serde(flatten)]
     pub change: Change,
-    /// Resources that a host has to supply differently, a sentence each: another `@binding`, another offset of a
-    /// buffer's member.
+    /// Changes of resources that the host must know about, one sentence each: another `@binding`, or another offset of
+    /// a buffer's member.
     pub interface: Vec<String>,
-    /// The ranges that arguments and members were sampled from; empty if nothing ran.
+    /// The ranges from which arguments and members were sampled; empty if nothing ran.
     pub drawn: Drawn,
-    /// Inputs that weren't run because they cost too much.
+    /// The number of inputs that didn't run because they cost too much.
     pub cut: usize,
-    /// The workgroup size of a compute pass. Its cases are the words that it leaves.
+    /// The number of invocations of a compute pass in each direction; `None` for other functions. The cases of a pass
+    /// are the words that it writes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispatched: Option<[u32; 3]>,
-    /// Violations of a compute pass, or of the pixels of a draw that write storage, that exist only after the edit.
+    /// Violations that exist only after the edit: of a compute pass, or of the pixels of a draw that write storage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
     /// Violations that exist only before the edit.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mended: Vec<Violation>,
-    /// If nothing changed: lines of the edit, old or new, that no input reached, and conditions that each input decided
-    /// alike. The results there are unknown.
+    /// If nothing changed: lines of the edit, old or new, that no input reached, and conditions that had the same
+    /// outcome for every input. The results there are unknown.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uncovered: Vec<Uncovered>,
 }
@@ -121,19 +122,19 @@ pub struct Compared {
 #[serde(tag = "change", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Change {
-    /// Neither the function nor anything that it uses was edited, except comments and blanks.
+    /// Nothing was edited in the function and in the code that it uses, except comments and blanks.
     Untouched,
-    /// The function was edited, and each result has the same bits.
+    /// The function was edited, and each result has the same bits as before.
     Same {
-        /// Inputs tried on each path.
+        /// The number of inputs that ran on each path.
         cases: usize,
     },
     /// Some results changed.
     Changed {
-        /// Each path with a change.
+        /// The paths on which results changed.
         paths: Vec<PathChange>,
     },
-    /// The types of its parameters or of its result changed.
+    /// The types of the function's parameters or of its result changed.
     Signature {
         /// The old signature.
         before: String,
@@ -151,22 +152,23 @@ pub enum Change {
     },
 }
 
-/// The change of results on one path.
+/// The changed results on one path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PathChange {
-    /// The path.
+    /// The path's name.
     pub path: String,
-    /// The number of inputs whose results changed, and the number of inputs.
+    /// The number of inputs with changed results, and the number of all inputs.
     pub cases: (usize, usize),
     /// The largest change in `f32` steps; `None` if a value became NaN, was NaN, or isn't a float.
     pub ulp: Option<u64>,
-    /// The largest change relative to the value before; `None` in the same cases.
+    /// The largest change relative to the value before; `None` in the same cases as `ulp`.
     pub relative: Option<f64>,
-    /// The simplest arguments found that show the change: preferably with plain numbers that differ by at least a
-    /// thousandth, otherwise with a NaN, otherwise with a last digit. Then the members of buffers that aren't elements
-    /// of arrays. Leaves out arguments and members that don't affect the change.
+    /// The simplest arguments found that show the change, then the members of buffers that aren't elements of arrays.
+    /// Karat prefers arguments for which plain numbers differ by at least a thousandth, then arguments that give NaN,
+    /// then arguments with a difference in the last digits. Arguments and members that don't affect the change are left
+    /// out.
     pub arguments: Vec<(String, String)>,
-    /// All arguments of that case, for a function.
+    /// All arguments of that case, if a function was called.
     #[serde(skip)]
     pub given: Vec<(String, String)>,
     /// The result of that case before the edit.
@@ -175,17 +177,18 @@ pub struct PathChange {
     pub after: String,
     #[serde(skip)]
     clarity: Clarity,
-    /// For a compute pass: the first changed word of each resource, beginning with the one of `before` and `after`.
+    /// For a compute pass: the first changed word of each resource. The first resource is the one in `before` and
+    /// `after`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub words: Vec<WordChange>,
 }
 
-/// A word of a resource that a compute pass leaves with another value.
+/// A word that a compute pass writes with another value after the edit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WordChange {
     /// The resource's name.
     pub resource: String,
-    /// The word and its value before the edit: `counts[3] = 1`.
+    /// The word's position and its value before the edit: `counts[3] = 1`.
     pub before: String,
     /// The value after the edit.
     pub after: String,
@@ -213,28 +216,29 @@ impl Compared {
 }
 
 impl Request {
-    /// Compares a package with an edited one, on the path `cpu` unless you name others.
+    /// Compares a package with its edited version, on the path `cpu` unless you choose other paths.
     pub fn new(before: Package, after: Package) -> Self {
         let (only, paths, overrides) = (Vec::new(), vec![Path::CPU], Overrides::new());
         Self { before, after, only, cases: CASES, paths, overrides }
     }
 
-    /// Restricts the comparison to functions whose name contains one of these.
+    /// Restricts the comparison to functions with a name that contains one of these texts.
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
-    /// Sets the number of inputs of each function, 4,096 by default.
+    /// Sets the number of inputs of each function; without this call, 4,096.
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
     }
 
-    /// Runs functions on these paths.
+    /// Sets the paths on which functions run.
     pub fn paths(self, paths: Vec<Path>) -> Self {
         Self { paths, ..self }
     }
 
-    /// Gives an `override` a value on both sides, by its name or its `@id`, in each function that has one.
+    /// Sets the value of an `override` on both sides, by its name or its `@id`, in each function that uses the
+    /// override.
     pub fn set_override(mut self, name: &str, value: f64) -> Self {
         self.overrides.insert(name.to_owned(), value);
         self
@@ -243,13 +247,13 @@ impl Request {
     /// Compares all functions, in the order of their names.
     ///
     /// # Errors
-    /// If a package can't be read, or an override is declared that neither side has.
+    /// If a package can't be read, or if an override is set that neither side has.
     pub fn run(&self) -> Result<Vec<Compared>, PackageError> {
         self.run_with(&|_, _, _| {})
     }
 
-    /// Does the same as [`run`](Self::run), and reports each verdict as soon as all before it exist, with its number
-    /// and the total.
+    /// Does the same as [`run`](Self::run), and reports each verdict as soon as all verdicts before it are known, with
+    /// its number and the total.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -262,7 +266,8 @@ impl Request {
             let reason = format!("{wrong}{}", place_of_override(&self.after, &name));
             return Err(PackageError::Manifest { file: "karat.toml".to_owned(), reason });
         }
-        // A feature that conditions compare with a number gets one on both sides; otherwise nothing could be read.
+        // A feature that conditions compare with a number gets a number on both sides, because the module can't be read
+        // without one.
         let values = [&self.before, &self.after].map(values_of);
         let mut both = values[0].clone();
         for (name, own) in &values[1] {
@@ -275,7 +280,7 @@ impl Request {
             known.map(|(name, all)| format!("{name}={}", all[0])).collect()
         };
         let (before, after) = (featured(&self.before, &first(0)), featured(&self.after, &first(1)));
-        // A declared override is fixed, like one given to the request.
+        // An override's value in `karat.toml` is fixed, like a value set by the request.
         let overrides = declared.into_iter().chain(self.overrides.clone()).collect();
         let shown: BTreeSet<String> = first(0).into_iter().chain(first(1)).collect();
         let valued = Self { before, after, overrides, ..self.clone() };
@@ -287,7 +292,7 @@ impl Request {
         let compared = all.into_par_iter().map(|(at, (name, pair))| {
             let one = panics::caught(|| valued.verdict_under(&name, pair, (&others, &values)));
             let mut one = one.unwrap_or_else(|panicked| {
-                let reason = format!("Karat panics at it: {panicked}");
+                let reason = format!("Karat panics while it compares the function: {panicked}");
                 Compared::of(&name, Change::Unjudged { reason })
             });
             if one.change != Change::Untouched {
@@ -297,7 +302,7 @@ impl Request {
                 let open: Vec<String> = open.cloned().collect();
                 one.under.extend(open);
             }
-            // Sorted by name, so that equal verdicts are equal texts.
+            // Sort by name, so that functions with equal verdicts get equal output.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
             let (next, waiting) = &mut *done;
             waiting.insert(at, one.clone());
@@ -310,7 +315,8 @@ impl Request {
         Ok(compared.collect())
     }
 
-    /// All functions of both sides, by name. A module that can't be read on a side stands for its functions.
+    /// Lists the functions of both sides by name. A module that can't be read on a side has one entry in place of its
+    /// functions.
     fn pairs(
         &self,
         values: &[Values; 2],
@@ -327,7 +333,7 @@ impl Request {
         for module in modules {
             let has = [before.contains(module), after.contains(module)];
             let texts = [0, 1].map(|side| words_of(sides[side], module));
-            // Files that can't be read don't count as the same.
+            // Two files that can't be read don't count as equal.
             let is_same = match &texts {
                 [Some(before), Some(after)] => before.0 == after.0,
                 _ => false,
@@ -359,17 +365,17 @@ impl Request {
                 let there = Pair::There(old.get(name).copied(), new.get(name).copied());
                 all.insert(name.clone(), there);
             }
-            // Code that a condition leaves out belongs to no function.
+            // Some edited code belongs to no function, because a condition leaves it out.
             if is_same {
                 continue;
             }
-            // A module that was added or removed shows by its functions.
+            // The functions of an added or removed module already show the change.
             let overrides =
                 if has == [true; 2] { self.overrides_of(module) } else { Ok(Vec::new()) };
             match overrides {
                 Ok(overrides) if overrides.is_empty() => {}
                 Ok(overrides) => drop(all.insert(name_of(module), Pair::Overrides(overrides))),
-                // The functions of an invalid module are compared all the same, but not its interface to the host.
+                // Functions of an invalid module are still compared, but the module's overrides can't be.
                 Err(reasons) => {
                     if overrides_in(&words[0].0) != overrides_in(&words[1].0) {
                         let [was, is] = reasons;
@@ -381,7 +387,7 @@ impl Request {
             let open: Vec<String> = open.into_iter().chain(others).cloned().collect();
             let mut edited = BTreeSet::new();
             for features in subsets(&open) {
-                // Each side gets the features that it knows.
+                // Each side gets the features that its conditions use.
                 let of = |side: usize| asked(&features, &values[side], &words[side].1);
                 let own = [of(0), of(1)];
                 let (old, new) = match (items(0, &own[0]), items(1, &own[1])) {
@@ -422,7 +428,7 @@ impl Request {
         Ok(all)
     }
 
-    /// Returns `true` if a function's text is the same on both sides with these features on.
+    /// Checks if a function's text is the same on both sides with these features on.
     fn is_untouched_under(&self, name: &str, features: &[Vec<String>; 2]) -> bool {
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = |side: &Package, features: &[String]| {
@@ -436,7 +442,7 @@ impl Request {
         }
     }
 
-    /// The overrides of a module that no function uses, as a host sees them; or the reason why a side is invalid.
+    /// Lists the changes of overrides that no function of a module uses, or returns the reason why a side is invalid.
     fn overrides_of(&self, module: &str) -> Result<Vec<String>, [Option<String>; 2]> {
         let whole = |side| Program::of_module(side, module);
         let (before, after) = match (whole(&self.before), whole(&self.after)) {
@@ -467,8 +473,7 @@ impl Request {
         Ok(all.into_iter().filter(is_open).collect())
     }
 
-    /// The verdict on a function. If its results are the same, the verdict under another value of a feature under which
-    /// they differ.
+    /// Compares a function. If the results are equal, tries other values of features, until the results differ.
     fn verdict_under(
         &self,
         name: &str,
@@ -529,13 +534,12 @@ impl Request {
             Pair::Broken(_, Some(is)) => unjudged(format!("after: {is}")),
             Pair::Broken(was, None) => unjudged(format!("before: {}", was.unwrap_or_default())),
             Pair::Hidden(open) => unjudged(format!(
-                "no function differs with none, one, two or all of its {} features on: name those of the edit with --feature",
+                "no function differs with none, one, two or all of the module's {} features on: name the edit's features with --feature",
                 open.len()
             )),
         }
     }
 
-    /// The declared ranges, and the values of overrides.
     fn ranges(&self) -> Result<Ranges, String> {
         let mut ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
         self.overrides.iter().for_each(|(name, value)| ranges.set_override(name, *value));
@@ -544,7 +548,7 @@ impl Request {
 
     fn compare(&self, name: &str, stage: Option<Stage>) -> Compared {
         let compared = |change| Compared::of(name, change);
-        // A function that can't be called may still be untouched.
+        // A function that can't be called may still be unedited.
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = |package: &Package| Program::of_items(package, module, &[own]);
         let (mut host, mut settings) = (Vec::new(), vec![BTreeMap::new()]);
@@ -587,7 +591,8 @@ impl Request {
                 paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
             }
             match &mut one {
-                // Private variables that can't be set leave the verdict open: other overrides may have been wrong.
+                // If private variables can't be set, the verdict is open: the overrides before may have hidden a
+                // difference.
                 Some(one)
                     if matches!(next.change, Change::Unjudged { .. }) && !state[0].is_empty() =>
                 {
@@ -602,17 +607,18 @@ impl Request {
         }
         let mut one = one.expect("there is one setting, at least");
         if let (Change::Same { .. }, Some((path, lanes))) = (&one.change, stateful.large) {
-            let reason =
-                format!("the same but for `{path}`: {lanes} numbers are too many to be compared");
+            let reason = format!(
+                "equal results except in `{path}`: {lanes} numbers are too many to compare"
+            );
             one.change = Change::Unjudged { reason };
         }
         one.interface.splice(0..0, host);
         one
     }
 
-    /// The private variables of each side through which a function receives values from others, or passes values to
-    /// them: those that both sides declare, and those that the edit renamed. No other function sees those that only one
-    /// side has.
+    /// Finds the private variables through which a function exchanges values with other functions: variables that both
+    /// sides declare, and variables that the edit renamed. If only one side has a variable, no function on the other
+    /// side sees it.
     fn state_of(&self, name: &str) -> Stateful {
         let sides = [&self.before, &self.after];
         let programs = sides.map(|side| Program::of_function(side, name).ok());
@@ -641,7 +647,7 @@ impl Request {
                 }),
             }
         }
-        // Renamed variables have the same position among all.
+        // A renamed variable has the same position in the list of variables.
         let gone: Vec<_> = old.iter().filter(|(path, _)| declared(1, path).is_none()).collect();
         let came: Vec<_> = new.iter().filter(|(path, _)| declared(0, path).is_none()).collect();
         if let ([(was, variable)], [(is, other)]) = (&*gone, &*came)
@@ -655,8 +661,8 @@ impl Request {
         all
     }
 
-    /// Values for the overrides that the request leaves open, as a host might give them. The first setting has a value
-    /// for each override without a default; each further one changes one override that both sides have.
+    /// Chooses values for the overrides that the request doesn't set. The first setting has a value for each override
+    /// without a default. Each further setting changes one override that both sides have.
     fn settings(&self, before: &Program, after: &Program) -> Vec<BTreeMap<String, f64>> {
         let declared = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
         let is_bool = |side: &Program, name: &str| side.override_type(name) == Some(Scalar::Bool);
@@ -680,7 +686,7 @@ impl Request {
         all
     }
 
-    /// Compares an edited function. `attributes` are those of both sides.
+    /// Compares an edited function, given the attributes and private variables of both sides.
     fn compare_linked(
         &self,
         name: &str,
@@ -710,7 +716,7 @@ impl Request {
             (Err(error), _) => return unjudged(&format!("before: {error}")),
             (_, Err(error)) => return unjudged(&format!("after: {error}")),
         };
-        // An edit may have added derivatives, or removed them.
+        // The edit may have added or removed derivatives.
         let (before, after) = match (before.takes_derivatives(), after.takes_derivatives()) {
             (true, false) => (before, after.varying()),
             (false, true) => (before.varying(), after),
@@ -730,7 +736,7 @@ impl Request {
             let renamed = renamed(Side::of(&before), Side::of(&after));
             match self.brought_to_pixels(name, &renamed) {
                 Ok(brought) => (violations, mended) = brought,
-                // A change says more than a note that pixels couldn't run beside each other.
+                // A change ranks before the note that pixels couldn't run side by side.
                 Err(reason) if matches!(change, Change::Same { .. }) => change = unseen(reason),
                 Err(_) => {}
             }
@@ -754,63 +760,63 @@ impl Request {
 }
 
 impl Compared {
-    /// Returns `true` if the results are the same so far: another setting may show more.
+    /// Checks if the results are equal so far. Another setting may then show a difference.
     fn is_open(&self) -> bool {
         matches!(self.change, Change::Same { .. }) && self.violations.is_empty()
     }
 
-    /// Takes the verdict of another setting if it shows more. If both are the same, a line counts as covered if either
-    /// covers it.
+    /// Replaces the verdict by another setting's verdict if that one shows more. If both verdicts are "same", a line
+    /// counts as covered if either setting covers it.
     fn take(&mut self, next: Self) {
         match next.change {
             Change::Same { .. } if next.violations.is_empty() => {
                 self.uncovered.retain(|line| next.uncovered.contains(line));
             }
             Change::Same { .. } | Change::Changed { .. } => *self = next,
-            // A value that the text doesn't accept proves nothing.
+            // A setting that the module doesn't accept proves nothing.
             _ => {}
         }
     }
 }
 
-/// The private variables of a function, as inputs and results.
+/// The private variables that are inputs and results of a function.
 #[derive(Default)]
 struct Stateful {
     sides: [State; 2],
-    /// `true` if on some side they are the function's only visible effect.
+    /// `true` if on some side the variables are the function's only visible effect.
     is_needed: bool,
     /// A variable that is too large to compare, with the number of its scalars.
     large: Option<(String, usize)>,
 }
 
-/// The two sides of a name.
+/// The two sides of one name.
 #[derive(Debug)]
 enum Pair {
-    /// A function on each side, with its stage.
+    /// Both sides, each with the function's stage; `None` if the side lacks the function.
     There(Option<Option<Stage>>, Option<Option<Stage>>),
-    /// A function under some features that the edit needs.
+    /// The same, with the features that the edit needs.
     Under(Under, Option<Option<Stage>>, Option<Option<Stage>>),
-    /// Overrides that no function uses, as a host sees them.
+    /// Changes of overrides that no function uses.
     Overrides(Vec<String>),
-    /// A module that can't be read, with the reason on either side.
+    /// A module that can't be read, with the reason for each side.
     Broken(Option<String>, Option<String>),
-    /// A module that can't be read, with the same text on both sides.
+    /// A module that can't be read, with equal text on both sides.
     Same,
-    /// A module whose edit none of the tried features include; these are its features.
+    /// A module with an edit that none of the tried features include, and the module's features.
     Hidden(Vec<String>),
 }
 
-/// Features that an edit needs, and those of them that each side's conditions use.
+/// The features that an edit needs, and for each side those that its conditions use.
 #[derive(Debug)]
 struct Under {
     features: Vec<String>,
     own: [Vec<String>; 2],
 }
 
-/// The values of features that conditions compare with a number.
+/// The values of features, for each feature that conditions compare with a number.
 type Values = BTreeMap<String, Vec<Feature>>;
 
-/// All values of each such feature, except its first.
+/// Lists all values of each such feature, except the first.
 fn other_values(values: &Values) -> Vec<String> {
     let of = |(name, all): (&String, &Vec<Feature>)| {
         all[1..].iter().map(|value| format!("{name}={value}")).collect::<Vec<_>>()
@@ -818,12 +824,12 @@ fn other_values(values: &Values) -> Vec<String> {
     values.iter().flat_map(of).collect()
 }
 
-/// The name of a feature, without its value.
+/// Returns a feature's name, without its value.
 fn name_of(feature: &str) -> &str {
     feature.split_once('=').map_or(feature, |(name, _)| name)
 }
 
-/// The features that a side's conditions use, as values or as names.
+/// Selects the features that a side's conditions use, as values or as names.
 fn asked(features: &[String], values: &Values, conditions: &[String]) -> Vec<String> {
     let asks = |name: &&String| match name.split_once('=') {
         Some((name, _)) => values.contains_key(name),
@@ -832,7 +838,7 @@ fn asked(features: &[String], values: &Values, conditions: &[String]) -> Vec<Str
     features.iter().filter(asks).cloned().collect()
 }
 
-/// A package with some features on. A feature may have a value after its name.
+/// Turns on some features of a package. A feature's name may have a value after it.
 fn featured(package: &Package, features: &[String]) -> Package {
     features.iter().fold(package.clone(), |package, feature| match feature.split_once('=') {
         Some((name, value)) => match value.parse::<i64>() {
@@ -843,9 +849,9 @@ fn featured(package: &Package, features: &[String]) -> Package {
     })
 }
 
-/// Sets of features, the smaller ones first. No set gives one name two values. Of few features, all sets. Of more: the
-/// empty set, each feature, each pair, all features with the first other value of each, and all with the second. Of
-/// many features, no pairs.
+/// Lists the sets of features to try, smaller sets first. No set gives a name two values. Few features: all sets. More
+/// features: the empty set, each feature, each pair, all features with the first other value of each, and all with the
+/// second other value. Many features: the same without the pairs.
 fn subsets(all: &[String]) -> Vec<Vec<String>> {
     let chosen = |at: Vec<usize>| at.into_iter().map(|at| all[at].clone()).collect::<Vec<_>>();
     let of_mask = |mask: usize| chosen((0..all.len()).filter(|at| mask >> at & 1 == 1).collect());
@@ -858,7 +864,7 @@ fn subsets(all: &[String]) -> Vec<Vec<String>> {
         let pairs =
             (0..all.len()).flat_map(|at| (at + 1..all.len()).map(move |other| vec![at, other]));
         let pairs = pairs.filter(|_| all.len() <= PAIRED_FEATURES);
-        // The other values of one name are neighbours.
+        // The other values of a name are neighbours in the list.
         let number =
             |at: usize| (0..at).filter(|one| name_of(&all[*one]) == name_of(&all[at])).count();
         let most = (0..all.len()).map(number).max().unwrap_or_default();
@@ -874,39 +880,38 @@ fn subsets(all: &[String]) -> Vec<Vec<String>> {
     sets
 }
 
-/// The first line of an error with its place, and the remedy if a feature has no value.
+/// Formats the first line of an error with its place, and adds the remedy if a feature has no value.
 fn with_place(error: &str) -> String {
     let place = error.lines().find_map(|line| line.trim_start().strip_prefix("┌─ "));
     let place = place.map_or_else(String::new, |place| format!(" ({})", place.trim()));
     let line = first_line(error);
     let hint =
-        if line.ends_with("has no value") { ": --feature NAME=VALUE gives it one" } else { "" };
+        if line.ends_with("has no value") { ": set one with --feature NAME=VALUE" } else { "" };
     format!("{line}{place}{hint}")
 }
 
-/// The first line of an error, without the word `error`.
+/// Returns the first line of an error, without the word `error`.
 fn first_line(error: &str) -> String {
     let reason = error.replacen("error: ", "", 1);
     reason.lines().next().unwrap_or_default().to_owned()
 }
 
-/// The coverage of both sides of an edit.
 #[derive(Default)]
 struct Both {
     sides: [Coverage; 2],
-    /// `true` if a result depends on an index outside after the edit, and doesn't before it.
+    /// `true` if a result depends on a wrong index after the edit, and not before it.
     strays: bool,
-    /// The first run of each side in the engine, or the reason why it failed; later runs may have values.
+    /// For each side, the first successful run in the engine, or else the first reason for a failure.
     measured: [Option<Result<(), String>>; 2],
-    /// The reason why it is unknown whether results depend on an index outside.
+    /// The reason why Karat doesn't know if results depend on a wrong index.
     unknown: Option<String>,
 }
 
-/// The declarations of overrides among the words of a module.
+/// Finds the declarations of overrides among a module's words.
 fn overrides_in(words: &[String]) -> Vec<&[String]> {
     let begins = (0..words.len()).filter(|at| words[*at] == "override");
     let whole = |at: usize| {
-        // Attributes such as `@id(7)` precede the keyword.
+        // Attributes such as `@id(7)` come before the keyword.
         let before = words[..at].iter().rposition(|word| word == ";" || word == "}");
         let behind = words[at..].iter().position(|word| word == ";");
         &words[before.map_or(0, |before| before + 1)..at + behind.unwrap_or(words.len() - at)]
@@ -914,7 +919,7 @@ fn overrides_in(words: &[String]) -> Vec<&[String]> {
     begins.map(whole).collect()
 }
 
-/// Notes a measurement, or otherwise the first reason why there is none.
+/// Stores a successful measurement, or else the first reason for a failure.
 fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
     if one.is_ok() || measured.is_none() {
         *measured = Some(one);
@@ -922,7 +927,6 @@ fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
 }
 
 impl Both {
-    /// Adds calls of both sides.
     fn add_calls(
         &mut self,
         sides: [&Probed; 2],
@@ -944,7 +948,7 @@ impl Both {
             (Ok(before), Ok(after)) => {
                 self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
             }
-            // It ran with the usual values: values read outside now decide whether one of its loops ends.
+            // The function ran with the usual values for wrong indices. Other values decide if one of its loops ends.
             (Ok(_), Err(ProbeError::Rounds { .. })) if ran[1] => self.strays = true,
             (Err(error), _) | (_, Err(error)) => self.unknown = Some(error.to_string()),
         }
@@ -957,7 +961,7 @@ impl Both {
         }
     }
 
-    /// The lines of an edit that no input covers. `place` is the place of the function.
+    /// Lists the lines of an edit that no input covers. `place` is the function's place.
     fn uncovered(&self, place: &str) -> Vec<Uncovered> {
         let stopped = self.measured.iter().flatten().find_map(|one| one.as_ref().err());
         if let Some(reason) = stopped.or(self.unknown.as_ref()) {
@@ -968,14 +972,14 @@ impl Both {
         [after.uncovered_beside(before), before.uncovered_beside(after)].concat()
     }
 
-    /// An index outside that an edit adds to a function, if the results depend on it.
+    /// Returns the wrong index that an edit adds to a function, if results depend on it.
     fn outside(&self, function: &str) -> Option<Violation> {
         let [before, after] = &self.sides;
         let place = after.outside_beside(before).into_iter().next().filter(|_| self.strays)?;
         let headline = format!(
-            "`{function}` has an index outside of an array or a texture, and its results depend on it"
+            "`{function}` uses an index outside of an array or a texture, and its results depend on this value"
         );
-        let does = "has an index beyond the array, or its texture's edge".to_owned();
+        let does = "uses an index outside of the array or texture".to_owned();
         let (place, invocation) = (place.to_string(), "a call".to_owned());
         let access = ViolationAccess { place, invocation, does };
         Some(Violation::new(function, Kind::OutOfRange, (headline, 1), vec![access]))
@@ -983,12 +987,12 @@ impl Both {
 }
 
 impl PathChange {
-    /// How clearly it shows the edit. The largest one is shown.
+    /// Returns how clearly the change shows the edit. Karat shows the change with the largest value.
     fn shows(&self) -> (Clarity, u64) {
         (self.clarity, self.ulp.unwrap_or(u64::MAX))
     }
 
-    /// Adds the effect of the same edit over other contents of buffers. Shows the clearer of the two.
+    /// Adds the effect of the same edit with other contents of buffers. Keeps the clearer of the two changes.
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
         let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
@@ -999,7 +1003,7 @@ impl PathChange {
         self.cases.0 = cases;
         self.ulp = ulp.map(|(one, other)| one.max(other));
         self.relative = relative.map(|(one, other)| one.max(other));
-        // Other contents may change another resource.
+        // With other contents, another resource may change.
         for one in less.words {
             if self.words.iter().all(|known| known.resource != one.resource) {
                 self.words.push(one);
@@ -1039,7 +1043,7 @@ mod tests {
         assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
     }
 
-    /// Coverage of a function, and of one that writes memory.
+    /// The coverage of a function, and of a function that writes memory.
     #[test]
     fn lines_that_no_argument_reaches_are_listed() {
         let before = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
@@ -1070,7 +1074,7 @@ mod tests {
         all.pop().expect("a function")
     }
 
-    /// If each input decides a condition alike, its other way isn't covered.
+    /// If a condition has the same outcome for every input, the other outcome isn't covered.
     #[test]
     fn conditions_with_one_outcome_are_listed() {
         let text = "fn key(x: u32, y: u32) -> u32 {
@@ -1088,8 +1092,8 @@ mod tests {
         assert_eq!(ways("x > 3u", "3u < x"), []);
     }
 
-    /// With an index outside its array, the engine reads what drivers may read: for example the last element, which a
-    /// guard would have chosen, too.
+    /// For a wrong index, the engine reads what drivers may read: for example the last element. A guard would choose
+    /// the last element, too.
     #[test]
     fn a_new_index_out_of_bounds_is_reported() {
         let of = |value: &str| {
@@ -1106,7 +1110,7 @@ mod tests {
         assert_eq!(brought.kind, Kind::OutOfRange);
         assert_eq!(brought.accesses[0].place, "<p>:3:28", "{brought:?}");
         assert!(compared(&bare, &guarded).violations.is_empty(), "an edit may mend it");
-        // If the element outside is dropped, no result depends on it.
+        // If the function drops the value from outside of the array, no result depends on it.
         let given_up = compared(
             &of("select(0.0, all[min(i, 3u)], i < 4u)"),
             &of("select(0.0, all[i], i < 4u)"),
@@ -1114,7 +1118,7 @@ mod tests {
         assert!(given_up.violations.is_empty(), "{given_up:?}");
     }
 
-    /// A length that a result shows is that of one buffer, even if only one side writes the buffer.
+    /// Both sides get a buffer of the same length, even if only one side writes the buffer.
     #[test]
     fn a_buffer_that_one_side_may_write_is_as_long_on_both() {
         let of = |access: &str| {
@@ -1133,7 +1137,7 @@ mod tests {
             assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
             assert_eq!(one.interface, [told]);
         }
-        // Buffers that both sides read have different lengths, so exchanging two of them shows.
+        // Buffers that both sides only read have different lengths, so a test notices if an edit exchanges them.
         let one = compared(&read, &read.replace("arrayLength(&other)", "64u"));
         assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
     }
@@ -1155,7 +1159,8 @@ mod tests {
         }
     }
 
-    /// Over several contents, the largest change is shown, each resource shows its first word, and cases add up.
+    /// With several contents, Karat shows the largest change, and the first word of each resource. The numbers of cases
+    /// add up.
     #[test]
     fn changes_over_several_contents_add_up() {
         let change = |ulp: Option<u64>, resource: &str, after: &str| {
@@ -1196,7 +1201,7 @@ mod tests {
         assert_eq!((sum.cases.0, words), (10, vec!["c", "b", "a"]));
     }
 
-    /// The comparison reports each input and output whose attribute changed, and no other.
+    /// The comparison reports each input and output whose attribute changed, and no other input or output.
     #[test]
     fn each_changed_attribute_is_reported() {
         let of = |all: &[(&str, &str)]| {
@@ -1265,7 +1270,11 @@ mod tests {
         let edited = changes(before, &before.replace("1.0", "2.0"));
         for (name, change) in &edited {
             let Change::Unjudged { reason } = change else { panic!("{name}: {change:?}") };
-            let why = if name == "nothing" { "it writes nothing" } else { "it was edited, and " };
+            let why = if name == "nothing" {
+                "the pass writes no resource"
+            } else {
+                "it was edited, and "
+            };
             assert!(reason.starts_with(why), "{reason}");
         }
     }
@@ -1285,7 +1294,7 @@ mod tests {
         let all = changes(before, &dead);
         let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("it was edited");
         assert!(matches!(fs.1, Change::Same { .. }), "{all:?}");
-        // A write before the statement counts.
+        // A write before the `discard` counts.
         let writes = "@group(0) @binding(0) var<storage, read_write> n: atomic<u32>;\n\
                       @fragment fn fs(@location(0) x: f32) { if x < 0.5 { discard; } atomicAdd(&n, 1u); }\n";
         let edited =
@@ -1325,7 +1334,7 @@ mod tests {
         }
     }
 
-    /// The results are the same, but the host has to supply resources differently.
+    /// The results are equal, but the host must supply resources differently.
     // Lesson 152
     // Lesson 200
     #[test]
@@ -1360,15 +1369,15 @@ mod tests {
         );
         let space = interface(buffer, "var<storage>", "var<storage, read_write>");
         assert_eq!(space.len(), 1, "{space:?}");
-        // A new name doesn't concern the host, and the resource has the same contents.
+        // The host doesn't depend on the name, and the resource gets the same contents.
         let renamed = buffer.replace("d: array", "data: array").replace("d[i]", "data[i]");
         assert_eq!(interface(buffer, buffer, &renamed), [""; 0]);
         let renamed = aligned.replace("> p:", "> params:").replace("p.y", "params.y");
         assert_eq!(interface(aligned, aligned, &renamed), [""; 0]);
     }
 
-    /// Textures differ in size and levels, numbers have the ranges declared in `karat.toml`, and cosines round to a
-    /// little above 1.
+    /// Textures differ in size and levels. Numbers have the ranges that `karat.toml` declares. Cosines round to
+    /// slightly above 1.
     // Lesson 153
     #[test]
     fn generated_resources_reveal_edits() {
@@ -1424,7 +1433,7 @@ mod tests {
         let compared = Request::new(open(&before), open(&after)).run().expect("it reads").remove(0);
         assert!(matches!(compared.change, Change::Same { .. }), "{compared:?}");
         assert_eq!(compared.drawn.to_string(), "from 1 to 2: x");
-        // The declared value of an override is kept. An override that neither side has is an error.
+        // An override keeps its declared value. Setting an override that neither side has is an error.
         let text = "override GAIN: f32 = 1.0;\nfn f(x: f32) -> f32 { return x * GAIN; }";
         let (before, after) = (folder(text), folder(&text.replace("return x", "return 2.0 * x")));
         for (declared, is_same) in
@@ -1447,8 +1456,8 @@ mod tests {
         assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
     }
 
-    /// Nested loops cost more than the work allowed to a function: fewer inputs run, evenly sampled, and the comparison
-    /// counts those left out.
+    /// Nested loops cost more than a function's work budget. Fewer inputs run, evenly chosen, and the comparison counts
+    /// the inputs that didn't run.
     #[test]
     fn the_work_of_a_function_is_bounded() {
         let text = |rounds: &str, step: &str| {
@@ -1460,7 +1469,7 @@ mod tests {
                 }}"
             )
         };
-        // The same number of rounds before and after the edit.
+        // The loop has the same number of rounds before and after the edit.
         let one = compared(&text("64u", "x * f32(j)"), &text("64u", "f32(j) * x"));
         assert!(
             matches!(one.change, Change::Same { cases } if (64..1024).contains(&cases)),
@@ -1471,17 +1480,17 @@ mod tests {
         let changed = compared(&text("64u", "x * f32(j)"), &text("64u", "x * f32(j + 1u)"));
         let Change::Changed { paths } = &changed.change else { panic!("{changed:?}") };
         assert_eq!(paths[0].cases.1 + changed.cut, CASES);
-        // A short loop runs with all inputs.
+        // A function with a short loop runs with all inputs.
         let short = compared(&text("2u", "x * f32(j)"), &text("2u", "f32(j) * x"));
         assert_eq!((short.change, short.cut), (Change::Same { cases: CASES }, 0));
-        // Too few inputs ran for the verdict "same". A change among them still counts.
+        // Too few inputs ran for the verdict "same", but a change among these inputs still counts.
         let one = compared(&text("900u", "x * f32(j)"), &text("900u", "f32(j) * x"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
-        assert!(reason.starts_with("not looked at whole: "), "{reason}");
+        assert!(reason.starts_with("compared in part: "), "{reason}");
         assert!(reason.contains(" inputs of 4096 give the same results"), "{reason}");
         let changed = compared(&text("900u", "x * f32(j)"), &text("900u", "x + f32(j)"));
         assert!(matches!(changed.change, Change::Changed { .. }) && changed.cut > 0, "{changed:?}");
-        // A loop that no longer ends after the edit is reported as before.
+        // If a loop no longer ends after the edit, the reason says so.
         let endless = compared(&text("2u", "x"), &text("2u", "x").replace("i++", "i += 0u"));
         let Change::Unjudged { reason } = &endless.change else { panic!("{endless:?}") };
         assert_eq!(reason, "after the edit a loop runs too often to be compared, or doesn't end");
@@ -1522,7 +1531,8 @@ mod tests {
         }
     }
 
-    /// A parameter with a signed type may be negative, whatever its name says, and a colour may be above 1.
+    /// An argument with a signed type may be negative, and a colour may be above 1, even if the name suggests a smaller
+    /// range.
     #[test]
     fn no_name_narrows_what_is_compared() {
         for (text, from, to) in [
@@ -1555,7 +1565,7 @@ mod tests {
         }
     }
 
-    /// Code under a condition is compared under the fewest features that include it.
+    /// Code under a condition is compared with the fewest features that include it.
     #[test]
     fn edits_under_a_condition_are_compared_under_it() {
         let text = "@if(A) fn f(x: f32) -> f32 { return x; }
@@ -1597,7 +1607,8 @@ mod tests {
             (vec![of("f", "A")], 2)
         );
         assert_eq!(under("2.0 * x", "3.0 * x"), (vec![of("g", "B C")], 1));
-        // A reversed condition isn't an edit of the code; a condition that only one side has is one.
+        // An equivalent condition with exchanged branches isn't an edit of the code. A condition on only one side is an
+        // edit.
         let swap =
             "fn f(x: f32) -> f32 {\n#ifdef A\n return 2.0 * x;\n#else\n return 3.0 * x;\n#endif\n}";
         let other = "fn f(x: f32) -> f32 {\n#ifndef A\n return 3.0 * x;\n#else\n return 2.0 * x;\n#endif\n}";
@@ -1609,7 +1620,7 @@ mod tests {
             assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
             assert_eq!(one.under, ["NEW"]);
         }
-        // If no tried set of many features includes an edit, the comparison says so.
+        // If no tried set of features includes an edit, the comparison reports that.
         let never = "@if(A && B && C && D && !E && !F) fn f(x: f32) -> f32 { return x; }\nfn g() -> f32 { return 1.0; }";
         let [before, after] = [never, &never.replace("return x", "return 2.0 * x")]
             .map(|text| Package::from_source("p", text));
@@ -1618,7 +1629,7 @@ mod tests {
         assert!(matches!(hidden.change, Change::Unjudged { .. }), "{all:?}");
     }
 
-    /// Inputs of entry points are matched by attributes, and the comparison names each part that a host supplies.
+    /// Attributes match the inputs of entry points, and the comparison lists each changed input that a host supplies.
     #[test]
     fn entry_points_are_compared_by_their_attributes() {
         let text = "struct I { @location(0) uv: vec2f, @location(1) n: vec3f }
@@ -1648,7 +1659,7 @@ mod tests {
         assert_eq!(lost, ["`q` at @group(0) @binding(3) is no longer used"]);
     }
 
-    /// A structure and its members may be renamed, and the members may change their order.
+    /// An edit may rename a structure and its members, and may change the order of members.
     #[test]
     fn structures_are_compared_by_their_members() {
         let text = "struct Tmp { a: f32, b: vec2f }
@@ -1675,7 +1686,8 @@ mod tests {
         assert!(matches!(typed[0].1, Change::Signature { .. }), "{typed:?}");
     }
 
-    /// A count below the elements, a state with an initial value, an override that nothing uses.
+    /// These edits show only with a count below the number of elements, with a state's initial value, or in an unused
+    /// override.
     #[test]
     fn rare_edits_of_guards_states_and_overrides_are_reported() {
         let guard = "@group(0) @binding(0) var<uniform> count: u32;
@@ -1700,7 +1712,7 @@ mod tests {
             let one = compared(texels, &texels.replace(from, to));
             assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
         }
-        // Each call of an entry point starts anew.
+        // Private variables get their initial values again in each call of an entry point.
         let entry = "var<private> n: u32;
             @fragment fn f() -> @location(0) vec4f { n += 1u; return vec4f(f32(n)); }";
         let one = compared(entry, &entry.replace("n += 1u", "n = 1u"));
@@ -1717,7 +1729,7 @@ mod tests {
             }";
         let one = compared(wanted, &wanted.replace("= N;", "= N + 1u;"));
         assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
-        // A call of a function with a `return` after a discard is reached.
+        // Karat sees that the call of a function with a `return` after a discard is reached.
         let call = "fn a_pick(p: f32) -> f32 { if p > 0.0 { return 1.0; } return p; }
             @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f {
                 if x < 0.5 { discard; }
@@ -1728,7 +1740,7 @@ mod tests {
         assert!(matches!(one.change, Change::Same { .. }) && one.uncovered.is_empty(), "{one:?}");
     }
 
-    /// The comparison shows overrides as hosts see them, and runs them with values besides their defaults.
+    /// The comparison shows overrides as hosts see them, and runs functions with other values of overrides, too.
     #[test]
     fn overrides_are_compared() {
         let text = "@id(3) override A: f32 = 1.0;\nfn f(x: f32) -> f32 { return A * x; }";
@@ -1756,7 +1768,7 @@ mod tests {
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
-    /// The other modules keep their verdicts if one can't be read.
+    /// If a module can't be read, the other modules keep their verdicts.
     #[test]
     fn a_broken_module_is_reported_and_the_others_are_compared() {
         let package =
@@ -1775,7 +1787,7 @@ mod tests {
             assert!(all[0].function == "bad" && reason.starts_with(side), "{all:?}");
             assert!(matches!(all[1].change, Change::Changed { .. }), "{all:?}");
         }
-        // A module that can't be read or linked, and has the same text on both sides, isn't an edit.
+        // A module that can't be read or linked isn't an edit if its text is equal on both sides.
         let all = Request::new(package(bad, good), package(bad, good)).run().expect("they read");
         assert!(all.iter().all(|one| one.change == Change::Untouched), "{all:?}");
         let lacks = "fn f() -> f32 { return missing(); }";
@@ -1784,7 +1796,7 @@ mod tests {
         assert_eq!(all[0].change, Change::Untouched, "{all:?}");
     }
 
-    /// The values that functions leave in private variables are inputs of other functions, and results of this one.
+    /// A private variable that a function writes is a result of this function, and an input of other functions.
     #[test]
     fn private_state_is_an_input_and_a_result() {
         let left = "var<private> n: u32;\nvar<private> all: array<f32, 2>;
@@ -1802,7 +1814,8 @@ mod tests {
         }
         let same = changes(left, &left.replace("n = 1u", "n = 3u - 2u"));
         assert!(same.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{same:?}");
-        // A variable that nothing writes keeps its first value, and a first call reads that value, too.
+        // A variable that nothing writes keeps its first value. A first call reads the first value of other variables,
+        // too.
         let table = "var<private> table: array<f32, 3> = array(1.0, 2.0, 4.0);
             fn at(i: u32) -> f32 { return table[i % 3u]; }";
         let one = compared(table, &table.replace("4.0", "5.0"));
@@ -1812,7 +1825,7 @@ mod tests {
         let one = compared(seed, &seed.replace("7u", "8u"));
         let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
         assert_eq!((&*paths[0].before, &*paths[0].after), ("36", "41"));
-        // An override decides one branch, a private variable the other: both branches are covered.
+        // An override decides one branch, a private variable the other branch. Both branches are covered.
         let both =
             "var<private> on: bool;\nfn f(x: f32) -> f32 { if on { return x; } return x + 1.0; }";
         let one = compared(both, &both.replace("return x; }", "return 1.0 * x; }"));
@@ -1835,7 +1848,8 @@ mod tests {
         ));
     }
 
-    /// A feature that conditions compare with a number gets that number, and if the edit needs them, its neighbours.
+    /// A feature that conditions compare with a number gets this number, and the neighbouring numbers if the edit needs
+    /// them.
     #[test]
     fn features_without_a_value_get_one() {
         let text = "#if LIGHTS > 2\nfn f(x: f32) -> f32 { return x + 1.0; }\n#else\n\
@@ -1862,7 +1876,7 @@ mod tests {
         assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
     }
 
-    /// A setting that can't be judged covers no line. If a setting finds a violation, that is the verdict.
+    /// A setting that can't be judged covers no line. A setting with a violation decides the verdict.
     #[test]
     fn other_settings_hide_no_line() {
         let line = || Uncovered {
@@ -1884,7 +1898,7 @@ mod tests {
         assert!(one.is_open() && one.uncovered.is_empty());
     }
 
-    /// Edits under several conditions that need different numbers are found; a name has the same value on both sides.
+    /// Karat finds edits under several conditions that need different numbers. A name has the same value on both sides.
     #[test]
     fn conditions_with_several_numbers_are_met_together() {
         let package =
@@ -1915,7 +1929,7 @@ mod tests {
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
-    /// Private variables that only one side declares, that were renamed, or that are too large.
+    /// Some private variables are declared on only one side, some are renamed, and some are too large.
     #[test]
     fn private_variables_come_go_and_are_large() {
         let scratch = "var<private> t: f32;\nfn f(x: f32) -> f32 { t = x * 2.0; return t + 1.0; }";
@@ -1941,7 +1955,7 @@ mod tests {
         let one = compared(large, &large.replace("i %", "(i + 9u) %"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
         assert!(reason.contains("`a`: 5000 numbers are too many"), "{reason}");
-        // If two have the same name, each is known by its path.
+        // If two variables have the same name, their paths distinguish them.
         let modules = |a: &str| {
             let b = "var<private> s: u32;\nfn g() -> u32 { s = s + 1u; return s; }";
             Package::from_modules("p", [("a", a), ("b", b)])
@@ -1957,7 +1971,7 @@ mod tests {
         assert!(matches!(one.change, Change::Signature { .. }), "{one:?}");
     }
 
-    /// If the engine runs nothing, coverage is unknown, and the comparison says so.
+    /// If the engine can't run a function, its coverage is unknown, and the comparison reports that.
     // Lesson 88
     #[test]
     fn unmeasured_coverage_is_reported() {
@@ -1972,12 +1986,12 @@ mod tests {
         note(&mut both.measured[after], Ok(()));
         note(&mut both.measured[after], Err("another content".to_owned()));
         assert!(both.uncovered("f.wgsl:1:1").is_empty(), "some of each side was");
-        // The engine stopped early, so an index outside may still occur.
+        // The engine stopped early, so a wrong index may still occur.
         both.unknown = Some("it ran too long".to_owned());
         assert_eq!(both.uncovered("f.wgsl:1:1")[0].missed, Missed::Unmeasured);
     }
 
-    /// Text that can't be read, under a condition or in an invalid module, must not count as unchanged.
+    /// Text that can't be read, because of a condition or an invalid module, must not count as unchanged.
     // Lesson 88
     #[test]
     fn edits_that_cannot_be_read_are_unjudged() {
@@ -1991,7 +2005,7 @@ mod tests {
         let sound = "fn f(x: f32) -> f32 { return x; }\n#ifdef SHADOWS\nfn g() -> f32 { return 1.0; }\n#endif\n";
         let told = of(sound, &sound.replace("1.0; }", "1.0;"));
         assert!(told.contains("m: ") && told.contains("after: with SHADOWS: "), "{told}");
-        // An invalid function hides the module's interface to the host.
+        // Karat can't compare the overrides of a module with an invalid function.
         let invalid = "@id(3) override size: u32 = 4u;\nfn broken() -> f32 { return missing; }\n";
         for (from, to) in [("4u", "8u"), ("@id(3)", "@id(4)")] {
             let told = of(invalid, &invalid.replace(from, to));
@@ -2019,7 +2033,7 @@ mod tests {
         );
     }
 
-    /// Shows plain numbers, and no input that has no effect.
+    /// The comparison shows plain numbers, and only inputs that affect the results.
     #[test]
     fn the_evidence_is_what_people_would_look_at() {
         let text = "struct P { scale: f32, unused: f32 }
