@@ -1,28 +1,28 @@
-//! The contents of buffers and textures, and their sizes: one table for functions and one for passes, with a row for
-//! each content to try.
+//! The contents and sizes of buffers and textures: one table for functions and one table for passes. Each row of a
+//! table is a content to try.
 
 use crate::limits::ELEMENTS;
 use karat_core::value::Scalar;
 
-/// The numbering of integers in arrays. Each of them may be an index into another array.
+/// The numbers in arrays of integers. Each number may be an index into another array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Numbered {
-    /// 0, 1, 2 ..: all are different.
+    /// 0, 1, 2, ...: all numbers are different.
     Forwards,
-    /// .. 2, 1, 0: sorted input would hide that a pass doesn't sort.
+    /// ..., 2, 1, 0: sorted input would hide that a pass doesn't sort.
     Backwards,
     /// 0 and 1, as in cells and flags.
     Bits,
-    /// All are 0, and floats, too: an index that is still outside doesn't come from the contents.
+    /// All integers and floats are 0. An index that is still outside of its array doesn't come from the contents.
     Zero,
-    /// All are 1, and floats, too.
+    /// All integers and floats are 1.
     One,
-    /// 0, 65536, 131072 ..: so far apart that sums of an index with different elements never meet.
+    /// 0, 65536, 131072, ...: so far apart that sums of an index with different elements are never equal.
     Apart,
 }
 
 impl Numbered {
-    /// The number of all elements, if it is the same.
+    /// Returns the number of all elements, if it is the same for all.
     pub(super) fn constant(self, scalar: Scalar) -> Option<u32> {
         match (self, scalar) {
             (Self::Zero, _) => Some(0),
@@ -33,7 +33,7 @@ impl Numbered {
         }
     }
 
-    /// The number of an element of an array with this length.
+    /// Returns the number of one element in an array with `count` elements.
     pub(super) fn of(self, element: u32, count: u32) -> u32 {
         match self {
             Self::Zero => 0,
@@ -41,62 +41,65 @@ impl Numbered {
             Self::Forwards => element,
             Self::Apart => element.wrapping_mul(1 << 16),
             Self::Backwards => count - 1 - element,
-            // Each neighbourhood occurs; three of eight bits are set.
+            // Three of eight bits are set, so every pattern of neighbours occurs.
             Self::Bits => u32::from(hashed(0, element) & 7 < 3),
         }
     }
 }
 
-/// The contents of textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Texels {
-    /// Numbers that change little between texels, so that the few bits of a filter's weights don't matter much.
+    /// Numbers that change little between texels, so that the low precision of filter weights has a small effect.
     Smooth,
-    /// Numbers that are independent of their neighbours.
+    /// Numbers that don't depend on their neighbours.
     Noise,
-    /// The same, many of them negative.
+    /// Like `Noise`, with many negative numbers.
     NoiseBelowZero,
     /// 0, transparent.
     Black,
-    /// The same number everywhere: the one at this position among those of the text. A filter keeps it.
+    /// One number of the shader's text in all texels, chosen by its position among these numbers. A filter doesn't
+    /// change it.
     OfText(usize),
 }
 
-/// The share of its elements that a runtime-sized array, or a texture, has.
+/// The rule that makes runtime-sized arrays and textures shorter, each by a different share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shorter {
-    /// Of two names, the first has more elements.
+    /// Of two names, the first one has more elements.
     Most,
-    /// Of two names, the second has more elements.
+    /// Of two names, the second one has more elements.
     Least,
 }
 
-/// The contents and the sizes of resources.
+/// One content: the values and the sizes of all resources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Content {
-    /// Its number: 0 has only random samples; each further one begins with another of the preferred numbers.
+    /// The content's number. Content 0 has only random samples. Each other content uses another of the preferred
+    /// numbers first.
     pub(crate) draw: usize,
     pub(super) texels: Texels,
-    /// The elements of a runtime-sized array that a function reads. In a pass it has as many as there are invocations.
+    /// The number of elements of a runtime-sized array that a function reads. In a pass, the array has one element for
+    /// each invocation.
     pub(super) elements: usize,
-    /// The numbering of elements in arrays of integers; `None` if they are sampled.
+    /// The numbers in arrays of integers; `None` if they are sampled.
     pub(crate) numbered: Option<Numbered>,
-    /// The least value of whole numbers that their name doesn't constrain; `None` if they are sampled.
+    /// The least value of whole numbers if the name suggests no value; `None` if these numbers are sampled.
     pub(super) least: Option<u32>,
-    /// The invocations in each direction that have no element, for a short side and for a long one: the number of
-    /// elements is then no multiple of the workgroup.
+    /// The number of invocations without an element in each direction, for a short and for a long direction. The number
+    /// of elements is then not a multiple of the workgroup's size.
     pub(crate) tail: Option<[u32; 2]>,
-    /// This many times the invocations, in several rows. Doesn't cause a race that another content lacks.
+    /// The number of elements for each invocation, in several rows; `None` for the usual number. More elements cause no
+    /// race that another content lacks.
     pub(super) rows: Option<u32>,
-    /// `true` if unconstrained floats of arrays are negative, so that a missing element shows.
+    /// `true` if unconstrained floats of arrays are negative, so that a missing element (0) is noticed.
     pub(super) negative: bool,
-    /// Runtime-sized arrays and textures are shorter, each by another share.
+    /// Makes runtime-sized arrays and textures shorter, each by another share.
     pub(crate) shorter: Option<Shorter>,
-    /// `true` if they are longer than a pass needs.
+    /// `true` if arrays and textures are longer than a pass needs.
     pub(super) long: bool,
-    /// The order of each of three buffers in turn: a sorted one leads to an unsorted one, like the edges of a graph.
+    /// The numbers of every first, second and third buffer: a sorted buffer leads to an unsorted buffer, like the edges
+    /// of a graph.
     pub(super) orders: Option<[Numbered; 3]>,
-    /// `true` if a single workgroup is dispatched.
     pub(crate) one_workgroup: bool,
     /// `true` if a host may well give such indices and counts.
     pub(crate) is_likely: bool,
@@ -104,7 +107,6 @@ pub(crate) struct Content {
     pub(crate) is_sized: bool,
 }
 
-/// Random samples only.
 const DRAWN: Content = Content {
     draw: 0,
     texels: Texels::Smooth,
@@ -123,9 +125,9 @@ const DRAWN: Content = Content {
 };
 
 impl Content {
-    /// The contents that functions read: random samples; then the first of the preferred numbers in each member, the
-    /// second, and so on. Ends of ranges, 0 and 1 are among these. Textures have other sizes in each content. A missing
-    /// guard shows if an array is short.
+    /// The contents for functions: random samples, then contents with the first, second, ... preferred numbers in each
+    /// member. These numbers include ends of ranges, 0 and 1. Each content has other sizes of textures. The short
+    /// arrays reveal missing guards.
     pub(crate) const OF_FUNCTIONS: [Self; 6] = [
         DRAWN,
         Self { draw: 1, ..DRAWN },
@@ -135,14 +137,14 @@ impl Content {
         Self { draw: 5, texels: Texels::Noise, ..DRAWN },
     ];
 
-    /// The contents that functions read if names are ignored. All texels are one number of the text.
+    /// The contents for functions that ignore names. All texels are one number of the shader's text.
     pub(crate) const NAMELESS: [Self; 2] = [
         Self { draw: 60, texels: Texels::OfText(10), ..DRAWN },
         Self { draw: 66, texels: Texels::OfText(11), ..DRAWN },
     ];
 
-    /// The contents that passes read and write. In the first, sizes follow from the dispatch; the second has a tail;
-    /// others try the numbers that a parameter may be compared with; the last one samples.
+    /// The contents for passes. In the first, sizes follow from the dispatch. The second has fewer elements than
+    /// invocations. Others use numbers with which a parameter may be compared. The last one is sampled.
     pub(crate) const OF_PASSES: [Self; 9] = {
         use Numbered::{Backwards, Bits, Forwards};
         const LIKELY: Content = Content { is_likely: true, ..DRAWN };
@@ -168,7 +170,7 @@ impl Content {
                 ..LIKELY
             },
             Self { draw: 5, numbered: Some(Forwards), least: Some(0), ..DRAWN },
-            // More than a tile of 8 or 16, so that a loop over tiles has several rounds.
+            // More elements than a tile of 8 or 16, so that a loop over tiles has several rounds.
             Self {
                 draw: 6,
                 numbered: Some(Forwards),
@@ -190,22 +192,23 @@ impl Content {
         ]
     };
 
-    /// The same sizes with one numbering for the elements of all arrays: zeros, ones, or numbers far apart.
+    /// Returns this content with the same sizes, and with all arrays numbered in one way: zeros, ones, or numbers far
+    /// apart.
     pub(crate) const fn numbered(self, numbered: Numbered) -> Self {
         Self { numbered: Some(numbered), orders: None, ..self }
     }
 
-    /// The same numbers, with arrays that are longer than a pass needs.
+    /// Returns this content with arrays that are longer than a pass needs.
     pub(crate) const fn long(self) -> Self {
         Self { long: true, orders: None, ..self }
     }
 
-    /// The same, dispatched as one workgroup.
+    /// Returns this content, dispatched as one workgroup.
     pub(crate) const fn of_one_workgroup(self) -> Self {
         Self { one_workgroup: true, ..self }
     }
 
-    /// The same for a buffer, by its position among all.
+    /// Returns this content for a buffer, by the buffer's position among all buffers.
     pub(super) fn of_buffer(self, place: usize) -> Self {
         match self.orders {
             Some(orders) => Self { numbered: Some(orders[place % orders.len()]), ..self },
@@ -213,13 +216,13 @@ impl Content {
         }
     }
 
-    /// Returns `true` if each texture is partly transparent.
+    /// Checks if each texture is partly transparent.
     pub(super) fn is_transparent(self) -> bool {
         self.draw % 2 == 1
     }
 }
 
-/// Bits that depend on others and on a number, by the finalizer of MurmurHash3.
+/// Mixes bits with a number, by the finalizer of MurmurHash3.
 pub(super) fn hashed(bits: u32, number: u32) -> u32 {
     let mut bits = (bits ^ number).wrapping_mul(0x9e37_79b9);
     bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);

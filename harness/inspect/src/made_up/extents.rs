@@ -16,21 +16,21 @@ const DIRECTIONS: [&str; 7] = ["grid", "extent", "extents", "dims", "shape", "bo
 const EACH: [&str; 8] =
     ["samples", "sample", "steps", "rays", "bounces", "iterations", "octaves", "taps"];
 
-/// The extent of a dispatch, which generated sizes follow, and the content.
+/// The size of a dispatch, which determines generated sizes, and the content.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extents {
-    /// Elements in each direction: as many as the invocations of all workgroups, or fewer.
+    /// The number of elements in each direction: as many as all workgroups have invocations, or fewer.
     pub(crate) elements: [u32; 3],
     pub(crate) workgroups: [u32; 3],
     pub(crate) content: Content,
 }
 
 impl Extents {
-    /// A dispatch over all of its invocations, except those that a content leaves without an element.
+    /// Builds the extents of a dispatch. A content may leave some invocations without an element.
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], content: Content) -> Self {
         /// The least number of elements of arrays.
         const LEAST: u32 = 64;
-        /// Invocations along a side of two workgroups of 8 x 8.
+        /// The number of invocations of two workgroups of 8 x 8 in one direction.
         const SHORT: u32 = 16;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
         let total = elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
@@ -39,7 +39,8 @@ impl Extents {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
         if let Some([of_short, of_long]) = content.tail {
-            // On a short side only a few have none. A host has no reason to round up workgroups of one.
+            // In a short direction only a few invocations have no element. If the workgroup has size 1, a host doesn't
+            // round up.
             let less = |count: u32| if count <= SHORT { of_short } else { of_long };
             elements = [0, 1, 2].map(|k| match elements[k] {
                 count if count > less(count) && size[k] != 1 => count - less(count),
@@ -51,55 +52,56 @@ impl Extents {
             let rows = (1..=count.isqrt()).rev().find(|rows| count % rows == 0).unwrap_or(1);
             elements = [count / rows, rows, 1];
         }
-        // The buffers of a draw have an element for each pixel.
+        // The buffers of a draw have one element for each pixel.
         let shorter = content.shorter.filter(|_| size != [1; 3]);
         Self { elements, workgroups, content: Content { shorter, ..content } }
     }
 
-    /// The value of a whole number that its name doesn't constrain: from 2, 3 or 4 upwards. Neighbours have different
-    /// values, so that exchanging them shows.
+    /// Returns the value of a whole number if its name suggests none: one of the numbers from 2, 3 or 4 upwards.
+    /// Neighbouring lanes have different values, so that exchanging two lanes changes results.
     pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
         const APART: std::ops::RangeInclusive<u32> = 2..=4;
         let least = self.content.least?;
         if !APART.contains(&least) {
             return Some(least);
         }
-        // Each of the three has different bits.
+        // Take other bits for each of the three values of `least`.
         let own = blake3::hash(name.as_bytes()).as_bytes()[least as usize] % 3;
         Some(least + u32::from(own) + lane as u32)
     }
 
-    /// The same for a buffer, by its position among all.
+    /// Returns the extents for a buffer, by the buffer's position among all buffers.
     pub(super) fn of_buffer(self, place: usize) -> Self {
         Self { content: self.content.of_buffer(place), ..self }
     }
 
-    /// Refuses more elements than Karat generates buffers for: 2^22, each of which may have several words.
+    /// Refuses dispatches with more than 2^22 elements. Each element may have several words.
     ///
     /// # Errors
-    /// If there are more.
+    /// If there are more elements.
     pub(crate) fn expect_few(&self) -> Result<(), String> {
         match self.total() {
             total if total > MOST_ELEMENTS => Err(format!(
-                "buffers are made up for at most {MOST_ELEMENTS} invocations: dispatch fewer workgroups, or bind them"
+                "Karat generates buffers for at most {MOST_ELEMENTS} invocations: dispatch fewer workgroups, or bind them"
             )),
             _ => Ok(()),
         }
     }
 
-    /// The elements of a runtime-sized array.
+    /// Returns the number of elements of a runtime-sized array with this name.
     pub(super) fn elements_of(&self, name: &str) -> u32 {
         self.part_of(name, self.total())
     }
 
-    /// The part of a number of elements that a resource with this name has. Of two names, the one that has less in one
-    /// of two contents has more in the other.
+    /// Returns the part of `count` elements that a resource with this name has. The resource with fewer elements in one
+    /// of two contents has more elements in the other content.
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
-        /// Sixteenths of all, at most and at least. The least is more than half, as a host dispatches no idle
-        /// workgroup.
+        /// The most and the least sixteenths of all elements. The least is more than half, because a host dispatches no
+        /// idle workgroup.
         const MOST: u32 = 16;
         const LEAST: u32 = 9;
-        /// Multiples of all, in each direction of a texture: a pass that steps from level to level has four.
+        /// The factor for long resources, in each direction of a texture. A pass that steps through levels has four
+        /// levels.
         const LONG: u32 = 8;
         if self.content.long {
             return count.saturating_mul(LONG);
@@ -113,21 +115,21 @@ impl Extents {
         count.saturating_mul(part).div_ceil(MOST)
     }
 
-    /// All elements.
+    /// Returns the number of all elements.
     pub(crate) fn total(&self) -> u32 {
         self.elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count))
     }
 
-    /// The value of a number whose name says that it is a size; `lanes` are those of its vector.
+    /// Returns the value of a number whose name suggests a size. `lanes` is the number of its vector's lanes.
     pub(crate) fn size(&self, name: &str, lane: usize, lanes: usize, whole: bool) -> Option<u32> {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
-        // `num_samples` for each element.
+        // `num_samples` is a number for each element, not a number of elements.
         if has(&EACH) {
             return None;
         }
         if !whole {
-            // A width in floats may be that of a line.
+            // A float with the name `width` may be a line's width.
             let is_size = lanes > 1 && has(&["resolution", "dimensions"]);
             return self.elements.get(lane).copied().filter(|_| is_size);
         }
@@ -180,7 +182,8 @@ mod tests {
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], Content::OF_PASSES[7]).elements, [16, 8, 1]);
     }
 
-    /// At least 64 elements. With a tail, fewer in each direction with several invocations a workgroup.
+    /// An array has at least 64 elements. A content with a tail has fewer, in each direction in which a workgroup has
+    /// several invocations.
     #[test]
     fn elements_are_those_of_whole_workgroups_or_a_few_less() {
         let of = |size, workgroups, at: usize| {
@@ -210,7 +213,7 @@ mod tests {
             let of = |content| Extents::of([64, 1, 1], [2, 1, 1], content);
             let others = [Numbered::Zero, Numbered::Apart].map(|how| of(content.numbered(how)));
             assert_eq!(others.map(|one| one.elements), [of(content).elements; 2]);
-            // A lane of a vector differs from the one before.
+            // Neighbouring lanes of a vector differ.
             let [x, y] = [0, 1].map(|lane| of(content).unknown("v", lane));
             match content.draw {
                 2..=4 => assert_eq!(y, x.map(|x| x + 1)),
@@ -219,7 +222,7 @@ mod tests {
         }
     }
 
-    /// One content has negative floats, one has noise, and in two some arrays are shorter than others.
+    /// One content has negative floats, one has noise, and in two contents some arrays are shorter than others.
     #[test]
     fn contents_differ_in_what_they_try() {
         let of = |size| {
@@ -246,7 +249,7 @@ mod tests {
                 None => assert_eq!(lengths, [total; 6]),
             }
         }
-        // The buffers of a draw have an element for each pixel.
+        // The buffers of a draw have one element for each pixel.
         assert!(of([1; 3]).all(|one| names.map(|name| one.elements_of(name)) == [one.total(); 6]));
     }
 

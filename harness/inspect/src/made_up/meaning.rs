@@ -1,33 +1,32 @@
-//! The ranges that names suggest for numbers.
+//! The ranges that the names of numbers suggest.
 
 use karat_core::domain::Part;
 use karat_core::value::{Scalar, Shape};
 
-/// The numbers that a name suggests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Meaning {
-    /// From the first to the second, ends included.
+    /// The numbers from the first to the second, including both.
     Range(f64, f64),
-    /// Components of a direction.
+    /// The components of a direction.
     Direction,
-    /// A whole number, at least 1.
+    /// The whole numbers from 1.
     Count,
-    /// A whole number, at least 0, that counts few things, such as levels of a texture.
+    /// Small whole numbers from 0, such as levels of a texture.
     Index,
-    /// The name suggests nothing.
+    /// All numbers: the name suggests nothing.
     Any,
 }
 
-/// Refractive indices go from that of the vacuum to that of germanium in the infrared.
+/// Refractive indices are between the vacuum's and that of germanium in the infrared.
 const MOST_REFRACTION: f64 = 4.0;
 
-/// Dot products of unit vectors may round to this: one step above 1.
+/// The largest rounded dot product of two unit vectors: one step above 1.
 const COSINE: f64 = 1.0 + f32::EPSILON as f64;
 
-/// The letters of vectors in names of cosines such as `NoV`.
+/// The letters that stand for vectors in names of cosines such as `NoV`.
 const VECTORS: &[u8] = b"NVLHTB";
 
-/// Words in names of vectors of three components that suggest a direction.
+/// Words in names of vectors with three components that suggest a direction.
 const DIRECTIONS: [&str; 26] = [
     "n",
     "v",
@@ -109,17 +108,17 @@ const UNIT: [&str; 48] = [
     "gain",
 ];
 
-/// Words in names of floats that suggest pixels along a side: never 0.
+/// Words in names of floats that suggest a size in pixels, which is never 0.
 const SIZES: [&str; 3] = ["viewport", "resolution", "dimensions"];
 
-/// Words that suggest pixels along a side if `size` follows.
+/// Words that suggest a size in pixels if `size` follows.
 const SIZED: [&str; 8] =
     ["view", "screen", "texture", "map", "framebuffer", "window", "image", "frame"];
 
-/// Words in names of matrices that divide by a distance.
+/// Words in names of matrices that suggest a division by a distance.
 const PROJECTIONS: [&str; 6] = ["clip", "projection", "proj", "ndc", "mvp", "vp"];
 
-/// Words in names of matrices that move points between spaces: hosts give them an inverse.
+/// Words in names of matrices that transform points between spaces. Hosts give an inverse to such matrices.
 const SPACES: [&str; 14] = [
     "view",
     "model",
@@ -137,16 +136,15 @@ const SPACES: [&str; 14] = [
     "tbn",
 ];
 
-/// Words in names that suggest a distance from a centre: never negative.
+/// Words in names that suggest a distance from a centre, which is never negative.
 const RADII: [&str; 3] = ["radius", "radii", "thickness"];
 
-/// The longest of these.
 const MOST_RADIUS: f64 = 1000.0;
 
-/// The most pixels along a side.
+/// The largest size in pixels in one direction.
 const MOST_PIXELS: f64 = 4096.0;
 
-/// Words in names of integers that suggest a whole number, at least 1.
+/// Words in names of integers that suggest a whole number from 1.
 const COUNTS: [&str; 20] = [
     "samples",
     "sample",
@@ -170,7 +168,7 @@ const COUNTS: [&str; 20] = [
     "total",
 ];
 
-/// Words in names of integers that suggest a small whole number: a loop to a large one would take too long.
+/// Words in names of integers that suggest a small whole number. A loop to a large number would take too long.
 const INDICES: [&str; 17] = [
     "i",
     "j",
@@ -191,13 +189,13 @@ const INDICES: [&str; 17] = [
     "depth",
 ];
 
-/// The words of a name in lower case: `world_normal`, `worldNormal` and `WorldNormal` have the same.
+/// Splits a name into words in lower case. `world_normal`, `worldNormal` and `WorldNormal` have equal words.
 pub(super) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = '_';
     for (at, c) in name.char_indices() {
         let next = name[at + c.len_utf8()..].chars().next();
-        // `RGBColor` is `rgb` and `color`.
+        // `RGBColor` becomes `rgb` and `color`.
         let last_capital = before.is_uppercase() && next.is_some_and(char::is_lowercase);
         if c == '_' || c.is_uppercase() && (!before.is_uppercase() || last_capital) {
             words.push(String::new());
@@ -211,18 +209,18 @@ pub(super) fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// Returns `true` for the name of a matrix such as `world_from_local`, which a host builds with an inverse. Other
-/// matrices are unconstrained: their determinant may be 0.
+/// Checks for the name of a matrix such as `world_from_local`, which has an inverse. Other matrices are unconstrained,
+/// and their determinant may be 0.
 pub(super) fn is_transform(name: &str) -> bool {
     is_projection(name) || words(name).iter().any(|word| SPACES.contains(&word.as_str()))
 }
 
-/// Returns `true` for the name of a matrix such as `clip_from_view`.
+/// Checks for the name of a matrix such as `clip_from_view`.
 pub(super) fn is_projection(name: &str) -> bool {
     words(name).iter().any(|word| PROJECTIONS.contains(&word.as_str()))
 }
 
-/// Returns `true` if a name has a part such as `NoV`: the cosine between two vectors.
+/// Checks if a name has a part such as `NoV`, the cosine between two vectors.
 fn is_cosine_of_two(name: &str) -> bool {
     name.as_bytes().windows(3).any(|part| match part {
         [from, b'o', to] => VECTORS.contains(from) && VECTORS.contains(to),
@@ -230,22 +228,22 @@ fn is_cosine_of_two(name: &str) -> bool {
     })
 }
 
-/// The builtin value with a pixel's place in a fragment shader.
+/// The builtin value with a pixel's position in a fragment shader.
 pub(super) const POSITION: &str = "position";
 
-/// Pixels along each side of the screen.
+/// The width and the height of the screen in pixels.
 const PIXELS: f64 = 64.0;
 
-/// The last vertex and instance of one triangle: a shader that looks up its corners in a constant has three.
+/// The last vertex and instance of one triangle. Shaders that look up vertices in a constant array have three of them.
 const LAST_VERTEX: f64 = 2.0;
 
-/// The last of 64 invocations in a row: generated buffers have 64 elements.
+/// The last of 64 invocations in a row. Generated buffers have 64 elements.
 const LAST_INVOCATION: f64 = 63.0;
 
 /// The last invocation of the smallest usual workgroup, of 8 x 8.
 const LAST_LOCAL: f64 = 7.0;
 
-/// Returns `true` for a builtin value that WGSL limits to a range: a place in a workgroup or a subgroup.
+/// Checks if WGSL limits a builtin value to a range, like a position in a workgroup or a subgroup.
 pub(super) fn has_range(builtin: &str) -> bool {
     matches!(
         builtin,
@@ -258,13 +256,13 @@ pub(super) fn has_range(builtin: &str) -> bool {
 }
 
 impl Meaning {
-    /// The range of a component of an entry point's builtin value (WGSL, 13.3.1.1); `None` if it may be any value of
-    /// its type.
+    /// Returns the range of a component of an entry point's builtin value (WGSL, 13.3.1.1); `None` if any value of its
+    /// type may occur.
     pub(super) fn of_builtin(builtin: &str, lane: usize) -> Option<Self> {
         Some(match (builtin, lane) {
             (POSITION, 0 | 1) => Self::Range(0.5, PIXELS - 0.5),
             (POSITION, 2) => Self::Range(0.0, 1.0),
-            // The interpolated 1/w of points in front of the camera.
+            // The interpolated 1/w, for points in front of the camera.
             (POSITION, _) => Self::Range(1.0 / PIXELS, 1.0),
             ("vertex_index" | "instance_index", _) => Self::Range(0.0, LAST_VERTEX),
             ("sample_index", _) => Self::Range(0.0, 3.0),
@@ -283,7 +281,7 @@ impl Meaning {
         })
     }
 
-    /// The range that the name of an argument or a member suggests.
+    /// Returns the range that the name of an argument or a member suggests.
     pub(super) fn of(name: &str, shape: &Shape) -> Self {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
@@ -292,7 +290,8 @@ impl Meaning {
         let whole_name = name.to_lowercase();
         match () {
             () if direction && has(&DIRECTIONS) && !has(&UNIT[..10]) => Self::Direction,
-            // `n_dot_l`, `NdotL`, `NoL`, `cos_theta`: on the surface's own side.
+            // `n_dot_l`, `NdotL`, `NoL`, `cos_theta`: on the outer side of the surface, if the names don't rule this
+            // out.
             () if whole_name.contains("dot")
                 || is_cosine_of_two(name)
                 || has(&["cos", "cosine", "mu"])
@@ -304,7 +303,7 @@ impl Meaning {
                 Self::Range(-std::f64::consts::PI, std::f64::consts::PI)
             }
             () if has(&["ior"]) => Self::Range(1.0, MOST_REFRACTION),
-            // Light may enter the denser medium, or leave it.
+            // Light may enter the denser medium or leave it.
             () if has(&["eta"]) => Self::Range(1.0 / MOST_REFRACTION, MOST_REFRACTION),
             () if !whole && has(&["texel"]) && has(&["size"]) => {
                 Self::Range(1.0 / MOST_PIXELS, 1.0)
@@ -313,7 +312,7 @@ impl Meaning {
                 Self::Range(1.0, MOST_PIXELS)
             }
             () if !whole && has(&RADII) => Self::Range(0.0, MOST_RADIUS),
-            // The gammas with which monitors decode, and with which images are encoded.
+            // Monitors decode with one gamma, and images are encoded with its inverse.
             () if !whole && has(&["gamma"]) => Self::Range(0.25, 4.0),
             () if whole && has(&COUNTS) => Self::Count,
             // A cube has six faces.
@@ -325,13 +324,13 @@ impl Meaning {
         }
     }
 
-    /// The values of a scalar; `None` if no value of its type is among them.
+    /// Returns the scalar's values in this range; `None` if the scalar's type has no value in the range.
     pub(super) fn part(self, scalar: Scalar) -> Option<Part> {
         match (self, scalar) {
             (Self::Range(least, most), Scalar::F32 | Scalar::F16) => {
                 Part::range(scalar, least..=most)
             }
-            // The whole numbers between the ends.
+            // Use the whole numbers in the range.
             (Self::Range(least, most), Scalar::I32 | Scalar::U32) => {
                 let (first, last) = match scalar {
                     Scalar::I32 => (f64::from(i32::MIN), f64::from(i32::MAX)),
@@ -390,7 +389,7 @@ mod tests {
         }
     }
 
-    /// The guide's page lists each word.
+    /// The guide lists every word.
     #[test]
     fn the_guide_lists_each_name() {
         let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guide/hazard-names.md");
