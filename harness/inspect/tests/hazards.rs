@@ -1585,11 +1585,11 @@ fn declared_inputs_of_the_host_are_used() {
         ("[inputs]\n\"m::nowhere.q\" = [0, 1]", "karat.toml:2:1)"),
         (
             "[inputs]\nplaces = { distinct = true, range = [0, 10] }",
-            "elements that differ, and 11 numbers lie",
+            "elements that differ, but only 11 numbers lie",
         ),
         ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
         ("[inputs]\nk = { one_of = [0.5] }", "not all of them are u32"),
-        ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", and it is u32"),
+        ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", but it is u32"),
         ("[inputs]\nk = \"unit vector\"", "the input `k` must be a number"),
         ("[overrides]\nSIZES = 4", "uses an override `SIZES`"),
         ("[overrides]\nSIZE = \"4\"", "the override `SIZE` must be a number or a bool"),

@@ -420,7 +420,7 @@ fn missing_values_of_a_call_are_generated_and_named() {
     assert_ne!(made, call(&["--arbitrary=7"]).good());
     let bound = call(&["--arbitrary", "--bind", "p={\"groups\": 1, \"gain\": 0}"]).good();
     assert!(!bound.contains("made up: p."), "{bound}");
-    assert!(call(&["--arbitrary=5000"]).error().contains("cases, from 0"));
+    assert!(call(&["--arbitrary=5000"]).error().contains("cases, counted from 0"));
     assert!(call(&["0.5", "3", "--arbitrary"]).error().contains("cannot be used with"));
 }
 

@@ -101,7 +101,7 @@ pub(crate) struct Content {
     /// of a graph.
     pub(super) orders: Option<[Numbered; 3]>,
     pub(crate) one_workgroup: bool,
-    /// `true` if a host may well give such indices and counts.
+    /// `true` if a host may plausibly set these indices and counts.
     pub(crate) is_likely: bool,
     /// `true` if all sizes follow from the dispatch.
     pub(crate) is_sized: bool,

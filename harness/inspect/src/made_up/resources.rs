@@ -13,14 +13,14 @@ use super::content::{Numbered, Texels as Held, hashed};
 use super::{Content, Declaration, Described, Drawn, End, Extents, Ranges, described};
 use crate::limits::{ELEMENTS, MOST_BYTES, MOST_FACE, MOST_SIDE};
 
-/// The range of whole numbers in textures.
+/// The number of values that a whole number in a texture may have before smooth changes are added.
 const MOST: u64 = 16;
 
-/// The seed: each variable with the same name gets the same contents, on every machine.
+/// The seed. Variables with the same name get the same contents, on every machine.
 pub(crate) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
-/// Fits a function to the lengths of its generated resources, if it has any. If it takes derivatives, its arguments get
-/// some.
+/// Builds the function for the lengths of its generated resources, if the function depends on such lengths. If the
+/// function takes derivatives, adds derivatives to its arguments.
 pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     let mut probed = probed.with_varying();
     if let Ok(made) = Resources::of(&probed, &Ranges::default(), Content::OF_FUNCTIONS[0]) {
@@ -29,36 +29,34 @@ pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     Ok(probed)
 }
 
-/// An input: a member of a buffer, the elements of an array together, or a texture.
+/// An input of a function in its resources: a member of a buffer, all elements of an array together, or a texture.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Input {
     pub(crate) path: String,
-    /// `true` if a range is declared for it, for example in `[inputs]`.
+    /// `true` if a range is declared for the input, for example in `[inputs]`.
     pub(crate) declared: bool,
-    /// `true` if it is declared, or if names count as declarations and its name suggests a range.
+    /// `true` if the input is declared, or if names count as declarations and its name suggests a range.
     pub(crate) known: bool,
-    /// Its successive lanes in the buffer.
+    /// The number of successive lanes of the input in the buffer.
     lanes: usize,
 }
 
-/// Inputs that take their values from another content.
 #[derive(Clone, Copy)]
 pub(crate) struct Mix<'m> {
-    /// That content.
+    /// The content from which the inputs take their values.
     pub(crate) content: Content,
-    /// The sizes of that content, for a pass.
+    /// For a pass, the sizes that this content has.
     pub(crate) extents: Option<Extents>,
     pub(crate) takes: &'m (dyn Fn(&Input) -> bool + Sync),
 }
 
-/// A fixture for each resource that a function reads.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resources {
     pub(crate) fixtures: Fixtures,
     /// The members of buffers that aren't elements of arrays, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
-    /// `true` if some input varies, so that another content differs.
+    /// `true` if some input varies, so that another content has other values.
     pub(crate) varies: bool,
     /// The inputs in the resources: members of buffers, arrays and textures.
     pub(crate) inputs: Vec<Input>,
@@ -68,18 +66,18 @@ pub(crate) struct Resources {
     depth: usize,
     /// The lengths of the arrays in all buffers.
     lengths: BTreeMap<String, u32>,
-    /// `true` if a pass writes the buffer: a number in it then counts additions from 0.
+    /// `true` if a pass writes the buffer. A number in the buffer then counts additions from 0.
     counts: bool,
 }
 
 impl Resources {
-    /// Generates textures and samplers that differ from each other, so that exchanging two of them shows. An error
-    /// names the resource that can't be generated, or the declared range without a value.
+    /// Generates a function's resources. Textures and samplers differ from each other, so that exchanging two of them
+    /// changes results. An error names the resource that can't be generated, or the declared range without a value.
     pub(crate) fn of(probed: &Probed, ranges: &Ranges, content: Content) -> Result<Self, String> {
         Self::made_of(probed, ranges, (content, None), Likeness::Own)
     }
 
-    /// The same, with some inputs from another content.
+    /// Generates a function's resources, with some inputs from another content.
     pub(crate) fn mixed(
         probed: &Probed,
         ranges: &Ranges,
@@ -100,7 +98,7 @@ impl Resources {
         Self::of_bindings(read, &ranges, of, likeness)
     }
 
-    /// The resources of a compute pass. Their sizes follow from the dispatch.
+    /// Generates the resources of a compute pass. Their sizes follow from the dispatch.
     pub(crate) fn of_pass(
         of: (&Program, &[Binding]),
         ranges: &Ranges,
@@ -122,7 +120,7 @@ impl Resources {
         let elements_of = |binding: &Binding| {
             let usual = match ranges.extents {
                 Some(extents) => extents.elements_of(&binding.path),
-                // A written buffer is as long as the results that are read back.
+                // A written buffer has a fixed length, because its results are read back.
                 None if binding.kind.is_written() => ELEMENTS as u32,
                 None => content.elements as u32,
             };
@@ -154,7 +152,7 @@ impl Resources {
                 let most = ranges.length(other, u32::MAX, false) as usize;
                 if needed > most {
                     return Err(format!(
-                        "`{}` is declared to have {own} elements that differ, and length({other}) is at most {most}",
+                        "`{}` is declared to have {own} elements that differ, but length({other}) is at most {most}",
                         binding.name()
                     ));
                 }
@@ -191,7 +189,7 @@ impl Resources {
             };
             let fixture = fixture.ok_or_else(|| {
                 format!(
-                    "it reads `{}`, a {}, for which no data is made up",
+                    "the function reads `{}`, a {}, but Karat generates no data for this type",
                     binding.path, binding.kind
                 )
             })?;
@@ -200,7 +198,6 @@ impl Resources {
         Ok(Self { fixtures: named.into_iter().collect(), ..all })
     }
 
-    /// The bytes of a buffer.
     fn buffer(
         &mut self,
         (program, binding, elements): (&Program, &Binding, usize),
@@ -214,7 +211,7 @@ impl Resources {
         let mut lanes =
             self.lanes((&binding.path, binding.name(), &shape), ranges, content, is_written)?;
         if let Some(mix) = mix {
-            // Both contents have the same shape, and so the same lanes.
+            // Both contents have the same type, so they have the same lanes.
             let ranges = Ranges { extents: mix.extents, ..ranges.clone() };
             let of = (&*binding.path, binding.name(), &shape);
             let lengths = self.lengths.clone();
@@ -232,7 +229,6 @@ impl Resources {
         program.bytes(binding, &lanes).map_err(|error| error.to_string())
     }
 
-    /// The lanes of a buffer.
     fn lanes(
         &mut self,
         (path, name, shape): (&str, &str, &Shape),
@@ -247,7 +243,7 @@ impl Resources {
         Ok(lanes)
     }
 
-    /// Notes an input: the lanes from `from` on.
+    /// Stores an input: `path` with the lanes from `from` on.
     fn input(&mut self, parts: &[Described], path: &str, from: usize, lanes: &[u32]) {
         let declared = parts.iter().all(|one| one.declared);
         let known = parts.iter().all(|one| one.known);
@@ -255,7 +251,7 @@ impl Resources {
         self.inputs.push(Input { path: path.to_owned(), declared, known, lanes });
     }
 
-    /// Samples the lanes of a value. Elements of an array take the preferred numbers in turn.
+    /// Samples the lanes of a value. The elements of an array use the preferred numbers in turn.
     fn fill(
         &mut self,
         (path, shape): (&str, &Shape),
@@ -267,13 +263,13 @@ impl Resources {
         match shape {
             Shape::Struct { members, .. } => members.iter().try_for_each(|(member, shape)| {
                 let path = format!("{path}.{member}");
-                // The contents don't depend on the order of members.
+                // The contents must not depend on the order of members.
                 let mut own = source_of(&path, index.map_or(0, |index| index + 1));
                 let source = if self.depth == 0 { &mut own } else { &mut *source };
                 self.fill((&path, shape), ranges, index, source, lanes)
             }),
             Shape::Array { element, length } => {
-                // A line of a report has no room for elements.
+                // Report the members, not the elements: a line has no room for elements.
                 let shown = self.members.len();
                 if let Some(declared @ Declaration::Elements { .. }) = ranges.get(path) {
                     let words =
@@ -300,7 +296,7 @@ impl Resources {
                             self.element = around;
                         }
                     }
-                    // Describe the elements once: there may be a million.
+                    // Describe the elements only once, because there may be a million.
                     _ => {
                         let parts = described_elements(path, element, ranges)?;
                         let in_order = parts.iter().all(|one| ranges.numbers_elements(one));
@@ -365,7 +361,7 @@ impl Resources {
 }
 
 impl Resources {
-    /// The elements of an array of whole numbers, as declared: in order, in reverse order, or in any.
+    /// Generates the elements of an array of whole numbers, as declared: in order, in reverse order, or in any order.
     fn elements(
         &self,
         (path, element): (&str, &Shape),
@@ -378,14 +374,16 @@ impl Resources {
             return Ok(Vec::new());
         };
         if !matches!(element, Shape::Scalar(Scalar::U32 | Scalar::I32)) {
-            return Err(format!("`{path}` is declared by its elements, and these are {element}"));
+            return Err(format!(
+                "`{path}` is declared like an array of whole numbers, but its elements are {element}"
+            ));
         }
         let end = |end: &End| match end {
             End::Number(number) => Ok(*number),
             End::Length(name, less) => match self.lengths.get(name) {
                 Some(length) => Ok(f64::from(*length) - less),
                 None => Err(format!(
-                    "`{path}` is declared by length({name}), and no buffer is `{name}`"
+                    "`{path}` is declared by length({name}), but no buffer has the name `{name}`"
                 )),
             },
         };
@@ -396,7 +394,7 @@ impl Resources {
         }
         if *distinct && count < f64::from(length) {
             return Err(format!(
-                "`{path}` is declared to have {length} elements that differ, and {count} numbers lie from {least} to {most}"
+                "`{path}` is declared to have {length} elements that differ, but only {count} numbers lie from {least} to {most}"
             ));
         }
         #[expect(
@@ -406,13 +404,13 @@ impl Resources {
         )]
         let (first, count) = (least as i64, count as u64);
         let number = |at: u64| (first + (at % count).cast_signed()) as u32;
-        // Both ends occur: from the least upwards, from the greatest downwards, or over the whole range.
+        // Both ends occur: numbers go up from the least, go down from the greatest, or are spread over the whole range.
         let all = 0..u64::from(length);
         Ok(match ranges.numbered() {
             Some(Numbered::Forwards) => all.map(number).collect(),
             Some(Numbered::Backwards) => all.map(|at| number(count - 1 - at % count)).collect(),
             _ if *distinct => {
-                // A step that has no common divisor with the count reaches each number once.
+                // A step without a common divisor with the count reaches each number once.
                 let divides = |step: &u64| gcd(*step, count) == 1;
                 let step = (count / 2 + source.below(count)..).find(divides).unwrap_or(1);
                 all.map(|at| number(count - 1 + (at % count) * (step % count))).collect()
@@ -429,7 +427,7 @@ fn gcd(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// The length of a buffer's array: the buffer itself, or its last member.
+/// Returns the length of a buffer's array. The array is the buffer itself, or the buffer's last member.
 fn length_of(shape: &Shape) -> Option<u32> {
     match shape {
         Shape::Array { length, .. } => Some(*length),
@@ -438,7 +436,8 @@ fn length_of(shape: &Shape) -> Option<u32> {
     }
 }
 
-/// The descriptions of an array's elements. A name doesn't constrain whole numbers: they may be indices of anything.
+/// Describes an array's elements. Their name doesn't constrain whole numbers, because these may be indices into any
+/// array.
 fn described_elements(
     path: &str,
     shape: &Shape,
@@ -456,21 +455,21 @@ fn described_elements(
 }
 
 impl Ranges {
-    /// Returns `true` if a whole number of an element depends on the element, because nothing else gives its value.
+    /// Checks if the value of a whole number in an element depends on the element's position. This is so if nothing
+    /// else gives its value.
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
     }
 
-    /// The words of an element, if it has the same number in all elements.
+    /// Returns the words of a value that is the same number in all elements; `None` if the elements differ.
     fn constant(&self, one: &Described) -> Option<Vec<u32>> {
-        // A range that a name suggests may not include the number.
+        // The range that a name suggests may not contain the number.
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         let numbered = self.numbered().filter(|_| !one.declared && (whole || one.guessed))?;
         one.scalars.iter().map(|scalar| numbered.constant(*scalar)).collect()
     }
 
-    /// Makes unconstrained floats negative, if requested.
     fn negate(&self, parts: &[Described], lanes: &mut [u32]) {
         const SIGN: u32 = 1 << 31;
         if !(self.negative || self.extents.is_some_and(|extents| extents.content.negative)) {
@@ -489,13 +488,13 @@ impl Ranges {
         }
     }
 
-    /// The same for a buffer, by its position among all.
+    /// Returns the ranges for a buffer, by the buffer's position among all buffers.
     fn of_buffer(&self, place: usize) -> Self {
         let extents = self.extents.map(|extents| extents.of_buffer(place));
         Self { extents, ..self.clone() }
     }
 
-    /// The floats in the text.
+    /// Returns the floats in the shader's text.
     fn floats(&self) -> &[f32] {
         self.literals.as_ref().map_or(&[], |all| &all.floats)
     }
@@ -505,17 +504,18 @@ impl Ranges {
     }
 }
 
-/// The likeness of textures and samplers of one function.
+/// The similarity of a function's textures and samplers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Likeness {
-    /// Equal ones, on which drivers agree, with this address mode for texels beyond the edges.
+    /// All variables have equal textures and samplers, on which drivers agree. The address mode applies to texels
+    /// beyond the edges.
     Equal(Address),
-    /// Each variable has its own, so that exchanging two of them shows.
+    /// Each variable has its own texture or sampler, so that exchanging two of them changes results.
     Own,
 }
 
-/// Fixtures for each resource that the function reads, such that drivers agree; or the resource that can't be
-/// generated.
+/// Generates a fixture for each resource that the function reads, such that drivers should agree. An error names the
+/// resource that can't be generated.
 pub(crate) fn fixtures(
     probed: &Probed,
     ranges: &Ranges,
@@ -525,7 +525,8 @@ pub(crate) fn fixtures(
     Ok(Resources::made_of(probed, ranges, of, Likeness::Equal(beyond))?.fixtures)
 }
 
-/// The address modes of a function's samplers, each for a share of its cases. No driver confuses two modes.
+/// Lists the address modes of a function's samplers. Each mode is used for a share of the cases. No driver confuses two
+/// modes.
 pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
     const ALL: [Address; 3] = [Address::Clamp, Address::Repeat, Address::Mirror];
     let mut bindings = probed.function().bindings.iter();
@@ -533,9 +534,9 @@ pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
     if samples { &ALL } else { &ALL[..1] }
 }
 
-/// The contents of an entry point's resources, the same on each column; or the resource that can't be generated. A
-/// runtime-sized array has an element for each invocation. Samplers repeat, so that a clamping one in their place
-/// shows.
+/// Generates the contents of an entry point's resources, equal on each column. A runtime-sized array has one element
+/// for each invocation. Samplers repeat, because drivers may wrongly clamp. An error names the resource that can't be
+/// generated.
 pub(crate) fn data(
     program: &Program,
     bindings: &[Binding],
@@ -549,15 +550,19 @@ pub(crate) fn data(
         if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
             let made =
                 texture_or_sampler(binding, Likeness::Equal(Address::Repeat), content, (None, &[]));
-            let none =
-                || format!("it uses `{}`, a {}, and none is made up", binding.path, binding.kind);
+            let none = || {
+                format!(
+                    "the entry point uses `{}`, a {}, but Karat can't generate one",
+                    binding.path, binding.kind
+                )
+            };
             return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
         }
         let bytes =
             Resources::default().buffer((program, binding, elements), ranges, (content, None))?;
         if bytes.len() > MOST_BYTES {
             return Err(format!(
-                "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",
+                "the entry point uses `{}` with {} bytes, but a buffer may have at most {MOST_BYTES}",
                 binding.path,
                 bytes.len()
             ));
@@ -567,21 +572,20 @@ pub(crate) fn data(
     bindings.iter().map(one).collect()
 }
 
-/// The least number of invocations of an entry point.
 pub(crate) const INVOCATIONS: u32 = 64;
 
-/// The texels along a side of a texture: powers of two, so that each level is half as large as the one before.
+/// The possible widths and heights of textures: powers of two, so that each level is half as large as the one before.
 const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
 
-/// Random numbers for a variable, from its name. They don't depend on its binding.
+/// Returns random numbers for a variable. They depend on the variable's name, and not on its binding.
 fn source_of(path: &str, draw: usize) -> Source {
     let hash = blake3::hash(path.as_bytes());
     let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
     Source::new(SEED + draw as u64, stream)
 }
 
-/// The texels along each side of a variable's texture. Each texture has another shape, so that the size of a wrong
-/// texture shows.
+/// Chooses the width and height of a variable's texture. Textures differ in size, so that a wrong texture changes
+/// results.
 fn sides(source: &mut Source) -> [u32; 2] {
     let mut side = || SIDES[source.below(SIDES.len() as u64) as usize];
     [side(), side()]
@@ -595,12 +599,13 @@ fn texture_or_sampler(
 ) -> Option<Fixture> {
     let mut source = source_of(&binding.path, content.draw);
     let is_own = likeness == Likeness::Own;
-    // Filter weights have 8 bits. If a texture repeats, its edges mustn't be too far apart, or drivers disagree.
+    // Filter weights have only 8 bits. If a texture repeats, drivers disagree unless its opposite edges have similar
+    // values.
     let contrast = match likeness {
         Likeness::Own | Likeness::Equal(Address::Clamp) => 1.0,
         Likeness::Equal(_) => 0.25,
     };
-    // A written texture is as large as the results that are read back.
+    // A written texture has a fixed size, because its results are read back.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
     let noise = match content.texels {
         Held::Noise => Some(Noise { least: 0.0, literals }),
@@ -608,14 +613,15 @@ fn texture_or_sampler(
         Held::Smooth | Held::Black | Held::OfText(_) => None,
     };
     let sides = match extents {
-        // Even a line of invocations has some rows, at most as many as workgroups: each workgroup may take a row.
+        // Even a line of invocations gets some rows, at most as many as workgroups, because each workgroup may process
+        // a row.
         Some(Extents { elements: [across, down, _], workgroups, .. }) => {
             let rows = workgroups.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
             let part = |side| extents.map_or(side, |extents| extents.part_of(&binding.path, side));
             let sides = [part(across), part(down).max(rows.min(LAYERS))];
             match extents {
-                // A square larger than the dispatch, with a level of one texel, for passes that step from level to
-                // level.
+                // A square larger than the dispatch, whose last level is one texel, for passes that step through
+                // levels.
                 Some(extents) if extents.content.long => {
                     [2 * across.max(down).next_power_of_two(); 2]
                 }
@@ -629,7 +635,7 @@ fn texture_or_sampler(
     };
     Some(match binding.kind {
         BindingKind::TEXTURE_CUBE => {
-            // A power of two distinguishes the texture, and loses no digit.
+            // A power of two distinguishes the texture and loses no digits.
             let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
             let texel = |d: glam::Vec3| own * held_by_halves(d * 0.5 + glam::Vec3::ONE);
             CubeMap::from_fn(sides[0].next_power_of_two().min(MOST_FACE), texel).with_mips().into()
@@ -638,7 +644,7 @@ fn texture_or_sampler(
             let samples = if kind.multisampled { 4 } else { 1 };
             let own = is_own.then_some((&mut source, content.is_transparent()));
             let of = (kind.dimension, kind.arrayed);
-            // All black or all white, or one number: a shader may divide by such an image.
+            // All texels are black, white, or another single number, because a shader may divide by texels.
             let constant = match content.texels {
                 Held::Black if is_own => Some(0.0),
                 Held::OfText(number) if is_own && !literals.is_empty() => {
@@ -668,7 +674,7 @@ fn texture_or_sampler(
             Sampler::LINEAR.address([beyond; 3]).into()
         }
         BindingKind::Sampler { comparison: false } => {
-            // Textures are smooth, so another least level changes the last bits, without a jump.
+            // Textures are smooth, so another least level changes only the last bits.
             let least = source.unit() as f32;
             let sampler = Sampler::LINEAR.lod(least, 32.0);
             match source.below(3) {
@@ -688,25 +694,24 @@ fn texture_or_sampler(
     })
 }
 
-/// The nearest numbers that textures of 16-bit floats can hold, too: GL filters those in place of 32-bit ones.
+/// Rounds to numbers that 16-bit floats can hold, because GL filters 16-bit floats in place of 32-bit ones.
 fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
-    /// Steps per unit of halves below 8.
+    /// The number of steps between 16-bit floats per unit, below 8.
     const STEPS: f32 = 128.0;
     (texel * STEPS).round() / STEPS
 }
 
-/// Texels that differ from their neighbours.
 #[derive(Clone, Copy)]
 struct Noise<'l> {
     /// The least value of colours.
     least: f32,
-    /// The numbers in the text.
+    /// The numbers in the shader's text.
     literals: &'l [f32],
 }
 
 impl Noise<'_> {
-    /// A number from the text, a neighbour of it, 0 or 1, in every second square of 4 x 4 texels: a filter in the
-    /// middle of the square gives the same number.
+    /// Returns a number from the text, a neighbouring float, 0 or 1, for texels in every second square of 4 x 4 texels.
+    /// In the middle of such a square, a filter returns the same number.
     fn of_text(self, own: f32, [x, y, z, channel]: [u32; 4]) -> Option<f32> {
         const SIDE: u32 = 4;
         if self.literals.is_empty() {
@@ -720,9 +725,9 @@ impl Noise<'_> {
     }
 }
 
-/// Smooth texels, so that the few bits of a filter's weights don't matter much. A variable's `own` texels are also
-/// curved, so that levels differ, and may be transparent. Instead they may be noise, in which each order of neighbours
-/// occurs, or lie in a part of their range, the contrast.
+/// Makes a texture with smooth texels, so that the low precision of filter weights has a small effect. Texels of a
+/// variable with `own` are also curved, so that levels differ, and may be transparent. With `noise`, each order of
+/// neighbours occurs. `contrast` limits the texels to a part of their range.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
@@ -735,7 +740,7 @@ fn texture(
         let whole = u32::try_from(source.below(MOST)).unwrap_or_default();
         (source.unit() as f32, whole)
     });
-    // Only textures that differ between variables are noise. Each texel and channel gets another number.
+    // Only textures that differ between variables have noise. Each texel and channel gets its own number.
     let noise = noise.filter(|_| own > 0.0);
     let drawn = |at: [u32; 3], channel: u32| {
         let bits = [at[0], at[1], at[2], channel].into_iter().fold(own.to_bits(), hashed);
@@ -757,7 +762,7 @@ fn texture(
         let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
         let texel = glam::Vec3::new(x + own, y, 0.5 * (x + y) + 0.25 * z);
         let texel = held_by_halves(texel * contrast + (1.0 - contrast));
-        // A shader that divides by alpha meets 0.
+        // Some shaders divide by alpha, so alpha may be 0.
         texel.extend(if transparent { texel.y.clamp(0.0, 1.0) } else { 1.0 })
     };
     let number = |x: u32, y: u32, z: u32| match noise {
@@ -767,13 +772,13 @@ fn texture(
     match texels {
         Texels::Float => {
             let texture = made(dimension, arrayed, sides, samples, wave);
-            // Lines have one level, and so do multisampled textures.
+            // Lines and multisampled textures have one level.
             let halve = sides.iter().all(|side| side.is_power_of_two());
             match (samples, dimension) {
                 (1, Dimension::D2 | Dimension::D3 | Dimension::Cube) if halve => {
                     texture.with_mips()
                 }
-                // As large as the dispatch. A level has every second texel of the one before.
+                // The texture is as large as the dispatch. A level has every second texel of the level before.
                 (1, Dimension::D2) if !arrayed => {
                     let last = sides[0].max(sides[1]).ilog2();
                     let level = |n: u32| {
@@ -799,7 +804,7 @@ fn texture(
     }
 }
 
-/// A texture whose values depend on the column, the row, and the slice, layer or sample.
+/// Makes a texture with values that depend on the column, on the row, and on the slice, layer or sample.
 fn made<T: karat::Shareable>(
     dimension: Dimension,
     arrayed: bool,
@@ -823,7 +828,7 @@ fn made<T: karat::Shareable>(
     }
 }
 
-/// Layers and slices.
+/// The number of layers and slices.
 const LAYERS: u32 = 4;
 
 #[cfg(test)]
@@ -848,14 +853,13 @@ mod tests {
         Probed::new(&package, "f").expect("it is called")
     }
 
-    /// The words of a buffer.
     fn words(made: &Resources, name: &str) -> Vec<u32> {
         let found = made.fixtures.iter().find(|(path, _)| path == name);
         let Some((_, Fixture::Buffer(buffer))) = found else { panic!("no `{name}`") };
         bytemuck::pod_collect_to_vec(bytes(buffer))
     }
 
-    /// A missing guard shows if an array is short. A written array is read back whole.
+    /// Short arrays reveal missing guards. A written array keeps its length, because its results are read back.
     #[test]
     fn arrays_that_are_read_have_several_lengths() {
         let probed = probed(
@@ -868,12 +872,13 @@ mod tests {
             |name: &str| Content::OF_FUNCTIONS.map(|content| words(&made(content), name).len());
         assert_eq!(lengths("d"), [64, 64, 16, 64, 3, 64]);
         assert_eq!(lengths("w"), [64; 6]);
-        // Elements take the preferred numbers in turn.
+        // Elements use the preferred numbers in turn.
         let first = words(&made(Content::OF_FUNCTIONS[1]), "d");
         assert!(first[0] != first[1] && first[1] != first[2], "{first:?}");
     }
 
-    /// Textures that are read have other sizes in each content. Written ones are read back whole.
+    /// A texture that is read has another size in each content. A written texture keeps its size, because its results
+    /// are read back.
     #[test]
     fn written_textures_keep_their_size() {
         let probed = probed(
@@ -896,7 +901,8 @@ mod tests {
         assert!(sizes("image") > 2);
     }
 
-    /// Whole numbers after an array in a buffer aren't numbered like elements, and neither are declared ones.
+    /// Whole numbers after an array in a buffer aren't numbered like elements. Declared whole numbers aren't numbered,
+    /// either.
     #[test]
     fn integers_after_an_array_are_not_numbered() {
         let text =
@@ -925,7 +931,7 @@ mod tests {
         assert_eq!(of(first.numbered(Numbered::One)), (vec![1; 9], vec![7; 3]));
     }
 
-    /// A mixed-in input has the value of the other content; all others keep theirs.
+    /// A mixed-in input has the value of the other content. All other inputs keep their values.
     // Lesson 99
     #[test]
     fn contents_are_mixed_by_inputs() {
@@ -957,7 +963,7 @@ mod tests {
         assert_eq!(changed("s.none"), [0; 0]);
     }
 
-    /// Values depend on names, wherever the members stand.
+    /// Values depend on the names of members, not on the members' positions.
     #[test]
     fn members_in_another_order_hold_the_same() {
         let of = |members: &str, content| {
