@@ -151,10 +151,10 @@ pub enum Change {
     },
 }
 
-/// The change of results on one path.
+/// The changed results on one path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PathChange {
-    /// The path.
+    /// The path's name.
     pub path: String,
     /// The number of inputs with changed results, and the number of all inputs.
     pub cases: (usize, usize),
@@ -290,7 +290,7 @@ impl Request {
         let compared = all.into_par_iter().map(|(at, (name, pair))| {
             let one = panics::caught(|| valued.verdict_under(&name, pair, (&others, &values)));
             let mut one = one.unwrap_or_else(|panicked| {
-                let reason = format!("Karat panics at it: {panicked}");
+                let reason = format!("Karat panics while it compares the function: {panicked}");
                 Compared::of(&name, Change::Unjudged { reason })
             });
             if one.change != Change::Untouched {
@@ -539,7 +539,6 @@ impl Request {
         }
     }
 
-    /// The declared ranges, and the values of overrides.
     fn ranges(&self) -> Result<Ranges, String> {
         let mut ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
         self.overrides.iter().for_each(|(name, value)| ranges.set_override(name, *value));
@@ -887,7 +886,7 @@ fn with_place(error: &str) -> String {
     format!("{line}{place}{hint}")
 }
 
-/// The first line of an error, without the word `error`.
+/// Returns the first line of an error, without the word `error`.
 fn first_line(error: &str) -> String {
     let reason = error.replacen("error: ", "", 1);
     reason.lines().next().unwrap_or_default().to_owned()
@@ -980,7 +979,7 @@ impl Both {
         let headline = format!(
             "`{function}` has an index outside of an array or a texture, and its results depend on the value there"
         );
-        let does = "has an index beyond the array, or its texture's edge".to_owned();
+        let does = "uses an index outside of the array or texture".to_owned();
         let (place, invocation) = (place.to_string(), "a call".to_owned());
         let access = ViolationAccess { place, invocation, does };
         Some(Violation::new(function, Kind::OutOfRange, (headline, 1), vec![access]))
@@ -1279,7 +1278,11 @@ mod tests {
         let edited = changes(before, &before.replace("1.0", "2.0"));
         for (name, change) in &edited {
             let Change::Unjudged { reason } = change else { panic!("{name}: {change:?}") };
-            let why = if name == "nothing" { "it writes nothing" } else { "it was edited, and " };
+            let why = if name == "nothing" {
+                "the pass writes no resource"
+            } else {
+                "it was edited, and "
+            };
             assert!(reason.starts_with(why), "{reason}");
         }
     }
@@ -1370,7 +1373,7 @@ mod tests {
         let moved = interface(aligned, "y: f32", "@align(16) y: f32");
         assert_eq!(
             moved,
-            ["`p` takes 32 bytes now, and took 8 before", "`p.y` lies at byte 16, and was at 4"]
+            ["`p` takes 32 bytes now, and took 8 before", "`p.y` is at byte 16, and was at 4"]
         );
         let space = interface(buffer, "var<storage>", "var<storage, read_write>");
         assert_eq!(space.len(), 1, "{space:?}");
@@ -1664,7 +1667,7 @@ mod tests {
         let uses = bound.replace("i.n.x", "i.n.x + 0.0 * q");
         assert_eq!(compared(&bound, &uses).interface, ["`q` at @group(0) @binding(3) is new"]);
         let lost = compared(&uses, &bound).interface;
-        assert_eq!(lost, ["`q` at @group(0) @binding(3) isn't used any more"]);
+        assert_eq!(lost, ["`q` at @group(0) @binding(3) is no longer used"]);
     }
 
     /// An edit may rename a structure and its members, and reorder the members.

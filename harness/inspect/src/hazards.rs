@@ -74,7 +74,7 @@ pub struct Request {
     with_accepted: bool,
 }
 
-/// The class of a finding: a fault of the shader, or a requirement on its inputs.
+/// The class of a finding: a fault of the shader, a requirement on its inputs, or neither.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
 )]
@@ -112,7 +112,7 @@ impl Class {
 pub struct Hazard {
     /// The finding's class.
     pub class: Class,
-    /// The worst kind of error.
+    /// The worst kind of error that occurs.
     pub kind: Kind,
     /// The other kinds of error that the same value has for other inputs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -168,7 +168,7 @@ pub struct Progress<'p> {
 pub struct Hazards {
     /// The version of this data format. Since version 2, each finding has a class.
     pub schema: u32,
-    /// The package.
+    /// The package's name.
     pub package: String,
     /// The number of checked functions.
     pub functions: usize,
@@ -190,7 +190,7 @@ pub struct Hazards {
     pub drawn: Drawn,
     /// The parts of the checked functions that weren't checked.
     pub unseen: Unseen,
-    /// Lines with operations that no input reached, as `file:line`.
+    /// The lines with operations that no input reached, as `file:line`.
     pub unreached: Vec<String>,
 }
 
@@ -758,7 +758,7 @@ impl Acceptance for AcceptedHazard {
 }
 
 impl Hazard {
-    /// All functions in which the operation goes wrong.
+    /// Lists all functions in which the operation goes wrong.
     pub(super) fn functions(&self) -> impl Iterator<Item = &str> {
         std::iter::once(&self.function).chain(&self.also).map(String::as_str)
     }
@@ -774,7 +774,7 @@ impl Hazard {
         let with = if named.is_empty() { "no argument".to_owned() } else { named.join("; ") };
         let (cases, of) = self.cases;
         let is_pass = self.arguments.first().is_some_and(|(name, _)| name == passes::INVOCATION);
-        let what = if is_pass { "contents" } else { "inputs that come to it" };
+        let what = if is_pass { "contents" } else { "inputs that reach it" };
         let counted = format!("{cases} of {of} {what}");
         writeln!(f, "    {} with {with}  ({counted})", self.function)?;
         if let Some(violation) = &self.violation {
@@ -807,7 +807,7 @@ impl Hazard {
                 Some("needs other inputs".to_owned())
             }
             (Class::Requirement, []) => {
-                Some("needs other inputs: no single one that was tried averts it".to_owned())
+                Some("needs other inputs: Karat tried to change one input at a time, and no change averts it".to_owned())
             }
             (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,

@@ -271,7 +271,7 @@ struct Described {
     scalars: Vec<Scalar>,
 }
 
-/// The numbers of an argument, in the order of its lanes.
+/// Describes the numbers of an argument, in the order of its lanes.
 fn described(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described>, String> {
     if let Some(value) = shape.quad() {
         let mut all = described(path, value, ranges)?;
@@ -531,7 +531,6 @@ impl Arguments {
         self.domain.width()
     }
 
-    /// The lanes of a row, each with its description.
     fn lanes(&self) -> impl Iterator<Item = (&Described, Scalar)> {
         self.described.iter().flat_map(|one| one.scalars.iter().map(move |scalar| (one, *scalar)))
     }
@@ -669,7 +668,7 @@ impl Arguments {
         })
     }
 
-    /// The range of each number.
+    /// Lists the range of each number, for a report.
     pub(crate) fn drawn(&self) -> Drawn {
         let mut drawn = Drawn::default();
         self.described.iter().for_each(|one| drawn.note(one));
@@ -705,7 +704,9 @@ impl MadeUp {
         let (count, rows) = arguments.rows(SEED, CASES);
         let width = arguments.width();
         let lanes = rows.get(case * width..(case + 1) * width).filter(|_| case < count);
-        let lanes = lanes.ok_or_else(|| format!("there are {count} cases, from 0"))?.to_vec();
+        let lanes = lanes
+            .ok_or_else(|| format!("the function has {count} cases, counted from 0"))?
+            .to_vec();
         let content = Content::OF_FUNCTIONS[case % Content::OF_FUNCTIONS.len()];
         let Resources { fixtures, members, drawn, .. } = Resources::of(probed, ranges, content)?;
         let mut all = arguments.drawn();
@@ -717,6 +718,7 @@ impl MadeUp {
     /// first two cases, indices in buffers also follow from the dispatch.
     ///
     /// # Errors
+    /// If the entry point isn't valid, or Karat can't generate a resource.
     /// If the entry point isn't valid, or a resource can't be generated.
     pub fn of_pass(
         (package, name): (&Package, &str),
@@ -874,7 +876,10 @@ mod tests {
         // A function without arguments has one case. A second case is an error.
         let (probed, ranges) = function("fn f() -> f32 { return 1.0; }");
         let cases = [0, 1].map(|case| MadeUp::of(&probed, &ranges, case).map(|one| one.lanes));
-        assert_eq!(cases, [Ok(Vec::new()), Err("there are 1 cases, from 0".to_owned())]);
+        assert_eq!(
+            cases,
+            [Ok(Vec::new()), Err("the function has 1 cases, counted from 0".to_owned())]
+        );
     }
 
     /// Declared lanes keep their values. Names count in a function without callers. Plain numbers come first.

@@ -47,7 +47,7 @@ pub use known::{Finding, Known};
 pub use reference::Reference;
 pub use table::{Head, Matrix, MatrixError, Missed};
 
-/// The status of a row on a column.
+/// The last step that a row reached on a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
@@ -146,7 +146,7 @@ impl Stop {
     }
 }
 
-/// A row on a column.
+/// A row on one column.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cell {
     /// The cell's status; `None` if the translation failed.
@@ -205,11 +205,11 @@ impl Cell {
 /// The source text of a function or entry point, as its author wrote it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Source {
-    /// The file.
+    /// The path of the author's file.
     pub file: String,
     /// The line of the text's first character, counted from 1.
     pub line: usize,
-    /// The function or entry point, with its attributes.
+    /// The text of the function or entry point, with its attributes.
     pub text: String,
 }
 
@@ -233,19 +233,19 @@ pub struct Row {
     pub kind: String,
     /// The position in the author's file.
     pub location: String,
-    /// The author's text.
+    /// The row as its author wrote it.
     #[serde(skip)]
     pub source: Source,
     /// The text that is translated: the author's text with everything that it uses, and a kernel that calls the
     /// function.
     #[serde(skip)]
     pub text: Arc<str>,
-    /// The buffers of an entry point whose results differ.
+    /// The initial buffers of an entry point, if its results differ.
     #[serde(skip)]
     pub buffers: Vec<Buffer>,
     /// The reason why the row has no cells: a kernel can't call the function, or the code is invalid.
     pub error: Option<String>,
-    /// The cells, in the order of the columns; empty if there is an error.
+    /// One cell for each column, in the order of the columns; empty if [`error`](Self::error) is set.
     pub cells: Vec<Cell>,
 }
 

@@ -106,7 +106,7 @@ impl Request {
         let (own_count, of_own) = own.rows(SEED, 2 * contents().count());
         let mut paths: Vec<PathChange> = Vec::new();
         let (mut cases, mut left_out) = (0, 0);
-        // The second content without names has negative numbers.
+        // The second content that ignores names has negative numbers.
         let usual = Content::OF_FUNCTIONS.map(|content| (content, &ranges));
         let of_nameless = Content::NAMELESS.into_iter().zip([&nameless, &below]);
         for (content, ranges) in usual.into_iter().chain(of_nameless) {

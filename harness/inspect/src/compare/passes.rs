@@ -135,7 +135,7 @@ impl Request {
             }
         }
         if words == 0 && compared.cut > 0 {
-            return Err("its loops are too long to be run".to_owned());
+            return Err("the loops of the pass are too long to run".to_owned());
         }
         if words == 0 {
             return Err("it writes nothing that remains after the pass".to_owned());
@@ -315,7 +315,9 @@ impl Difference {
                 Err(_) => match old.content(known) {
                     Ok((_, shape, lanes)) => (shape, Some(lanes)),
                     Err(_) => {
-                        return Err(format!("it writes `{short}`, which it didn't use before"));
+                        return Err(format!(
+                            "the pass writes `{short}`, which it didn't use before the edit"
+                        ));
                     }
                 },
             };
@@ -359,7 +361,7 @@ impl Difference {
             let known = renamed.iter().find(|(was, _)| was == name).map_or(name, |(_, is)| is);
             if new.written(known).is_err() {
                 let short = name.rsplit("::").next().unwrap_or(name);
-                return Err(format!("it wrote `{short}`, and doesn't any more"));
+                return Err(format!("the pass no longer writes `{short}`"));
             }
         }
         Ok(all)
@@ -482,11 +484,14 @@ mod tests {
             reason.clone()
         };
         let without = text.replace("b[g.x] = 1u;", "");
-        assert_eq!(reason(text, &without), "it wrote `b`, and doesn't any more");
-        assert_eq!(reason(&without, text), "it writes `b`, which it didn't use before");
+        assert_eq!(reason(text, &without), "the pass no longer writes `b`");
+        assert_eq!(
+            reason(&without, text),
+            "the pass writes `b`, which it didn't use before the edit"
+        );
         let reads = text.replace("var<storage, read_write> b", "var<storage, read> b");
         let reads = reads.replace("b[g.x] = 1u;", "").replace("= g.x;", "= g.x + 0u * b[0];");
-        assert_eq!(reason(text, &reads), "it wrote `b`, and doesn't any more");
+        assert_eq!(reason(text, &reads), "the pass no longer writes `b`");
     }
 
     fn compared(before: &str, after: &str) -> super::Compared {
@@ -534,7 +539,7 @@ mod tests {
                 &*endless,
                 "after the edit, one of its loops has too many rounds to compare, or doesn't end",
             ),
-            (&endless, text, "its loops are too long to be run"),
+            (&endless, text, "the loops of the pass are too long to run"),
         ] {
             let one = compared(before, after);
             let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
@@ -615,7 +620,7 @@ mod tests {
         }
         let alike = COUNTS.replace("% 16u", "& 15u");
         assert!(matches!(change([COUNTS, &alike]), Change::Same { .. }));
-        // If an edit removes the dependence on the order, the results don't count as changed.
+        // If the edit removes the dependence on the order, the results don't count as changed.
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 

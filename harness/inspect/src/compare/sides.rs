@@ -132,7 +132,7 @@ pub(super) fn gained_and_lost(before: Side<'_>, after: Side<'_>) -> Vec<String> 
     let is_gone = |old: &&Binding| !known.contains(old);
     let gained = after.bindings.iter().filter(is_new).map(|one| format!("{} is new", shown(one)));
     let lost = before.bindings.iter().filter(is_gone);
-    gained.chain(lost.map(|one| format!("{} isn't used any more", shown(one)))).collect()
+    gained.chain(lost.map(|one| format!("{} is no longer used", shown(one)))).collect()
 }
 
 /// The changes of overrides' names and values that affect the host.
@@ -144,11 +144,11 @@ pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
     let changed = new.iter().filter_map(|(name, is)| match of(&old, name) {
         Some(was) if was == *is => None,
         Some(was) => Some(format!("the override `{name}` is {is}, and was {was}")),
-        None => Some(format!("the override `{name}` ({is}) is used, and wasn't")),
+        None => Some(format!("the override `{name}` ({is}) is used, and wasn't before")),
     });
     let gone = old.iter().filter(|(name, _)| of(&new, name).is_none());
     changed
-        .chain(gone.map(|(name, was)| format!("the override `{name}` ({was}) isn't used any more")))
+        .chain(gone.map(|(name, was)| format!("the override `{name}` ({was}) is no longer used")))
         .collect()
 }
 
@@ -179,7 +179,7 @@ pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
         let (was, is) = (before.program.places(old), after.program.places(new));
         let moved = is.iter().find_map(|(path, place)| {
             let (_, old) = was.iter().find(|(known, _)| known == path)?;
-            (old != place).then(|| format!("`{name}{path}` lies at byte {place}, and was at {old}"))
+            (old != place).then(|| format!("`{name}{path}` is at byte {place}, and was at {old}"))
         });
         all.extend(moved);
     }

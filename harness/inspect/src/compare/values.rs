@@ -30,7 +30,7 @@ pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool
     }
 }
 
-/// The distance between two results.
+/// A distance between two results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Distance {
     /// Two integers or booleans that differ.

@@ -207,7 +207,7 @@ impl Trial {
         Ok(())
     }
 
-    /// Adds the findings of some rows over a content.
+    /// Adds the findings of some rows with one content.
     fn add(
         &self,
         tally: &mut Tally,

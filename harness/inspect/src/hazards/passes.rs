@@ -21,7 +21,6 @@ use rayon::prelude::*;
 /// The name of the first argument of a finding in a pass.
 pub(super) const INVOCATION: &str = "invocation";
 
-/// Checks a compute pass.
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
     let (program, ..) = Program::of_pass(package, name, &ranges.overrides_of(package, name))?;
     let ranges = &ranges.with_literals(program.literals());
@@ -33,7 +32,6 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
     Looked { name, make: &make, are_pixels: false }.seen()
 }
 
-/// Checks a fragment function that writes memory.
 pub(super) fn look_at_pixels(
     package: &Package,
     name: &str,
@@ -76,7 +74,6 @@ type Make<'m> =
 /// / a` begins where `1.0 / a / b` begins.
 type Key = (BTreeSet<String>, Kind, String);
 
-/// The findings over one content.
 #[derive(Debug, Default)]
 struct InContent {
     /// The invocations in which an operation goes wrong; empty for a race.
@@ -179,7 +176,7 @@ impl Looked<'_> {
                 }
             }
             contents.insert(content, one.content);
-            // In a draw, each content has other texture coordinates.
+            // In a draw, each content has other texture coordinates, so its runs differ even without resources.
             let varies = made.varies;
             inputs = made.inputs;
             // Other contents would take as much time.
@@ -287,7 +284,7 @@ impl Looked<'_> {
         }
     }
 
-    /// Runs in which only one input comes from another content.
+    /// Runs the pass again for each input, with only this input from another content.
     fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
         let paths: BTreeSet<&str> =
             inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();
@@ -429,7 +426,6 @@ struct Ran {
     content: InContent,
     /// The reason why the run stopped early.
     reason: Option<String>,
-    /// The number of invocations.
     of: usize,
     too_long: bool,
 }

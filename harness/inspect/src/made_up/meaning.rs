@@ -282,7 +282,7 @@ impl Meaning {
         })
     }
 
-    /// The range that the name of an argument or a member suggests.
+    /// Returns the range that the name of an argument or a member suggests.
     pub(super) fn of(name: &str, shape: &Shape) -> Self {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));

@@ -200,7 +200,6 @@ impl Resources {
         Ok(Self { fixtures: named.into_iter().collect(), ..all })
     }
 
-    /// The bytes of a buffer.
     fn buffer(
         &mut self,
         (program, binding, elements): (&Program, &Binding, usize),
@@ -232,7 +231,6 @@ impl Resources {
         program.bytes(binding, &lanes).map_err(|error| error.to_string())
     }
 
-    /// The lanes of a buffer.
     fn lanes(
         &mut self,
         (path, name, shape): (&str, &str, &Shape),
@@ -705,7 +703,6 @@ fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
     (texel * STEPS).round() / STEPS
 }
 
-/// Texels that differ from their neighbours.
 #[derive(Clone, Copy)]
 struct Noise<'l> {
     /// The smallest value of a colour.
@@ -859,7 +856,6 @@ mod tests {
         Probed::new(&package, "f").expect("`f` can be called")
     }
 
-    /// The words of a buffer.
     fn words(made: &Resources, name: &str) -> Vec<u32> {
         let found = made.fixtures.iter().find(|(path, _)| path == name);
         let Some((_, Fixture::Buffer(buffer))) = found else { panic!("no `{name}`") };

@@ -22,7 +22,7 @@ const TINT: &str = "tint";
 /// The text that a column runs or checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Written {
-    /// A translation.
+    /// naga's translation.
     ByNaga(Target),
     /// The author's own text, which the engine executes.
     ByAuthor,

@@ -1,4 +1,4 @@
-//! Runs compute entry points on each column, and compares the words that they write.
+//! Runs compute entry points on each column, and compares the results in their buffers and textures.
 
 use karat::fixture::{self, Fixture};
 use karat::path::Path;
@@ -70,7 +70,7 @@ pub(super) fn run_entry_point_on_each(
     // If no column changed a word, all words are equal, which proves nothing.
     if ran.iter().all(|(_, words)| *words == before) {
         for (index, _) in &ran {
-            let what = if before.is_empty() { "it writes nothing" } else { UNCHANGED };
+            let what = if before.is_empty() { "the entry point writes nothing" } else { UNCHANGED };
             cells[*index].stopped = Some(Stop::NothingToCompare(what.to_owned()));
         }
         return;
@@ -148,7 +148,7 @@ impl From<DispatchError> for Unwritten {
     }
 }
 
-/// The words that an entry point writes on a path.
+/// Runs an entry point on a path, and returns the words of its writable resources.
 fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     let device = path::device(path);
     let device = device.map_err(|error| Unwritten::Stop(Stop::Unavailable(error.to_string())))?;
@@ -240,13 +240,13 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
     let mut open = strays(passes).map_err(|error| error.to_string())?;
     open.resize(expected.len(), false);
     let mut usual: Vec<u32> = Vec::new();
-    // A pass that takes too long counts as independent of the order.
+    // If more orders take too long, Karat assumes that the pass doesn't depend on the order.
     for run in Runner::new(passes).few(ORDERS) {
         let Some(left) = run.left else {
             // An order in which the pass doesn't end proves nothing. Without the results of the usual order, no
             // comparison is possible.
             if run.order.is_none() {
-                return Err("it doesn't end in the engine".to_owned());
+                return Err("the pass doesn't end in the engine".to_owned());
             }
             continue;
         };
@@ -292,7 +292,6 @@ fn steps(passes: &Passes) -> Vec<f32> {
     writable(passes).flat_map(of).collect()
 }
 
-/// `true` for each word that is a float.
 fn floats(passes: &Passes) -> Vec<bool> {
     let program = &pass(passes).program;
     let of_resource = |(binding, words): (&Binding, Vec<u32>)| {

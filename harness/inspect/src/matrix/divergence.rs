@@ -21,9 +21,9 @@ pub struct Divergence {
     pub baseline: String,
     /// The arguments of the simplest input, with their names.
     pub arguments: Vec<(String, String)>,
-    /// The result on this column.
+    /// The result on this column, as text.
     pub here: String,
-    /// The result on the baseline.
+    /// The result on the baseline, as text.
     pub there: String,
     /// The arguments as words, which the kernel reads.
     pub words: Vec<u32>,
@@ -139,10 +139,10 @@ pub(super) fn divergence(
     }
 }
 
-/// A let-binding whose value isn't known on both columns.
+/// A let-binding that can't be compared.
 struct Unseen;
 
-/// The values of a let-binding, if they differ.
+/// Returns the values of a let-binding on both columns; `None` if they are equal.
 fn differing(
     request: &Request,
     (one, beyond): (&Let, Address),

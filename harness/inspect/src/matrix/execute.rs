@@ -32,8 +32,10 @@ pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: u
             (first.compared, first.worst_ulp) = (seen.compared, seen.worst_ulp);
             return;
         }
-        None if others == 0 => Some(Stop::NothingToCompare("no other column ran it".to_owned())),
-        None => Some(Stop::NothingToCompare("no other column agrees with it".to_owned())),
+        None if others == 0 => {
+            Some(Stop::NothingToCompare("no other column ran the row".to_owned()))
+        }
+        None => Some(Stop::NothingToCompare("no other column agrees with this column".to_owned())),
     };
 }
 
@@ -42,7 +44,7 @@ pub(super) struct Comparison {
     pub(super) compared: usize,
     /// The cases that differ although WGSL defines the result.
     pub(super) differing: Vec<usize>,
-    /// The number of cases with a lane that differs, where WGSL allows both results.
+    /// The number of cases with a differing lane in which WGSL allows both results.
     pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
 }
@@ -73,7 +75,6 @@ impl<'j> Judge<'j> {
         Self { scalars, within, scales: scales.into_iter().map(one).collect() }
     }
 
-    /// Compares results case by case.
     pub(super) fn compare(
         &self,
         expected: &[u32],
@@ -215,7 +216,7 @@ mod tests {
         assert!(judge.compare(&expected, &expected, None).differing.is_empty());
         let seen = judge.compare(&expected, &words([1.0, f32::NAN, 1.0], 7), None);
         assert_eq!((seen.compared, &*seen.differing), (3, &[1][..]));
-        // The other component is still compared.
+        // Karat still compares the other component.
         let other = words([1.0, 1.0, 1.0], 8);
         assert_eq!(judge.compare(&expected, &other, None).differing, [0, 1, 2]);
         let alone = Judge::new(&scalars[..1], &within, &expected);

@@ -199,8 +199,8 @@ fn said(tool: &Tool, answer: std::io::Result<Validation>) -> Said {
             match said.verdict {
                 Verdict::Valid => (Outcome::Valid, "valid".to_owned()),
                 Verdict::Invalid(message) => (Outcome::Invalid, format!("invalid: {message}")),
-                Verdict::Unable(what) => (Outcome::Unable, format!("no verdict, as {what}")),
-                Verdict::Broke(how) => (Outcome::Broke, format!("no verdict, as it {how}")),
+                Verdict::Unable(what) => (Outcome::Unable, format!("no verdict, because {what}")),
+                Verdict::Broke(how) => (Outcome::Broke, format!("no verdict, because it {how}")),
             },
         ),
         Err(error) => (name, (Outcome::Broke, format!("no verdict, as it doesn't start: {error}"))),

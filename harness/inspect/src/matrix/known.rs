@@ -20,7 +20,7 @@ pub struct Known {
     pub column: String,
     /// The status that the row doesn't reach.
     pub status: Status,
-    /// The reason.
+    /// The reason for the declaration.
     pub reason: String,
 }
 
@@ -35,7 +35,7 @@ impl Known {
             MatrixError::Known { row, column, why }
         };
         if self.reason.trim().is_empty() {
-            return Err(wrong("it has no reason".to_owned()));
+            return Err(wrong("the declaration has no reason".to_owned()));
         }
         if rows.clone().all(|row| row != self.row) {
             let near = nearest(&self.row, &mut rows);
@@ -132,11 +132,11 @@ impl Cell {
 /// A row that is wrong on a column, or an outdated declaration.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// The row.
+    /// The row's name.
     pub row: String,
-    /// The column.
+    /// The column's name.
     pub column: String,
-    /// The problem.
+    /// The problem, as a sentence.
     pub why: String,
     /// `true` for an outdated declaration, whose row reaches the status.
     pub outdated: bool,

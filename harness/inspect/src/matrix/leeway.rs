@@ -22,7 +22,7 @@ pub(super) enum Leeway {
 
 /// The lanes that WGSL leaves open in some cases.
 pub(super) struct Latitude {
-    /// The bounds of each lane; `None` if they are unknown, as for derivatives.
+    /// The allowed bounds of each lane; `None` if the bounds are unknown, as for derivatives.
     pub(super) bounds: Option<Vec<Bound>>,
     /// The lanes that depend on a read or a write outside of an array.
     strays: Vec<bool>,
@@ -38,7 +38,6 @@ pub(super) struct OfCase<'l> {
     loose: bool,
 }
 
-/// The verdict on two results of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Freedom {
     /// WGSL allows any value, so both results are right.
@@ -92,7 +91,6 @@ impl Latitude {
 }
 
 impl OfCase<'_> {
-    /// Judges two results of a lane.
     pub(super) fn freedom(&self, lane: usize, scalar: Scalar, results: [u32; 2]) -> Freedom {
         if self.strays.get(lane) == Some(&true) {
             return Freedom::Any;

@@ -11,7 +11,6 @@ use super::leeway::{Latitude, Leeway};
 /// The maximum number of rounds that simplify an input.
 const ROUNDS: usize = 24;
 
-/// Two columns, and the tolerance between them.
 pub(super) struct Pair<'r, 'p> {
     pub(super) expected: &'r Caller<'p>,
     pub(super) actual: &'r Caller<'p>,

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::{Cell, Matrix, Row, Status, Stop};
 
-/// The verdicts of a function's tests on one path.
+/// The verdicts of a function's own tests on one path.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Reference {
     /// The number of checks that ran on the path.

@@ -21,7 +21,7 @@ pub(super) enum Subject {
 pub(super) struct Ready {
     pub(super) row: Row,
     pub(super) about: About,
-    /// The translations into the columns' languages, in the order of the columns.
+    /// One translation for each column, in the order of the columns.
     pub(super) made: Vec<Made>,
 }
 
@@ -31,7 +31,6 @@ pub(super) enum About {
     EntryPoint { program: Arc<Program>, name: String },
 }
 
-/// A translation into a language, or the author's own text.
 pub(super) struct Made {
     pub(super) written: Written,
     pub(super) translation: Result<Translation, TranslateError>,
@@ -47,7 +46,6 @@ impl Subject {
 }
 
 impl Ready {
-    /// The translation that a column runs or checks.
     pub(super) fn of(&self, column: Column) -> &Made {
         let made = self.made.iter().find(|made| made.written == column.written());
         made.expect("each column has a translation")

@@ -27,7 +27,10 @@ pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     };
     if let Some(Stop::Differs(text)) = &mut cell.stopped {
         let names: Vec<String> = agreeing.iter().map(|name| format!("`{name}`")).collect();
-        text.push_str(&format!("; {} agree there, so `{alone}` is the suspect", and(&names)));
+        text.push_str(&format!(
+            "; {} agree with each other, so `{alone}` is the suspect",
+            and(&names)
+        ));
         cell.suspect = Some((*alone).to_owned());
     }
 }
@@ -60,10 +63,16 @@ mod tests {
         assert_eq!(told(&[First, Other]), (None, "1 differs".to_owned()), "one against one");
         let (suspect, text) = told(&[First, Other, First]);
         assert_eq!(suspect.as_deref(), Some("vulkan"));
-        assert_eq!(text, "1 differs; `cpu` and `gl` agree there, so `vulkan` is the suspect");
+        assert_eq!(
+            text,
+            "1 differs; `cpu` and `gl` agree with each other, so `vulkan` is the suspect"
+        );
         let (suspect, text) = told(&[First, Other, Other, Other]);
         assert_eq!(suspect.as_deref(), Some("cpu"));
-        assert!(text.contains("`vulkan`, `gl` and `dx12` agree there, so `cpu`"), "{text}");
+        assert!(
+            text.contains("`vulkan`, `gl` and `dx12` agree with each other, so `cpu`"),
+            "{text}"
+        );
         for undecided in [&[First, Other, First, Other][..], &[First, Other, Neither, Neither]] {
             assert_eq!(told(undecided).0, None, "{undecided:?}");
         }

@@ -40,7 +40,7 @@ pub struct Matrix {
     pub undecided: Vec<Known>,
 }
 
-/// The head of a column.
+/// The description of a column.
 #[derive(Clone, Debug, Serialize)]
 pub struct Head {
     /// The column's name.
@@ -69,7 +69,7 @@ pub enum MatrixError {
         names => format!(" whose name contains `{}`", names.join("` or `")),
     })]
     Nothing {
-        /// The package.
+        /// The package's name.
         package: String,
         /// The requested parts of names.
         only: Vec<String>,
@@ -88,7 +88,7 @@ pub enum MatrixError {
     /// The journal file, which records the row that ran when a process ended, can't be read.
     #[error("can't read `{file}`, which records the row that ran when a process ended: {why}")]
     Journal {
-        /// The file.
+        /// The file's path.
         file: String,
         /// The reason.
         why: String,
@@ -96,9 +96,9 @@ pub enum MatrixError {
     /// A declaration about a row that doesn't work is wrong.
     #[error("row `{row}` is declared not to work on `{column}`: {why}")]
     Known {
-        /// The row.
+        /// The row's name.
         row: String,
-        /// The column.
+        /// The column's name.
         column: String,
         /// The problem.
         why: String,
@@ -401,7 +401,6 @@ impl Matrix {
 }
 
 impl Row {
-    /// The row of a module that can't be read.
     fn of_module(module: &str, error: String) -> Self {
         let source = Source { file: String::new(), line: 1, text: String::new() };
         Self {
