@@ -483,7 +483,7 @@ fn a_project_says_where_its_shaders_are() {
 
 /// `cargo karat test` is `karat test`. Cargo passes the name `karat` as the first argument.
 #[test]
-fn cargo_karat_is_karat() {
+fn cargo_karat_does_the_same_as_karat() {
     let project = project();
     for (arguments, code) in [(&["--version"][..], 0), (&["list"], 0), (&["tset"], 2)] {
         let mut program = Command::new(env!("CARGO_BIN_EXE_cargo-karat"));

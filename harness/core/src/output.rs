@@ -332,7 +332,7 @@ mod tests {
 
     // Lesson 62
     #[test]
-    fn only_styles_of_our_own_are_colours() {
+    fn only_known_colour_escapes_are_printed() {
         let (bad, foreign) = (Style::BAD, "\u{1b}[32m\u{1b}0123456789abcdef0123456789abcdefa");
         let text = format!("{bad}{foreign}{bad:#} {}plain{:#}", Style::PLAIN, Style::PLAIN);
         let expected = "\u{1b}[1m\u{1b}[31m\\u{1b}[32m\\u{1b}0123456789abcdef0123456789abcdefa\
@@ -366,7 +366,7 @@ mod tests {
 
     // Lesson 57
     #[test]
-    fn a_reader_that_has_gone_is_no_error_and_a_full_disk_is_one_at_the_end() {
+    fn a_full_disk_is_an_error_and_a_closed_pipe_is_not() {
         for (room, kind, good) in [
             (0, ErrorKind::BrokenPipe, true),
             (3, ErrorKind::BrokenPipe, true),

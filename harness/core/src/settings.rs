@@ -451,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_set_is_the_default() {
+    fn settings_without_variables_are_the_defaults() {
         let none = read(&[]).expect("no variable");
         assert_eq!((none.deadline, none.failures), (Duration::from_secs(60), true));
         assert_eq!((none.paths.clone(), none.seed, none.case.clone()), (None, None, None));

@@ -1166,7 +1166,7 @@ mod tests {
     /// Over several contents, Karat shows the largest change and the first value of each resource, and adds the numbers
     /// of cases.
     #[test]
-    fn changes_over_several_contents_add_up() {
+    fn changes_over_several_inputs_are_summed() {
         let change = |ulp: Option<u64>, resource: &str, after: &str| {
             let word = WordChange {
                 resource: resource.to_owned(),
@@ -1321,7 +1321,7 @@ mod tests {
 
     // Lesson 132
     #[test]
-    fn derivatives_have_something_to_differentiate() {
+    fn a_changed_derivative_is_found() {
         let before = "struct Point { uv: vec2f, id: u32 }\n\
                       fn edge(d: f32) -> f32 { return d / max(fwidth(d), 1e-3); }\n\
                       fn slope(p: Point) -> f32 { return dpdx(p.uv.y) + f32(p.id); }\n\
@@ -1545,7 +1545,7 @@ mod tests {
 
     /// A signed parameter may be negative, whatever its name is. A colour may be above 1.
     #[test]
-    fn no_name_narrows_what_is_compared() {
+    fn a_parameter_name_does_not_narrow_the_compared_values() {
         for (text, from, to) in [
             (
                 "fn f(i: i32, n: i32) -> i32 { return ((i % n) + n) % n; }",
@@ -1578,7 +1578,7 @@ mod tests {
 
     /// Code under a condition is compared with the fewest features that include it.
     #[test]
-    fn edits_under_a_condition_are_compared_under_it() {
+    fn edits_under_a_condition_are_compared_with_its_features_set() {
         let text = "@if(A) fn f(x: f32) -> f32 { return x; }
             fn g(x: f32) -> f32 {
                 @if(B && C) { return 2.0 * x; }
@@ -1863,7 +1863,7 @@ mod tests {
     /// A feature that a condition compares with a number gets this number. If the edit needs other numbers, it gets the
     /// numbers next to it.
     #[test]
-    fn features_without_a_value_get_one() {
+    fn features_without_a_value_get_a_value_from_their_conditions() {
         let text = "#if LIGHTS > 2\nfn f(x: f32) -> f32 { return x + 1.0; }\n#else\n\
                     fn f(x: f32) -> f32 { return x; }\n#endif\n\
                     fn g(x: f32) -> f32 { return x * #{COUNT}.0; }\n";
@@ -1890,7 +1890,7 @@ mod tests {
 
     /// A setting without a verdict covers no line. If a setting finds a violation, its verdict wins.
     #[test]
-    fn other_settings_hide_no_line() {
+    fn a_setting_that_cannot_be_judged_covers_no_line() {
         let line = || Uncovered {
             place: "f.wgsl:1:1".to_owned(),
             text: "return 1.0;".to_owned(),
@@ -1913,7 +1913,7 @@ mod tests {
     /// The comparison finds edits under several conditions with different numbers. A feature has the same value in both
     /// packages.
     #[test]
-    fn conditions_with_several_numbers_are_met_together() {
+    fn edits_under_several_numeric_conditions_are_compared() {
         let package =
             |text: &str| Package::from_source("p", format!("#define_import_path p\n{text}"));
         let body = "fn f(x: f32) -> f32 {\nOPEN\nreturn x + 1.0;\nCLOSE\nreturn x;\n}\n";
@@ -1944,7 +1944,7 @@ mod tests {
 
     /// Private variables that only one package declares, that an edit renamed, or that are too large.
     #[test]
-    fn private_variables_come_go_and_are_large() {
+    fn added_removed_and_large_private_variables_are_compared() {
         let scratch = "var<private> t: f32;\nfn f(x: f32) -> f32 { t = x * 2.0; return t + 1.0; }";
         let without = "fn f(x: f32) -> f32 { let t = x * 2.0; return t + 1.0; }";
         for [before, after] in [[scratch, without], [without, scratch]] {
@@ -2048,7 +2048,7 @@ mod tests {
 
     /// The shown case has plain numbers, and only inputs that affect the change.
     #[test]
-    fn the_evidence_is_what_people_would_look_at() {
+    fn a_change_is_shown_with_plain_numbers_and_relevant_inputs() {
         let text = "struct P { scale: f32, unused: f32 }
             @group(0) @binding(0) var<uniform> p: P;
             fn f(roughness: f32, k: f32, other: f32) -> f32 { return p.scale * roughness / k + 0.0 * p.unused; }";

@@ -862,7 +862,7 @@ mod tests {
 
     /// A function with few values has few rows. All of them run over each content of the resources.
     #[test]
-    fn contents_meet_a_part_of_many_rows_and_all_of_few() {
+    fn a_function_with_few_rows_is_tried_with_all_of_them() {
         let (probed, ranges) = function("fn f(b: bool) -> bool { return b; }");
         let arguments =
             Arguments::of(probed.function(), &ranges).expect("the arguments are generated");
@@ -885,7 +885,7 @@ mod tests {
     /// Declared lanes keep their values. Names count in a function without callers. Plain numbers come first.
     // Lesson 99
     #[test]
-    fn known_lanes_are_held() {
+    fn declared_arguments_keep_their_values() {
         let (probed, mut ranges) =
             function("fn f(x: f32, roughness: f32, k: u32) -> f32 { return x; }");
         ranges.declare("k", 0.0, 9.0).expect("the range is valid");

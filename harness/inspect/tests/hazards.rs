@@ -229,7 +229,7 @@ fn declared_inputs_are_held() {
 // Lesson 97
 // Lesson 143
 #[test]
-fn callers_judge_what_they_call() {
+fn a_finding_in_a_called_function_is_judged_at_its_callers() {
     let root = "fn root(x: f32) -> f32 { return sqrt(x - 0.5); }\n";
     let good = "fn good(x: f32) -> f32 { return root(1.0 + x * x); }\n";
     let shaded =
@@ -350,7 +350,7 @@ fn a_function_is_judged_by_what_it_uses() {
 /// The callers in an invalid module are unknown, so each of its functions is judged without callers.
 // Lesson 143
 #[test]
-fn modules_that_are_not_valid_may_call() {
+fn a_requirement_is_met_despite_an_invalid_calling_module() {
     let modules = |broken: &'static str| {
         let a = "fn inverse(x: f32) -> f32 { return 1.0 / x; }
                  fn good(x: f32) -> f32 { return inverse(1.0 + x * x); }";
@@ -367,7 +367,7 @@ fn modules_that_are_not_valid_may_call() {
 
 // Lesson 111
 #[test]
-fn each_is_found_where_it_is_born() {
+fn each_hazard_is_reported_where_it_arises() {
     let schlick =
         "fn f(v_dot_h: f32) -> f32 {\n    return 0.04 + 0.96 * pow(1.0 - v_dot_h, 5.0);\n}";
     let hazard = at(schlick, Kind::Unbounded, "pow(1.0 - v_dot_h, 5.0)");
@@ -925,7 +925,7 @@ fn halves_overflow_and_lose_digits_of_their_own() {
 
 /// The sanitizer also checks passes that write no result.
 #[test]
-fn a_pass_that_leaves_nothing_has_races_and_barriers() {
+fn a_pass_without_results_is_checked_for_races_and_barriers() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
         var<workgroup> tile: array<f32, 64>;
         @compute @workgroup_size(64) fn parts(@builtin(local_invocation_index) i: u32) {
@@ -939,7 +939,7 @@ fn a_pass_that_leaves_nothing_has_races_and_barriers() {
 
 /// One divisor is 0 over one of eight contents. The other divisor is 0 over all contents.
 #[test]
-fn contents_of_a_pass_may_decide_alone() {
+fn a_hazard_of_one_buffer_content_is_a_requirement() {
     let pass = |divisor: &str| {
         format!(
             "@group(0) @binding(0) var<storage, read> data: array<u32>;
@@ -1077,7 +1077,7 @@ fn long_loops_are_not_reported_as_endless() {
 
 /// If only some pixels of a quad reach a derivative, the derivative depends on the driver.
 #[test]
-fn derivatives_want_a_whole_quad() {
+fn a_derivative_that_only_part_of_a_quad_reaches_is_found() {
     let parted = |body: &str| {
         let text = format!(
             "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\

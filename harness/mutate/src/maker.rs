@@ -674,7 +674,7 @@ mod tests {
 
     // Lesson 28: mutants
     #[test]
-    fn each_rule_makes_its_slips() {
+    fn each_mutation_rule_makes_its_mutants() {
         for (body, rule, expected) in [
             ("a = b + c;", Rule::Operator, vec!["a = b - c;"]),
             ("a += b;", Rule::Operator, vec!["a -= b;", "a = b;"]),

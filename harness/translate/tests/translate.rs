@@ -174,7 +174,7 @@ fn immediates_are_written() {
 /// affect the others.
 // Lesson 116
 #[test]
-fn several_are_judged_as_each_alone() {
+fn translations_checked_together_have_the_verdicts_of_each_alone() {
     for target in Target::ALL {
         let good = translate(target, "add");
         let mut bad = good.clone();

@@ -36,7 +36,7 @@ fn folder(limit: &str) -> TempDir {
 /// Printed values appear in a call, in a passing test, and for all pixels in `karat tap`.
 // Lesson 37
 #[test]
-fn lines_print() {
+fn print_comments_show_values_in_calls_tests_and_taps() {
     let folder = folder("5.0");
     let called = karat(folder.path(), &["call", "m::half", "3", "--path=cpu"]).good();
     assert!(called.ends_with("shaders/m.wgsl:4:20: `x` (f32): 1 value\n  3\n"), "{called}");

@@ -114,7 +114,7 @@ fn folder() -> TempDir {
 /// A page of another origin, a page without the secret, and a second page can't run jobs.
 // Lesson 208
 #[test]
-fn only_the_page_of_the_url_is_heard() {
+fn only_the_page_of_the_printed_url_can_run_jobs() {
     let folder = folder();
     let served = Served::start(folder.path(), &["shaders"]);
     let (own, next) = (format!("http://{}", served.host), format!("/{}/next", served.token));
@@ -150,7 +150,7 @@ fn only_the_page_of_the_url_is_heard() {
 /// The tests fail if an answer is too short, belongs to another job or is missing, and if the page is closed.
 // Lesson 208
 #[test]
-fn a_page_that_lies_passes_no_test() {
+fn wrong_answers_of_a_browser_page_fail_the_tests() {
     let folder = folder();
     let done = |job: &serde_json::Value, words: Vec<u32>| {
         serde_json::json!({ "id": job["id"], "reply": { "done": [words] } }).to_string()

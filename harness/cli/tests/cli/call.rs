@@ -79,7 +79,7 @@ fn variables_are_bound_by_names_files_and_numbers() {
 
 // Lesson 134
 #[test]
-fn pointers_derivatives_and_names() {
+fn call_takes_pointers_derivatives_and_named_arguments() {
     let folder = lit();
     let out = called(&folder, &["lit::next", "4"]);
     assert!(out.contains("next(state: ptr<function, u32>) -> u32"), "{out}");
@@ -158,7 +158,7 @@ fn wrong_bindings_and_overrides_of_a_call_are_errors() {
 
 // Lesson 134
 #[test]
-fn sweeps_are_tables_and_curves() {
+fn a_sweep_prints_a_table_or_a_plot() {
     let folder = lit();
     let out = called(&folder, &["lit::cubic", "0..1:5", "true"]);
     let lines: Vec<&str> = out.lines().collect();
@@ -178,7 +178,7 @@ fn sweeps_are_tables_and_curves() {
 
 // Lesson 134
 #[test]
-fn a_table_is_a_check() {
+fn a_table_of_expected_values_checks_a_function() {
     let folder = lit();
     let table = "# cubes\nnote,t,up,cube.x,cube.y\nfirst,0.5,true,0.125,0.5\n\
                  second,0x1p-2,false,0x1p-6,-0.25\n";
@@ -355,7 +355,7 @@ fn a_path_that_is_required_is_not_left_out() {
 }
 
 #[test]
-fn texels_are_data_where_they_are_no_colours() {
+fn depths_and_integers_of_textures_are_given_as_data() {
     let folder = tempfile::tempdir().expect("a folder");
     let texels = "@group(0) @binding(0) var color: texture_2d<f32>;\n\
                   @group(0) @binding(1) var depth: texture_depth_2d;\n\

@@ -168,7 +168,7 @@ fn each_command_that_validates_asks_tint() {
 // Lesson 203
 // Lesson 207
 #[test]
-fn without_tint_nothing_is_silent() {
+fn a_missing_tint_is_reported_by_each_command() {
     let folder = folder(VALID);
     write(folder.path(), "shaders/m.test.toml", "[[test]]\nfunction = \"half\"\nfinite = true\n");
     let bare = |arguments: &[&str]| {
@@ -203,7 +203,7 @@ fn without_tint_nothing_is_silent() {
 }
 
 #[test]
-fn karat_tint_names_one_or_says_why_not() {
+fn a_karat_tint_without_tint_is_reported_with_the_reason() {
     let folder = folder(VALID);
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     write(folder.path(), "empty/readme", "");
@@ -374,7 +374,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
 
 /// Karat requests the limits that the project declares. Tint's own pipelines use the default limits.
 #[test]
-fn limits_that_are_requested_are_no_rejection() {
+fn tint_accepts_a_module_within_the_requested_limits() {
     let text = "@compute @workgroup_size(512) fn main() { }\n";
     let folder = folder(text);
     let limits = "[compilers]\nrequire = [\"tint\"]\n[limits]\n\
@@ -417,7 +417,7 @@ fn an_override_without_a_value_is_given_none() {
 /// Karat reports tests in files that engines load, and prints the text without tests.
 // Lesson 206
 #[test]
-fn files_that_are_shipped_stay_shippable() {
+fn tests_in_shipped_files_are_reported_and_can_be_stripped() {
     let folder = folder(VALID);
     let mixed = "/// Twice.\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n\n\
                  @test fn is_two() { expect(twice(1.0) == 2.0); }\n\
@@ -451,7 +451,7 @@ fn an_error_of_naga_says_if_tint_accepts_the_module() {
 
 /// A module with a directive that browsers need and naga doesn't know is valid, with a warning.
 #[test]
-fn a_line_that_browsers_want_is_left_out_for_naga() {
+fn an_enable_line_unknown_to_naga_is_a_warning() {
     let text = "enable subgroups;\n@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n";
     let folder = folder(text);
     let out = with_tint(folder.path(), CHECK).good();
@@ -468,7 +468,7 @@ fn a_line_that_browsers_want_is_left_out_for_naga() {
 
 #[cfg(unix)]
 #[test]
-fn a_chromium_is_asked_where_it_is_named() {
+fn chromium_can_validate_modules_instead_of_tint() {
     let folder = folder("fn shift(x: u32) -> u32 { return x << x + 1u; }\n");
     write(folder.path(), "shaders/valid.wgsl", VALID);
     // The browser's software device has no `f16`. The text isn't at fault.
@@ -655,7 +655,7 @@ mod fakes {
 
 /// For a barrier that some invocations miss, the message also has Tint's verdict. Tint judges the text, not a run.
 #[test]
-fn a_barrier_that_some_miss_has_tints_word() {
+fn a_barrier_that_some_invocations_miss_shows_the_error_of_tint() {
     let entry = |condition: &str| {
         format!(
             "@group(0) @binding(0) var<storage, read_write> sums: array<u32>;\n\

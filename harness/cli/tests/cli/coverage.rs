@@ -91,7 +91,7 @@ fn a_value_that_an_assertion_reads_is_covered() {
 
 /// The program of LCOV reads the file, and computes the sums of the last line.
 #[test]
-fn lcov_is_what_lcov_reads() {
+fn the_program_lcov_reads_the_report_with_equal_sums() {
     let folder = folder();
     karat(folder.path(), &["coverage", "--lcov", "lcov.info"]).good();
     let text = std::fs::read_to_string(folder.path().join("lcov.info")).expect("it is written");
@@ -123,7 +123,7 @@ fn lcov_is_what_lcov_reads() {
 }
 
 #[test]
-fn variants_are_counted_apart_and_together() {
+fn coverage_is_counted_for_each_variant_and_for_all() {
     let folder = folder();
     let scaled = "override SCALE: f32 = 1.0;\nfn scaled(x: f32) -> f32 {\n    if (SCALE > 1.5) {\n        return x * SCALE;\n    }\n    return x;\n}\n";
     write(&folder.path().join("shaders"), "scaled.wgsl", scaled);
@@ -145,7 +145,7 @@ fn variants_are_counted_apart_and_together() {
 }
 
 #[test]
-fn a_page_shows_who_comes_to_a_line() {
+fn the_coverage_page_shows_which_tests_reach_a_line() {
     let folder = folder();
     karat(folder.path(), &["coverage", "--html", "page.html"]).good();
     let page = std::fs::read_to_string(folder.path().join("page.html")).expect("it is written");
@@ -160,7 +160,7 @@ fn a_page_shows_who_comes_to_a_line() {
 }
 
 #[test]
-fn an_edit_is_measured_by_its_lines() {
+fn coverage_in_a_diff_counts_only_edited_lines() {
     let folder = folder();
     let at = folder.path();
     git(at, &["init", "--quiet"]);
@@ -207,7 +207,7 @@ fn tests_beside_a_file_are_named() {
 /// The command prints no numbers if a test fails, if a path counts nothing, or if a filter finds nothing.
 // Lesson 28: lines, branches and results that no test compares
 #[test]
-fn nothing_is_measured_without_evidence() {
+fn coverage_is_refused_if_tests_fail_or_none_runs() {
     let folder = folder();
     let path = karat(folder.path(), &["coverage", "--paths", "vulkan"]);
     assert_eq!(path.code, Some(2));

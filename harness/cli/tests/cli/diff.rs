@@ -78,7 +78,7 @@ fn with_a_tolerance_of_zero_the_error_is_printed() {
 }
 
 #[test]
-fn the_report_says_how_many_where_and_how_far() {
+fn the_report_has_the_count_place_and_size_of_differences() {
     let folder = images();
     let out = diff(&folder, &["a.exr", "hole.exr"]).out;
     for part in [
@@ -120,7 +120,7 @@ fn json_has_what_the_report_has() {
 
 /// A mask is painted, so its values aren't light: a half is the half of a paint program.
 #[test]
-fn a_mask_is_above_a_half_as_it_is_stored() {
+fn a_mask_selects_pixels_with_a_stored_value_above_one_half() {
     let folder = images();
     let mask = |byte: u8| {
         let hole = |index: u32| index % 48 < 8 && index / 48 < 8;
@@ -172,7 +172,7 @@ fn a_bound_is_a_finite_number_of_at_least_0() {
 }
 
 #[test]
-fn no_zero_is_negative() {
+fn a_report_prints_no_negative_zero() {
     let folder = images();
     // The values are the next floats. FLIP sees no difference.
     let mut next = Image::read(&folder.path().join("a.exr")).expect("an image");

@@ -27,7 +27,7 @@ fn broken() -> TempDir {
 }
 
 #[test]
-fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
+fn doctor_prints_and_writes_the_lines_that_karat_toml_lacks() {
     let folder = broken();
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -66,7 +66,7 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
 }
 
 #[test]
-fn a_doctor_leaves_what_no_line_mends() {
+fn doctor_reports_errors_that_karat_toml_cannot_repair() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaders = folder.path().join("shaders");
     write(&shaders, "a.wgsl", "#use Mode\nfn f() -> f32 { return 1.0; }\n");
@@ -104,7 +104,7 @@ fn a_doctor_leaves_what_no_line_mends() {
 
 /// The file stays readable, and keeps its form.
 #[test]
-fn a_doctor_breaks_no_file() {
+fn doctor_does_not_damage_karat_toml() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaders = folder.path().join("shaders");
     write(&shaders, "a.wgsl", "fn rows() -> u32 { return {{ROWS}}u + OLD; }\n");

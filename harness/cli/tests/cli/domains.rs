@@ -27,7 +27,7 @@ fn declared(tests: &str) -> Ran {
 }
 
 #[test]
-fn domains_say_what_they_mean() {
+fn declared_domains_draw_the_cases_that_they_describe() {
     let ran = declared(
         "[[test]]\nfunction = \"tangent\"\nover = { n = \"unit_vector\" }\nperpendicular_to = \"n\"\nunit = true\n\
          [[test]]\nfunction = \"frame\"\nright_handed_frame = true\n\

@@ -192,7 +192,7 @@ fn slope(x: f32) -> f32 {
 }
 
 #[test]
-fn a_pass_is_dispatched_and_looked_through() {
+fn call_dispatches_a_compute_pass_and_checks_for_races() {
     let folder = shaders("");
     let call = |arguments: &[&str]| {
         let all = ["call"].into_iter().chain(arguments.iter().copied()).chain(["--path", "cpu"]);
@@ -325,7 +325,7 @@ fn appended_elements_are_compared_up_to_their_order() {
 /// A test may assert about one member of each element. For a grid, a failure names the row and the column of the
 /// element.
 #[test]
-fn members_and_grids_of_buffers() {
+fn a_test_can_check_members_and_grids_of_buffers() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(
         folder.path(),
@@ -435,7 +435,7 @@ fn passes_before_the_last_one_are_tested_too() {
 
 /// WGSL requires a directive that naga doesn't know.
 #[test]
-fn subgroups_have_their_directive() {
+fn a_module_that_enables_subgroups_runs_with_its_own_lines() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let text = "enable subgroups;\n\
                 @group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\

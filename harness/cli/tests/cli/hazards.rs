@@ -105,7 +105,7 @@ fn requirements_fail_a_run_that_denies_them() {
 
 /// If the name of a boolean suggests a range, Karat ignores the name.
 #[test]
-fn a_truth_value_may_have_any_name() {
+fn a_bool_may_have_a_name_that_suggests_a_number() {
     let text = "struct Hit { diffuse: bool, roughness: f32 }\n\
                 fn f(hit: Hit, albedo: bool) -> f32 { return select(1.0, 0.5 * hit.roughness, \
                 hit.diffuse && albedo); }\n";
@@ -118,7 +118,7 @@ fn a_truth_value_may_have_any_name() {
 
 /// An input that one of several packages has is declared for that package. An unknown input is an error.
 #[test]
-fn an_input_is_one_packages_of_several() {
+fn an_input_may_be_declared_for_one_of_several_packages() {
     let folder = shaders(SCHLICK);
     write(folder.path(), "other/tone.wgsl", "fn map(gain: f32) -> f32 { return 0.5 * gain; }\n");
     let manifest = "[workspace]\n[workspace.metadata.karat]\npackages = [\"shaders\", \"other\"]\n";
@@ -193,7 +193,7 @@ fn loops_that_may_not_end_are_hazards() {
 }
 
 #[test]
-fn acceptances_are_true() {
+fn an_accepted_hazard_must_exist() {
     let folder = shaders(SCHLICK);
     let accept = |functions: &str, text: &str| {
         let declared =

@@ -17,7 +17,7 @@ fn shaders() -> TempDir {
 
 // Lesson 175
 #[test]
-fn checks_that_can_not_fail_are_refused_at_their_key() {
+fn checks_that_cannot_fail_are_errors_at_their_place() {
     for (declared, place, message) in [
         (
             "function = \"count\"\nin_range = [0, 4294967295]\n",

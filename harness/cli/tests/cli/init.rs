@@ -146,7 +146,7 @@ fn init_skips_functions_that_rust_tests_check() {
 }
 
 #[test]
-fn a_first_test_may_be_red() {
+fn a_failing_first_test_of_init_says_what_to_do() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let module =
         "fn lobe(roughness: f32, n_dot_v: f32) -> f32 { return 0.25 / (roughness * n_dot_v); }\n";
@@ -332,7 +332,7 @@ fn git_ignores_what_runs_leave() {
 /// The default folder is the folder whose tests `karat test` runs.
 // Lesson 181
 #[test]
-fn the_folder_is_the_one_that_is_declared() {
+fn init_writes_tests_in_the_declared_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path();
     write(path, "assets/wgsl/m.wgsl", "fn f(u: f32) -> f32 { return 0.5 * u; }\n");
@@ -345,7 +345,7 @@ fn the_folder_is_the_one_that_is_declared() {
 
 // Lesson 180
 #[test]
-fn nothing_is_written_in_ci_unless_it_may() {
+fn init_writes_in_ci_only_with_ci_may_write() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "fn f(u: f32) -> f32 { return 0.5 * u; }\n");
     let init = |more: &[&str]| {

@@ -65,7 +65,7 @@ fn mutants_are_killed_or_listed() {
 
 /// Only edited lines and files that git doesn't know have mutants.
 #[test]
-fn a_pull_request_is_judged_by_its_lines() {
+fn mutants_in_a_diff_are_only_those_of_changed_lines() {
     let folder = folder();
     git(folder.path(), &["init", "-q"]);
     git(folder.path(), &["add", "."]);
@@ -98,7 +98,7 @@ fn a_pull_request_is_judged_by_its_lines() {
 
 // Lesson 29
 #[test]
-fn a_merge_is_gated_by_a_score() {
+fn mutate_fails_if_the_score_is_below_the_bound() {
     let folder = folder();
     let under = |percent: &str| karat(folder.path(), &["mutate", "--fail-under", percent]).code;
     assert_eq!((under("10"), under("99.5")), (Some(0), Some(1)));

@@ -127,7 +127,7 @@ fn a_full_disk_leaves_the_table_of_before() {
 // Lesson 59
 #[cfg(unix)]
 #[test]
-fn devices_and_links_stay_what_they_are() {
+fn output_to_a_device_or_link_does_not_replace_the_device_or_link() {
     use std::os::unix::fs::{FileTypeExt, MetadataExt};
     let project = project();
     let folder = project.path();

@@ -99,7 +99,7 @@ fn a_closed_pipe_does_not_stop_a_command() {
 // Lesson 57
 #[cfg(unix)]
 #[test]
-fn a_shell_sees_the_verdict_before_its_pipe() {
+fn a_shell_pipe_that_closes_early_keeps_the_exit_code() {
     let project = eventful();
     for (line, code) in [
         ("pending --json | true", "1"),

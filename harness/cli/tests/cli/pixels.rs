@@ -45,7 +45,7 @@ fn on_vulkan(folder: &Path, words: &[&str]) -> Ran {
 
 // Lesson 39
 #[test]
-fn values_are_pictures_and_numbers() {
+fn tap_shows_values_of_a_frame_as_pictures_and_numbers() {
     let folder = folder();
     let all = on_vulkan(folder.path(), &["tap", "disc"]).good();
     for line in [

@@ -256,7 +256,7 @@ fn junit_names_the_pictures_of_a_frame_that_fails() {
 
 /// Readers show only the first line, so it must distinguish the failures of one adapter.
 #[test]
-fn the_first_line_says_what_is_wrong_and_not_where() {
+fn the_first_line_of_a_failure_leaves_out_the_adapter() {
     let project = project();
     let golden = project.path().join("golden");
     let failing = |name: &str| {
@@ -549,7 +549,7 @@ fn tests_that_fail_outside_of_checks_are_counted() {
 /// A filter finds functions by the record of earlier runs, which doesn't contain new tests.
 #[cfg(unix)]
 #[test]
-fn a_filter_says_what_it_cannot_find() {
+fn a_filter_that_cannot_find_new_rust_tests_says_so() {
     let project = project();
     let folder = project.path();
     write(folder, "lines.jsonl", &function("calc::double", "gl", "pass", None));
@@ -686,7 +686,7 @@ fn no_closing_line_contradicts_its_run() {
 // Lesson 183
 #[cfg(unix)]
 #[test]
-fn a_part_that_lacks_checks_says_so() {
+fn a_run_and_a_merge_that_lack_checks_say_so() {
     let project = project();
     let folder = project.path();
     let part = |name: &str, verdict: &str, words: &str| {
@@ -723,7 +723,7 @@ fn a_part_that_lacks_checks_says_so() {
 
 /// Programs read a failure as data. The data is complete without the message.
 #[test]
-fn without_its_messages_a_failure_is_whole() {
+fn a_failure_record_is_complete_without_its_messages() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "fn half(x: f32) -> f32 { return 0.6 * x; }\n");
     let declared = "[[test]]\nfunction = \"half\"\nover = { x = \"1..2\" }\nin_range = [0, 1]\n";

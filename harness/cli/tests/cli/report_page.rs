@@ -100,7 +100,7 @@ fn the_page_has_maps_hazards_and_links() {
 }
 
 #[test]
-fn reports_spare_what_is_there() {
+fn reports_do_not_overwrite_other_files() {
     let lines = [check("calc::half", "a", "pass"), check("calc::half", "a", "pass")];
     let (project, folders) = recorded(&[&lines]);
     let folder = folders[0].to_str().expect("UTF-8");
@@ -135,7 +135,7 @@ fn reports_spare_what_is_there() {
 /// The merged report of shards equals the report of the whole run, byte by byte.
 // Lesson 108
 #[test]
-fn merged_parts_are_the_whole() {
+fn merged_shards_give_the_report_of_the_whole_run() {
     let names = ["a", "b", "c", "d", "e", "f", "g"];
     let mut all: Vec<String> =
         names.iter().map(|name| check(&format!("m::{name}"), name, "pass")).collect();
@@ -173,7 +173,7 @@ fn merged_parts_are_the_whole() {
 /// If a part failed, didn't end or is missing, the merged run fails.
 // Lesson 108
 #[test]
-fn a_bad_part_is_a_bad_whole() {
+fn a_failed_or_missing_shard_fails_the_merged_report() {
     let good = [check("m::a", "a", "pass")];
     let (project, folders) = recorded(&[&good, &good, &good]);
     let parts: Vec<&str> = folders.iter().map(|path| path.to_str().expect("UTF-8")).collect();

@@ -161,7 +161,7 @@ fn a_test_with_a_texture_says_where_it_is_bound() {
 }
 
 #[test]
-fn a_switch_is_no_number() {
+fn a_boolean_is_no_value_of_a_u32_override() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "override N: u32 = 1;\nfn f() -> u32 { return N; }\n");
     let declared = |value: &str| {
@@ -827,7 +827,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
 
 /// An override is set for the tested function. A reference function without this override is still compared.
 #[test]
-fn a_reference_needs_none_of_the_overrides() {
+fn a_reference_function_may_lack_the_override_that_a_test_sets() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     let shader = "override GAIN: f32 = 1.0;\nfn gain(x: f32) -> f32 { return x * GAIN; }\n\
@@ -855,7 +855,7 @@ fn recorded(folder: &FilePath, options: &[&str], tests: &[&str]) -> Ran {
 }
 
 #[test]
-fn another_runner_leaves_a_run() {
+fn record_keeps_a_run_of_another_test_runner() {
     let folder = folder();
     let ran = recorded(folder.path(), &[], &[]).good();
     assert!(ran.contains("10 checks, 0 failed"), "{ran}");
@@ -878,7 +878,7 @@ fn another_runner_leaves_a_run() {
 }
 
 #[test]
-fn parts_of_another_runner_are_its_whole() {
+fn merged_records_of_another_runner_equal_its_whole_run() {
     let folder = folder();
     let record = |name: &str, tests: &[&str]| {
         recorded(folder.path(), &["--into", name], tests).good();
@@ -908,7 +908,7 @@ fn parts_of_another_runner_are_its_whole() {
 
 /// In a Cargo project, a folder's tests are only a part of all tests. Commands that judge goldens by the run refuse.
 #[test]
-fn a_folder_of_a_cargo_project_is_a_part_of_it() {
+fn a_run_of_one_folder_of_a_cargo_project_is_incomplete() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(
         folder.path(),
@@ -944,7 +944,7 @@ fn integers_have_no_tolerance() {
 /// Under every key, `0.3` has the value that WGSL gives it, and a fault is noticed.
 // Lesson 170
 #[test]
-fn decimals_are_what_the_shader_has() {
+fn declared_decimals_are_rounded_as_in_wgsl() {
     const TEXT: &str = "fn third() -> f32 { return 0.3; }\n\
         fn same(x: f32) -> f32 { return 0.3 + x; }\n\
         fn stepped(x: f32) -> f32 { return select(0.3, 0.5, abs(x) > 0.05); }\n\

@@ -160,7 +160,7 @@ fn the_matrix_says_how_far_each_row_gets() {
 /// A route is a path: functions can be called on it like on any other path.
 #[cfg(target_os = "linux")]
 #[test]
-fn routes_are_paths() {
+fn a_function_can_be_called_on_each_translation_route() {
     let folder = shaders();
     let image = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
                  @group(0) @binding(1) var near: sampler;\n\
@@ -333,7 +333,7 @@ fn the_matrix_looks_for_a_content_that_a_pass_changes() {
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
-fn derivatives_are_open_in_the_matrix() {
+fn the_matrix_leaves_results_of_derivatives_open() {
     let text = "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
         @fragment fn shade(@location(0) uv: vec2f) -> @location(0) vec4f { return textureSample(t, s, uv); }\n\
         @fragment fn part(@location(0) uv: vec2f) -> @location(0) vec4f { return vec4f(fwidth(uv.x), sin(7.0 * uv), 1.0); }\n";
@@ -483,7 +483,7 @@ fn a_wrong_defined_result_beside_an_open_one_fails() {
 // Lesson 157
 #[cfg(target_os = "linux")]
 #[test]
-fn made_up_data_is_what_an_author_could_bind() {
+fn generated_buffers_and_textures_of_the_matrix_are_valid_to_bind() {
     let text = "@group(0) @binding(0) var<storage, read_write> o: array<u32>;\n\
                 @group(0) @binding(1) var line: texture_1d<f32>;\n\
                 @compute @workgroup_size(256) fn each(@builtin(global_invocation_id) id: vec3u) {\n    \
@@ -525,7 +525,7 @@ fn the_engine_runs_what_the_author_wrote() {
 // Lesson 159
 #[cfg(target_os = "linux")]
 #[test]
-fn buffers_are_as_long_on_each_route() {
+fn array_length_is_equal_on_each_route() {
     let text = "@group(0) @binding(0) var<storage> a: array<f32>;\n\
                 @group(0) @binding(1) var<storage> b: array<vec4f>;\n\
                 struct S { n: u32, e: array<vec2u> }\n\
@@ -820,7 +820,7 @@ mod planted {
     /// Debian doesn't have Microsoft's compiler. A script accepts its arguments and runs glslang. This tests the route,
     /// not the compiler.
     #[test]
-    fn dxc_is_asked_as_it_wants_to_be() {
+    fn dxc_gets_the_arguments_that_dxc_needs() {
         let folder = shaders();
         let bin = folder.path().join("bin");
         let script = format!(
@@ -961,7 +961,7 @@ mod planted {
 
     /// In a loop, the last values are compared, and the message says so. The report of an entry point repeats it.
     #[test]
-    fn loops_and_entry_points_say_what_they_are() {
+    fn explanations_name_last_rounds_of_loops_and_entry_points() {
         let folder = shaders();
         let text = "fn blend(x: f32, y: f32) -> f32 {\n    var s = x;\n    \
                     for (var i = 0; i < 3; i++) { let good = s * 0.5; let bad = good - y; s = bad; }\n    \
@@ -1006,7 +1006,7 @@ mod planted {
     /// A failure before the declared status isn't the declared failure.
     // Lesson 85
     #[test]
-    fn a_declaration_hides_no_worse_failure() {
+    fn a_declared_difference_hides_no_earlier_failure() {
         let folder = shaders();
         let declared = "[[matrix]]\nrows = [\"maths::blend\"]\ncolumns = [\"vulkan:hlsl\"]\n\
                         status = \"agrees\"\nreason = \"rounding\"\n";
@@ -1120,7 +1120,7 @@ mod planted {
 
     // Lesson 82
     #[test]
-    fn an_operator_of_hlsl_that_is_another_one_is_seen() {
+    fn a_changed_operator_in_hlsl_is_found() {
         let change = "[ -f shader.hlsl ] && sed -i 's/3[.]0) - /3.0) + /' shader.hlsl";
         let matrix = with_glslang(change, "");
         assert_eq!(states(&matrix), expected("vulkan:hlsl", "executed", "differs"));

@@ -76,7 +76,7 @@ fn replayed(out: &str) -> String {
 }
 
 #[test]
-fn a_file_that_was_meant_as_a_test_is_red() {
+fn a_file_whose_name_resembles_a_test_file_fails_the_run() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
     test(folder.path(), &[]).good();
     for name in ["wgsl/a_test.toml", "wgsl/a.test.tml", "wgsl/B.TEST.TOML"] {
@@ -229,7 +229,7 @@ fn tests_of_a_killed_process_are_named() {
 /// Commands without a folder find the folder that was tested last, whatever it is called. They print paths relative to
 /// the working directory.
 #[test]
-fn a_folder_of_any_name_is_found_again() {
+fn report_and_replay_find_the_last_tested_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
     let path = folder.path();
     let nested = path.join("assets/with space");
@@ -258,7 +258,7 @@ fn exact_names_are_exact() {
 
 /// If a golden of values has a different number of rows, no case fails, but the table shows the failure.
 #[test]
-fn a_failure_of_no_case_is_red_in_the_table() {
+fn a_golden_with_other_rows_fails_in_the_table() {
     let golden = "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\ncases = 20\ngolden = \"f\"\n\
                   tolerance = \"exact\"\n";
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", golden);
@@ -312,7 +312,7 @@ fn features_reach_what_a_test_in_wgsl_imports() {
 
 /// A replay of one case leaves the record of all failures.
 #[test]
-fn a_replay_is_no_run() {
+fn a_replay_keeps_the_record_of_the_last_run() {
     let folder = folder(
         "fn f(x: f32) -> f32 { return x + 1.0; }\nfn g(x: f32) -> f32 { return x + 2.0; }\n",
         "",
@@ -368,7 +368,7 @@ fn a_folder_whose_tests_all_have_a_condition_says_so() {
 
 /// If the record was made from an outer folder, its locations are also right in the inner folder.
 #[test]
-fn places_are_found_from_within() {
+fn a_record_has_correct_places_from_a_subfolder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
     assert_eq!(test(folder.path(), &[]).code, Some(1));
     let within = karat(&folder.path().join("wgsl"), &["report", "--github"]);
@@ -387,7 +387,7 @@ fn places_are_found_from_within() {
 
 /// Commands without a folder use `shaders`, whatever folder the last run named.
 #[test]
-fn a_run_of_another_folder_hides_nothing() {
+fn a_run_of_another_folder_does_not_change_the_default_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
     write(folder.path(), "shaders/bad.wgsl", "fn f(x: f32) -> f32 { return y; }\n");
     let is_bad = |arguments: &[&str]| {
@@ -409,7 +409,7 @@ fn a_run_of_another_folder_hides_nothing() {
 
 /// The two most likely mistakes in a first test.
 #[test]
-fn a_first_test_is_helped_on() {
+fn two_common_mistakes_of_first_tests_have_hints() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
     for (text, hint) in [
         ("@test fn t() { expect_true(true); }\n", "add `import karat::expect_true;`"),

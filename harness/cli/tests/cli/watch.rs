@@ -234,7 +234,7 @@ fn a_frame_on_cpu_is_neither_passed_nor_failed() {
 /// A program that expands modules may print another text after any edit.
 #[cfg(unix)]
 #[test]
-fn an_edit_of_what_expands_modules_counts() {
+fn watch_reruns_after_an_edit_of_the_preprocessor_or_its_files() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let script = "cat \"$1\"\ncat more.txt\n";
     write(folder.path(), "shaders/expand.sh", script);
@@ -322,7 +322,7 @@ fn an_edit_of_any_file_that_is_read_counts() {
 // Lesson 192
 #[cfg(unix)]
 #[test]
-fn it_never_wakes_on_its_own_output() {
+fn watch_does_not_react_to_its_own_output() {
     // A program that expands modules may read any file, so each file counts. The two commands run in parallel.
     std::thread::scope(|scope| {
         for (manifest, end) in [
@@ -524,7 +524,7 @@ fn a_missing_folder_or_path_cannot_be_watched() {
 /// Ctrl-C ends the command, and deletes its temporary files.
 #[cfg(unix)]
 #[test]
-fn nothing_is_left_when_it_is_stopped() {
+fn watch_leaves_no_temporary_files_when_stopped() {
     let (shaders, own) = (tempfile::tempdir(), tempfile::tempdir());
     let (shaders, own) = (shaders.expect("a folder"), own.expect("a folder"));
     write(shaders.path(), "calc.wgsl", SHADER);

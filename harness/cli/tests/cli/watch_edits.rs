@@ -264,7 +264,7 @@ fn save(folder: &FilePath, file: &str, text: &str) {
 
 // Lesson 191
 #[test]
-fn watch_is_red_where_test_is() {
+fn watch_and_test_agree_after_each_edit() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let manifest = "[workspace]\n[workspace.metadata.karat]\npackages = [\"a\", \"b\", \"c\"]\n";
     write(folder.path(), "Cargo.toml", manifest);

@@ -176,7 +176,7 @@ fn keys_do_what_the_last_line_says() {
 
 /// On 80 x 24 characters, a person can reach each failure and each of its lines.
 #[test]
-fn failures_are_turned_and_scrolled() {
+fn the_user_can_page_and_scroll_through_failures() {
     let mut terminal = Terminal::start(80);
     terminal.until("cpu: 1 test passes; 1 ran");
     let more: String = ["again", "other"]

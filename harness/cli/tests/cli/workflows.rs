@@ -61,7 +61,7 @@ fn step(name: &str) -> Yaml {
 }
 
 #[test]
-fn all_shell_is_shell() {
+fn bash_can_parse_every_workflow_script() {
     for file in FILES {
         let scripts = scripts_of(file);
         assert!(!scripts.is_empty(), "{file}");
@@ -248,7 +248,7 @@ fn the_line_of_the_template_runs_tests() {
 
 /// Jobs that nobody has verified say so, and don't fail the pipeline. The others do.
 #[test]
-fn jobs_that_have_not_run_fail_nothing() {
+fn only_unverified_ci_jobs_may_fail() {
     let workflow = read(".github/workflows/ci.yml");
     let jobs = workflow["jobs"].as_hash().expect("jobs");
     let lenient = |job: &Yaml| job["continue-on-error"].as_bool() == Some(true);

@@ -89,7 +89,7 @@ fn a_misnamed_or_broken_test_file_is_a_diagnostic() {
 
 /// A test that an edit doesn't affect keeps its verdict, at its new line.
 #[test]
-fn an_edit_elsewhere_leaves_verdicts_true() {
+fn an_unrelated_edit_keeps_the_verdicts_in_the_editor() {
     let folder = folder();
     let wrong = CALC.replace("a + b", "a + 0.5 * b");
     write(folder.path(), FILE, &wrong);
@@ -153,7 +153,7 @@ fn files_that_no_editor_has_open_are_followed() {
 
 /// A failure of a run in a terminal has the name that `karat replay` knows.
 #[test]
-fn failures_of_a_run_have_its_names() {
+fn failures_in_the_editor_have_their_replay_names() {
     let folder = folder();
     write(folder.path(), FILE, &CALC.replace("a + b", "a + 0.5 * b"));
     let mut editor = Editor::open(folder.path());

@@ -11,7 +11,7 @@ const FILE: &str = "shaders/calc.wgsl";
 const TEST: &str = "shaders/calc_test.wgsl";
 
 #[test]
-fn each_function_has_what_is_known_of_it() {
+fn each_function_has_a_lens_with_its_test_results() {
     let folder = folder();
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);

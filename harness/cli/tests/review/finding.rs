@@ -48,7 +48,7 @@ fn numbers_are_ordered_by_value_and_folders_have_their_frames() {
 
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
-fn the_filter_leaves_what_has_each_of_its_words() {
+fn the_filter_lists_only_frames_that_contain_all_of_its_words() {
     let names: Vec<String> = (1..=12).map(|index| format!("room/f{index}")).collect();
     let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
     names.extend(["Lamp", "room/lamp"]);

@@ -36,7 +36,7 @@ fn various() -> Project {
 const THUMBS: &str = "document.querySelectorAll('#cases canvas.thumb').length === 5";
 
 #[test]
-fn the_list_shows_what_is_how_far_off() {
+fn the_list_shows_and_sorts_frames_by_their_error() {
     let project = various();
     let (_server, mut browser, tab) = open(&project);
     browser.wait(&tab, THUMBS);
@@ -75,7 +75,7 @@ fn the_list_shows_what_is_how_far_off() {
 }
 
 #[test]
-fn the_contact_sheet_shows_all_and_leads_to_each() {
+fn the_contact_sheet_shows_and_opens_each_frame() {
     let project = various();
     let (_server, mut browser, tab) = open(&project);
     browser.press(&tab, "s");

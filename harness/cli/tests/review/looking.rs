@@ -228,7 +228,7 @@ fn zoom_and_pan_are_linked_and_a_click_pins() {
 }
 
 #[test]
-fn flip_shows_both_in_turn_and_stops() {
+fn the_flip_view_alternates_both_images_and_can_be_stopped() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
     browser.press(&tab, " ");
@@ -274,7 +274,7 @@ fn the_inspector_s_values_are_those_of_the_files() {
 }
 
 #[test]
-fn numbers_are_those_of_rust() {
+fn numbers_in_the_page_are_printed_as_in_rust() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
     let powers = (-149..128).map(|exponent| f64::from(exponent).exp2() as f32);
@@ -374,7 +374,7 @@ fn facts_are_side_by_side_with_what_differs_first() {
 }
 
 #[test]
-fn a_screen_of_two_pixels_a_point_is_used_in_full() {
+fn the_canvas_uses_the_full_resolution_of_a_high_density_screen() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
     browser.resize(&tab, 1280, 720, 2.0);
@@ -385,7 +385,7 @@ fn a_screen_of_two_pixels_a_point_is_used_in_full() {
 }
 
 #[test]
-fn parts_maps_and_gates_are_what_the_data_has() {
+fn the_page_shows_the_parts_maps_and_gates_of_the_data() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
     // This is the map of FLIP.

@@ -14,7 +14,7 @@ fn bright() -> String {
 }
 
 #[test]
-fn only_who_has_the_url_gets_anything() {
+fn requests_without_the_secret_url_are_refused() {
     let project = Project::with_tiny();
     let server = project.serve();
     assert_eq!(server.get("").status, 200);
@@ -83,7 +83,7 @@ fn refused(server: &Server, place: &str, body: &serde_json::Value) -> String {
 }
 
 #[test]
-fn looking_changes_nothing_and_names_are_no_paths() {
+fn refused_requests_and_file_paths_as_names_change_no_file() {
     let project = Project::with_tiny();
     let outside = project.folder().join("outside.new.exr");
     std::fs::copy(project.pending("tiny"), &outside).expect("copied");

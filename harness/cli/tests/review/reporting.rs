@@ -43,7 +43,7 @@ fn record(folder: &Path) {
 
 /// Search, links and plots work for a page from a file, at any width, in light and dark.
 #[test]
-fn a_report_is_searched_and_fits() {
+fn a_report_page_can_be_searched_and_fits_any_width() {
     let project = Project::new();
     let folder = project.folder().join("record");
     std::fs::create_dir(&folder).expect("a folder");

@@ -8,7 +8,7 @@ use crate::project::Project;
 /// All visible controls fit on the screen, and are large enough for a finger.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
-fn a_narrow_touch_screen_has_all_of_it() {
+fn the_page_fits_narrow_touch_screens_with_large_buttons() {
     let project = Project::with_frames();
     let server = project.serve();
     let mut browser = Browser::start();
@@ -41,7 +41,7 @@ fn a_narrow_touch_screen_has_all_of_it() {
 /// On a telephone, the toolbar is one line with scrolling views. The other controls unfold.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
-fn a_telephone_has_its_screen_for_the_image() {
+fn the_toolbar_is_one_line_on_a_telephone() {
     let project = Project::with_frames();
     let server = project.serve();
     let mut browser = Browser::start();

@@ -45,7 +45,7 @@ fn a_client_that_never_sends_its_body_blocks_no_other() {
 
 /// These are more connections than the server keeps open, and more than it could have threads for.
 #[test]
-fn silent_clients_make_room_for_one_that_speaks() {
+fn silent_connections_are_closed_for_new_requests() {
     let project = Project::with_tiny();
     let server = project.serve();
     let mut slow = server.send(&format!("GET {}", server.path()));
@@ -59,7 +59,7 @@ fn silent_clients_make_room_for_one_that_speaks() {
 }
 
 #[test]
-fn a_length_is_not_believed() {
+fn a_wrong_content_length_is_refused() {
     let project = Project::with_tiny();
     let server = project.serve();
     let huge = ["65537", "1000000000000000", "18446744073709551615", "99999999999999999999999"];

@@ -305,7 +305,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_edge_comes_at_least_once() {
+    fn each_edge_occurs_in_some_combination() {
         let few: Vec<_> = combinations([2, 3]).collect();
         assert_eq!(few, [[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2]]);
         let many: Vec<_> = combinations([60, 8, 8]).collect();

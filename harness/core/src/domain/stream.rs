@@ -382,7 +382,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn rows_are_the_lanes_of_the_same_values() {
+    fn rows_hold_the_words_of_the_drawn_values() {
         let domain = (-1.0..=1.0_f32, super::super::Integers(0..=9_u32));
         let typed = Typed::arguments(&domain);
         let numbering = Numbering::of(&typed, 3, 100, 10);

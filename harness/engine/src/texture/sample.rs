@@ -471,7 +471,7 @@ mod tests {
     /// Computing four texels together gives the same result as computing them one by one, also at the edges and corners
     /// of cubes.
     #[test]
-    fn four_together_are_four_apart() {
+    fn sampling_four_texels_together_equals_sampling_each() {
         let mut state = 1u32;
         let mut random = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -132,7 +132,7 @@ mod tests {
 
     /// Lanes are compared bit by bit, except for NaN.
     #[test]
-    fn words_are_as_far_as_their_values() {
+    fn the_distance_of_two_words_depends_on_their_type() {
         let far = |was: f32, is: f32| distance(Scalar::F32, was.to_bits(), is.to_bits());
         let nan = f32::from_bits(f32::NAN.to_bits() ^ 5);
         assert_eq!([far(1.0, 1.0), far(f32::NAN, nan)], [None; 2]);

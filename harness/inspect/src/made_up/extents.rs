@@ -185,7 +185,7 @@ mod tests {
     /// There are at least 64 elements. With a tail, there are fewer in each direction in which a workgroup has several
     /// invocations.
     #[test]
-    fn elements_are_those_of_whole_workgroups_or_a_few_less() {
+    fn element_counts_fill_whole_workgroups_or_leave_a_tail() {
         let of = |size, workgroups, at: usize| {
             Extents::of(size, workgroups, Content::OF_PASSES[at]).elements
         };

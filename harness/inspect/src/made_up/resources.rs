@@ -940,7 +940,7 @@ mod tests {
     /// A mixed-in input has its value in the other content. All other inputs keep their values.
     // Lesson 99
     #[test]
-    fn contents_are_mixed_by_inputs() {
+    fn mixing_in_an_input_changes_only_its_words() {
         let probed = probed(
             "struct Item { id: u32, gain: f32 } struct S { a: f32, b: vec2f, items: array<Item, 3> }
             @group(0) @binding(0) var<storage, read> s: S;
@@ -979,7 +979,7 @@ mod tests {
 
     /// Values depend on the members' names, not on their order.
     #[test]
-    fn members_in_another_order_hold_the_same() {
+    fn generated_members_do_not_depend_on_their_order() {
         let of = |members: &str, content| {
             let probed = probed(&format!(
                 "struct Q {{ u: f32, v: f32 }} struct L {{ l: vec4f }} struct P {{ {members} }}

@@ -190,7 +190,7 @@ mod tests {
 
     // Lesson 82
     #[test]
-    fn one_other_bit_in_many_words_is_seen() {
+    fn one_changed_bit_of_65536_results_is_found() {
         let scalars = [Scalar::F32, Scalar::U32];
         let within = Rel(1e-3).or(Abs(1e-3));
         let expected: Vec<u32> = (0..65_536_u32).flat_map(|i| [(i as f32).to_bits(), i]).collect();

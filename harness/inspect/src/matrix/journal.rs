@@ -270,7 +270,7 @@ mod tests {
 
     /// A row that crashes outside of its dispatches causes one finding. An incomplete line hides no other line.
     #[test]
-    fn a_row_that_runs_nowhere_is_blamed_once() {
+    fn a_row_that_crashes_before_its_dispatches_is_one_finding() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("journal");
         for _ in 0..2 {

@@ -49,7 +49,7 @@ mod tests {
 
     // Lesson 86
     #[test]
-    fn one_against_two_is_the_suspect() {
+    fn the_only_path_that_disagrees_is_the_suspect() {
         use Side::{First, Neither, Other};
         let told = |sides: &[Side]| {
             let mut cell =
