@@ -488,7 +488,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             place(&parameters, argument)?;
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
-                let wrong = format!("`{text}` names `{argument}`, and the limit says what it is");
+                let wrong = format!("`{text}` names `{argument}`, and the limit sets its value");
                 return Err(Misdeclared::of("where")(wrong));
             }
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]

@@ -248,7 +248,7 @@ fn values_of_textures_and_buffers_are_exact() {
     );
     told(
         &["t::light", "1", "--bind", r#"lights={"count": 1, "scale": 1, "items": []}"#],
-        "one element, at least",
+        "at least one element",
     );
     told(
         &["t::face", "1,0,0", "--bind", "sky=1", "--bind", "filtering=linear clamp repeat"],
@@ -297,7 +297,7 @@ fn wrong_arguments_of_a_call_are_errors() {
     told(&["lit::scaled", "1", "--bind", "globals=none.json"], "can't read `none.json`");
     told(
         &["lit::sampled", "0", "--bind", "image=1", "--bind", "filtering=linear less"],
-        "it compares nothing",
+        "the variable compares nothing",
     );
     told(&["lit::cubic", "1", "true", "--override", "GAIM=1"], "no override `GAIM`");
     told(&["lit::cubic", "0..1", "true"], "number of points");
@@ -387,7 +387,7 @@ fn depths_and_integers_of_textures_are_given_as_data() {
     };
     told(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5]"], "have 6 components, the list has 5");
     told(&["t::d", "--bind", "depth=half.png srgb"], "aren't colours");
-    told(&["t::c", "0,0", "--bind", "color="], "it is empty");
+    told(&["t::c", "0,0", "--bind", "color="], "the name is empty");
     write(folder.path(), "six.bin", "123456");
     told(&["t::v", "0", "--bind", "vectors=six.bin"], "it has 6 bytes");
 }

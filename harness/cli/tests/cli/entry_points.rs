@@ -215,7 +215,7 @@ fn call_dispatches_a_compute_pass_and_checks_for_races() {
         added.next().is_some_and(|line| line.contains(&format!("  {number}  ")))
     };
     assert!(step(&first, "1") && step(&last, "37"), "{first}\n{last}");
-    assert!(last.contains("\nwhat invocation (8, 0, 0) computes:\n"), "{last}");
+    assert!(last.contains("\nsteps of invocation (8, 0, 0):\n"), "{last}");
     assert_eq!(traced(&[]).good(), first);
     let page = std::fs::read_to_string(&page).expect("it was written");
     assert!(page.contains("m::add") && page.contains("atomicAdd"), "{page}");
@@ -661,7 +661,7 @@ fn one_race_has_one_message() {
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert_eq!(ran.out.matches("  --> m.wgsl:13:").count(), 1, "{}", ran.out);
-    assert!(ran.out.contains("\n  as under `m::wait keys in_range`\n"), "{}", ran.out);
+    assert!(ran.out.contains("\n  the same error as in `m::wait keys in_range`\n"), "{}", ran.out);
 }
 
 /// The sanitizer checks passes, but not draws. The last line counts the draws that write.
@@ -784,7 +784,7 @@ depth_write = false
             "`vs` takes `position` at @location(0), but vertices without a mesh have no attributes",
         ),
         ("vertex = \"vs\"", "vertex = \"vx\"", "no vertex entry point `vx`"),
-        ("vertex = \"vs\"", "vertex = \"corner\"", "no position at `@location(0)`"),
+        ("vertex = \"vs\"", "vertex = \"corner\"", "must read the mesh's position at `@location(0)`"),
         ("fragment = \"ground\"", "", "a draw has a `fragment` function"),
         (
             "size = [16, 16]",

@@ -199,7 +199,7 @@ fn an_unknown_value_or_place_is_an_error() {
         (&["tap", "disc", "near", "--round", "0"], "0 is not in"),
         (&["tap", "disc", "near", "--at", "8,0"], "but no pixel (8, 0)"),
         (&["tap", "disc", "near", "--at", "8"], "`8` is no pixel"),
-        (&["tap", "disc", "near", "--size", "4x4"], "leave `--size`"),
+        (&["tap", "disc", "near", "--size", "4x4"], "remove `--size`"),
         (&["trace", "disc", "8,0"], "8 x 4 pixels, counted from (0, 0) at the upper left"),
         (&["trace", "disc", "1"], "`1` isn't a pixel: write its column and its row"),
         (&["trace", "disc", "1,1", "--against", "HEAD"], "HEAD"),

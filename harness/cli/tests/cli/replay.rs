@@ -70,7 +70,7 @@ fn a_failure_without_a_replay_says_why() {
     let listed = "name one of these failures:\n  ";
     told(&project, &[], listed);
     told(&project, &[], "  calc::same agrees_with\n");
-    told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; there is ");
+    told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; the failures are ");
     told(&project, &[""], "several failures begin with ``");
     let passed = recorded(&[function("calc::double", "gl", "pass", None)]);
     told(&passed, &[], "no failure of the last run can be replayed");

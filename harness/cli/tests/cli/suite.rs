@@ -133,7 +133,7 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
 #[test]
 fn a_syntax_error_makes_no_function_untested() {
     let folder = folder();
-    let listed = "functions without a test";
+    let listed = "\nfunctions without a test: ";
     assert!(cpu(folder.path(), &[]).out.contains(listed));
     for broken in
         [BRDF.replacen("return", "retrun", 1), BRDF.replacen("return", "return nothing +", 1)]
@@ -801,7 +801,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     }
     let twice = declare(&["name = \"a\"", "name = \"a\""]);
     assert!(
-        twice.code == Some(1) && twice.out.contains("another frame is called `a`"),
+        twice.code == Some(1) && twice.out.contains("another frame has the name `a`"),
         "{twice:?}"
     );
     let all = |gain: u32| {
