@@ -541,7 +541,7 @@ fn wrong_passes_fail_with_the_element() {
             ["`inputs`", "m.test.toml:4:1"],
         ),
         ("reverse", input, "[compute.after.kyes]\nsorted = true", ["kyes", "m.test.toml:5:"]),
-        ("reverse", input, "", ["nothing is asserted", "m.test.toml:1:1"]),
+        ("reverse", input, "", ["asserts nothing about `m::reverse`", "m.test.toml:1:1"]),
         (
             "reverse",
             input,
