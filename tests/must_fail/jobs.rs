@@ -231,7 +231,7 @@ fn lies_do_not_conform() {
         (
             "refuses",
             "refusal",
-            r#"behind a job that it refused a valid one gets {"refused":{"message":"#,
+            r#"after a refused job, the reply to a valid job is {"refused":{"message":"#,
         ),
         ("dies", "function", "it ended (exit status: 3): out of memory"),
     ] {

@@ -401,7 +401,7 @@ fn outputs(executor: &dyn Executor) -> Result<(), Stop> {
     match executor.run(&job).map_err(|error| error.to_string())? {
         reply if reply == wanted => Ok(()),
         reply => Err(format!(
-            "the reply with outputs 2 and 0 is {}, and {} was expected",
+            "with outputs 2 and 0, its reply is {}, not {}",
             shown(&reply),
             shown(&wanted)
         )

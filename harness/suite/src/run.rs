@@ -426,7 +426,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Finite => {
             if !result.lanes().iter().any(|lane| lane.is_float()) {
-                return Err("`finite` can't fail: it returns no float".into());
+                return Err("`finite` can't fail: the function returns no float".into());
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_is_finite())
         }
@@ -454,7 +454,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let [first, second] = [first, second].map(|name| place(&parameters, name));
             let (first, second) = (first?, second?);
             if first.0 == second.0 {
-                return Err("it swaps a parameter with itself, which changes nothing".into());
+                return Err(
+                    "`symmetric_in` swaps a parameter with itself, which changes nothing".into()
+                );
             }
             if parameters[first.0].1 != parameters[second.0].1 {
                 return Err("the two parameters have different types".into());
@@ -488,7 +490,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             place(&parameters, argument)?;
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
-                let wrong = format!("`{text}` names `{argument}`, and the limit says what it is");
+                let wrong = format!("`{text}` names `{argument}`, and the limit sets its value");
                 return Err(Misdeclared::of("where")(wrong));
             }
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
@@ -507,10 +509,10 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Integral(Integral { over, equals: is, at_most, slack, rings }) => {
             if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
-                return Err("an integral is over the last parameter, a vec3f".into());
+                return Err("an integral needs a last parameter of type vec3f".into());
             }
             if *rings == Some(0) {
-                return Err("an integral with 0 rings has no node".into());
+                return Err("an integral with 0 rings has no directions".into());
             }
             let directions = match over {
                 Region::Sphere => Directions::sphere(),
@@ -520,7 +522,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let directions = rings.map_or(directions, |rings| directions.rings(rings));
             let last = parameters.last().map_or("", |(name, _)| name);
             if test.over.contains_key(last) {
-                let wrong = format!("`{last}` is what is integrated over: leave it out");
+                let wrong = format!("the integral sets `{last}`: leave it out");
                 return Err(Misdeclared::of("over")(wrong));
             }
             let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), assertion)?;
@@ -533,7 +535,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                     Ok(check.try_integrates_to(directions, &expect, tolerance))
                 }
                 None => {
-                    let slack = slack.ok_or("at_most needs `slack`, what rounding may add")?;
+                    let slack =
+                        slack.ok_or("`at_most` needs `slack`, the error that rounding may add")?;
                     Ok(check.try_integrates_to_at_most(directions, &expect, slack))
                 }
             }
@@ -549,7 +552,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         | What::SumOf(_)
         | What::PermutationOf(_)
         | What::Unchanged
-        | What::Written => unreachable!("no function has it: `Declared` has no such key"),
+        | What::Written => unreachable!("`Declared` has no key for this assertion"),
     }
 }
 
@@ -610,11 +613,13 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
         one => is_switch(one),
     };
     if switches && !scalars.contains(&Scalar::Bool) {
-        return Err(format!("{value} isn't a number, and the result is one"));
+        return Err(format!("{value} isn't a number, and the result is a number"));
     }
     let expect = |scalar: &Scalar, number: f64| match numbers::fits(*scalar, number) {
         true => Ok(meant((scalar, number))),
-        false => Err(format!("{number} is no {}, and the result is one", scalar.wgsl())),
+        false => {
+            Err(format!("{number} isn't a {}, which is the type of the result", scalar.wgsl()))
+        }
     };
     if let Some(number) = number(value) {
         return scalars.iter().map(|scalar| expect(scalar, number)).collect();
@@ -643,7 +648,7 @@ fn bound(
         let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
         let Some(binding) = bindings.iter().find(is_it) else {
             let message = match bindings {
-                [] => format!("it reads no variable, so `{name}` binds nothing"),
+                [] => format!("the function reads no variable, so `{name}` binds nothing"),
                 _ => no_such("variable", name, known()),
             };
             return Err(Misdeclared::of_resource(name)(message));
@@ -746,7 +751,7 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
     match (declared.target, declared.depth) {
         (Some(_), true) => {
             return Err(Misdeclared::of("depth")(
-                "it compares `target` or `depth`, not both".to_owned(),
+                "a frame compares `target` or `depth`, not both".to_owned(),
             ));
         }
         (Some(target), false) => frame = frame.target(target),

@@ -126,7 +126,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
         (json.replace("0.5", "\"a\""), "argument `m`: `roughness`: "),
         (json.replace("[1, 2]", "[1, -2]"), "argument `m`: `layers`: `-2` is no u32"),
         (json.replace("0.5", "0.5, \"roughness\": 1"), "argument `m`: `roughness` is given twice"),
-        (json.replace("0.5", "null"), "argument `m`: `null` is no value"),
+        (json.replace("0.5", "null"), "argument `m`: `null` isn't a value"),
         (json.replace('}', ""), "argument `m`: EOF while parsing an object"),
         (
             "1,2".to_owned(),
@@ -243,7 +243,7 @@ fn values_of_textures_and_buffers_are_exact() {
     );
     told(
         &["t::light", "1", "--bind", r#"lights={"count": 1, "scale": 1, "items": []}"#],
-        "one element, at least",
+        "at least one element",
     );
     told(
         &["t::face", "1,0,0", "--bind", "sky=1", "--bind", "filtering=linear clamp repeat"],
@@ -290,7 +290,7 @@ fn slips_are_told() {
     told(&["lit::scaled", "1", "--bind", "globals=none.json"], "can't read `none.json`");
     told(
         &["lit::sampled", "0", "--bind", "image=1", "--bind", "filtering=linear less"],
-        "it compares nothing",
+        "the variable compares nothing",
     );
     told(&["lit::cubic", "1", "true", "--override", "GAIM=1"], "no override `GAIM`");
     told(&["lit::cubic", "0..1", "true"], "how many points");
@@ -380,7 +380,7 @@ fn texels_are_data_where_they_are_no_colours() {
     };
     told(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5]"], "have 6 components, the list has 5");
     told(&["t::d", "--bind", "depth=half.png srgb"], "aren't colours");
-    told(&["t::c", "0,0", "--bind", "color="], "it is empty");
+    told(&["t::c", "0,0", "--bind", "color="], "the name is empty");
     write(folder.path(), "six.bin", "123456");
     told(&["t::v", "0", "--bind", "vectors=six.bin"], "it has 6 bytes");
 }

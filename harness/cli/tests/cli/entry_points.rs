@@ -542,7 +542,7 @@ fn wrong_passes_fail_with_the_element() {
             ["`inputs`", "m.test.toml:4:1"],
         ),
         ("reverse", input, "[compute.after.kyes]\nsorted = true", ["kyes", "m.test.toml:5:"]),
-        ("reverse", input, "", ["nothing is asserted", "m.test.toml:1:1"]),
+        ("reverse", input, "", ["the test asserts nothing", "m.test.toml:1:1"]),
         (
             "reverse",
             input,
@@ -566,7 +566,7 @@ fn wrong_passes_fail_with_the_element() {
             "reverse",
             "{ input = { size = 0 }, keys = { size = 8 } }",
             "[compute.after.keys]\nsorted = true",
-            ["no number of elements", "m.test.toml:4:1"],
+            ["isn't a number of elements", "m.test.toml:4:1"],
         ),
         (
             "reverse",
@@ -785,7 +785,11 @@ depth_write = false
             "`vs` takes `position` at @location(0), and vertices without a mesh have no attributes",
         ),
         ("vertex = \"vs\"", "vertex = \"vx\"", "no vertex entry point `vx`"),
-        ("vertex = \"vs\"", "vertex = \"corner\"", "no position at `@location(0)`"),
+        (
+            "vertex = \"vs\"",
+            "vertex = \"corner\"",
+            "must read the mesh's position at `@location(0)`",
+        ),
         ("fragment = \"ground\"", "", "a draw has a `fragment` function"),
         (
             "size = [16, 16]",

@@ -375,7 +375,7 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
         (
             "brdf.test.toml",
             "[[test]]\nfunction = \"is_odd\"\nfinite = true\n",
-            "it returns no float",
+            "the function returns no float",
         ),
         (
             "brdf.test.toml",
@@ -791,14 +791,14 @@ fn declared_frames_have_targets_formats_and_overrides() {
         ("", "`override` in a test's file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
-        ("target = 1\ndepth = true", "it compares `target` or `depth`, not both"),
+        ("target = 1\ndepth = true", "a frame compares `target` or `depth`, not both"),
     ] {
         let ran = declare(&[&format!("name = \"a\"\n{more}")]);
         assert!(ran.code == Some(1) && ran.out.contains(part), "no `{part}` in {ran:?}");
     }
     let twice = declare(&["name = \"a\"", "name = \"a\""]);
     assert!(
-        twice.code == Some(1) && twice.out.contains("another frame is called `a`"),
+        twice.code == Some(1) && twice.out.contains("another frame has the name `a`"),
         "{twice:?}"
     );
     let all = |gain: u32| {

@@ -144,7 +144,7 @@ pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
     let changed = new.iter().filter_map(|(name, is)| match of(&old, name) {
         Some(was) if was == *is => None,
         Some(was) => Some(format!("the override `{name}` is {is}, and was {was}")),
-        None => Some(format!("the override `{name}` ({is}) is used, and wasn't")),
+        None => Some(format!("the override `{name}` ({is}) is used now, and wasn't before")),
     });
     let gone = old.iter().filter(|(name, _)| of(&new, name).is_none());
     changed
