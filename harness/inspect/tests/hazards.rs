@@ -594,7 +594,7 @@ fn what_was_not_looked_at_is_counted() {
         hazards
             .skipped
             .iter()
-            .any(|(name, why)| name == "unseen" && why.contains("writes what others"))
+            .any(|(name, why)| name == "unseen" && why.contains("writes memory that other calls"))
     );
     let long = look(
         "fn f(x: f32) -> f32 { var s = x; for (var i = 0; i < 3000; i++) { s = s * 0.5 + x; }\n\
