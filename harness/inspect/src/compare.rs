@@ -539,7 +539,6 @@ impl Request {
         }
     }
 
-    /// The declared ranges, and the values of overrides.
     fn ranges(&self) -> Result<Ranges, String> {
         let mut ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
         self.overrides.iter().for_each(|(name, value)| ranges.set_override(name, *value));
@@ -788,7 +787,6 @@ struct Stateful {
     large: Option<(String, usize)>,
 }
 
-/// What a name refers to, before and after the edit.
 #[derive(Debug)]
 enum Pair {
     /// A function with its stage, before and after the edit.
@@ -887,13 +885,11 @@ fn with_place(error: &str) -> String {
     format!("{line}{place}{hint}")
 }
 
-/// The first line of an error, without the word `error`.
 fn first_line(error: &str) -> String {
     let reason = error.replacen("error: ", "", 1);
     reason.lines().next().unwrap_or_default().to_owned()
 }
 
-/// The coverage of a function before and after an edit.
 #[derive(Default)]
 struct Both {
     sides: [Coverage; 2],

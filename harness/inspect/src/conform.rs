@@ -78,7 +78,6 @@ pub enum Answer {
 
 /// The reason why the answer to a question isn't right.
 enum Stop {
-    /// The executor refused the shader.
     Refused(String),
     Wrong(String),
 }
@@ -235,7 +234,6 @@ impl<'a> Passes<'a> {
     }
 }
 
-/// Compares two lists, and reports the first difference.
 fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
     if words.len() != expected.len() {
         return Err(format!(
@@ -386,7 +384,6 @@ fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     Job::new(Work::Passes(passes), held, outputs.to_vec())
 }
 
-/// A reply as JSON.
 fn shown(reply: &Reply) -> String {
     serde_json::to_string(reply).expect("a reply serializes to JSON")
 }
@@ -541,7 +538,6 @@ const CORNERS: &str = "fn corner(i: u32, z: f32) -> vec4f {
     @vertex fn near(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.25); }
     @vertex fn far(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.75); }";
 
-/// The bits of a frame's pixels.
 fn image(frame: &karat::Frame<'_>, executor: &dyn Executor) -> Result<Vec<u32>, Stop> {
     let image = frame.render(executor.path()).map_err(|error| match &error {
         FrameError::Draw(DrawError::Path(PathError::Refused { message, .. })) => {

@@ -50,7 +50,6 @@ pub struct Difference {
     /// The arguments' types, if the difference depends only on arguments and on no feature.
     #[serde(skip)]
     types: Option<Vec<Shape>>,
-    /// The type of the function's result.
     #[serde(skip)]
     result: Option<Shape>,
 }
@@ -365,7 +364,6 @@ fn rust_of(value: &str, shape: &Shape, reference: bool) -> Option<String> {
     })
 }
 
-/// The Rust type of a reference's parameter.
 fn rust_type(shape: &Shape) -> Option<String> {
     Some(match shape {
         Shape::Scalar(Scalar::F32) => "f64".to_owned(),
@@ -381,7 +379,6 @@ fn rust_type(shape: &Shape) -> Option<String> {
     })
 }
 
-/// The numbers in a value's text, such as `(1, NaN)`.
 fn numbers(text: &str) -> Vec<f64> {
     let is_part = |c: char| c.is_ascii_alphanumeric() || ".+-".contains(c);
     text.split(|c| !is_part(c)).filter_map(|word| word.parse().ok()).collect()

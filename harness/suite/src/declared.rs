@@ -388,7 +388,6 @@ pub(crate) struct Assertion {
 }
 
 impl Frame {
-    /// The frame's draws, in order.
     pub(crate) fn draws(&self) -> Result<Vec<draws::Declared>, String> {
         match (&self.vertex, &self.fragment, &*self.draws) {
             (vertex, Some(fragment), []) => {
@@ -405,7 +404,6 @@ impl Frame {
         }
     }
 
-    /// The files of the frame's meshes.
     pub(crate) fn meshes(&self) -> impl Iterator<Item = PathBuf> {
         self.draws.iter().filter_map(|draw| draw.mesh_file(&self.folder))
     }
@@ -414,7 +412,6 @@ impl Frame {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
-    /// The paths of the frame's entry points.
     pub(crate) fn entries(&self) -> Vec<String> {
         let module = self.module.as_deref().filter(|module| !module.is_empty());
         let named = |name: String| match module {
@@ -456,7 +453,6 @@ impl Assertion {
         }
     }
 
-    /// The golden file of the assertion's values, if the assertion has one.
     pub(crate) fn golden_file(&self) -> Option<PathBuf> {
         let What::Golden(name) = &self.what else { return None };
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
@@ -623,7 +619,6 @@ pub(crate) fn read(
     Ok((tests, wrong))
 }
 
-/// The tables that declare tests.
 const TABLES: [&str; 3] = ["test", "frame", "compute"];
 
 /// The byte ranges of a file's tables, each with its subtables. The first range is the text before the first table.

@@ -75,7 +75,6 @@ fn named<T: Copy>(
 }
 
 impl Declared {
-    /// Makes a draw that covers the frame.
     pub(crate) fn covering(vertex: Option<String>, fragment: String) -> Self {
         Self {
             vertex,

@@ -193,7 +193,6 @@ fn texel(value: &Value) -> Option<[f64; 4]> {
     }
 }
 
-/// One layer, slice or face of a texture.
 struct Layer {
     width: u32,
     height: u32,
@@ -333,7 +332,6 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     of_layers(kind, &layers).map(Fixture::from)
 }
 
-/// Makes a texture from layers, slices or faces.
 fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
     let first = layers.first().ok_or("a texture without an image")?;
     let (width, height) = (first.width, first.height);

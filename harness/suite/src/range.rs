@@ -16,7 +16,6 @@ pub(crate) struct Range {
 }
 
 impl Range {
-    /// The range's two bounds.
     pub(crate) fn bounds(self) -> (Bound<f64>, Bound<f64>) {
         let most = if self.half_open { Bound::Excluded } else { Bound::Included };
         (Bound::Included(self.least), most(self.most))

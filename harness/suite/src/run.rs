@@ -294,7 +294,6 @@ fn unbound(failure: &Failure) -> Option<String> {
     ))
 }
 
-/// The verdict of a check, or the reason why it couldn't begin.
 type Judged<E> = Result<Result<Agreement, Failure>, E>;
 
 fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdeclared> {
@@ -634,7 +633,6 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
     Ok(scalars.iter().zip(words).map(|(scalar, word)| scalar.decode(word)).collect())
 }
 
-/// The fixtures of a test.
 fn bound(
     program: &Program,
     bindings: &[Binding],

@@ -21,7 +21,6 @@ use rayon::prelude::*;
 /// The name of the first argument of a finding in a pass.
 pub(super) const INVOCATION: &str = "invocation";
 
-/// Checks a compute pass.
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
     let (program, ..) = Program::of_pass(package, name, &ranges.overrides_of(package, name))?;
     let ranges = &ranges.with_literals(program.literals());
@@ -33,7 +32,6 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
     Looked { name, make: &make, are_pixels: false }.seen()
 }
 
-/// Checks a fragment function that writes memory.
 pub(super) fn look_at_pixels(
     package: &Package,
     name: &str,
@@ -68,7 +66,6 @@ fn is_short(content: &Content) -> bool {
     content.tail.is_some() || content.shorter.is_some()
 }
 
-/// Makes a pass over a content.
 type Make<'m> =
     &'m (dyn Fn(Content, Option<&Mix<'_>>) -> Result<(Passes, Resources), String> + Sync);
 
@@ -76,15 +73,12 @@ type Make<'m> =
 /// / a` begins where `1.0 / a / b` begins.
 type Key = (BTreeSet<String>, Kind, String);
 
-/// The findings over one content.
 #[derive(Debug, Default)]
 struct InContent {
     /// The invocations in which an operation goes wrong; empty for a race.
     wrong: BTreeMap<Key, BTreeSet<usize>>,
     reached: BTreeMap<String, BTreeSet<usize>>,
-    /// `true` if the run stopped early.
     is_cut: bool,
-    /// `true` if only one workgroup ran.
     one_workgroup: bool,
 }
 
@@ -427,14 +421,11 @@ fn variable_of(text: &str) -> &str {
 struct Ran {
     hazards: Vec<(Key, Hazard)>,
     content: InContent,
-    /// The reason why the run stopped early.
     reason: Option<String>,
-    /// The number of invocations.
     of: usize,
     too_long: bool,
 }
 
-/// The position of a violation, and the text at that position.
 fn place_of(violation: &Violation, diagnostic: &Diagnostic) -> (String, String) {
     match diagnostic.location() {
         Some(span) => {

@@ -88,7 +88,6 @@ impl Extents {
         }
     }
 
-    /// The number of elements in a runtime-sized array.
     pub(super) fn elements_of(&self, name: &str) -> u32 {
         self.part_of(name, self.total())
     }
@@ -115,7 +114,6 @@ impl Extents {
         count.saturating_mul(part).div_ceil(MOST)
     }
 
-    /// The number of all elements.
     pub(crate) fn total(&self) -> u32 {
         self.elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count))
     }

@@ -37,21 +37,18 @@ pub(crate) struct Input {
     pub(crate) declared: bool,
     /// `true` if the input is declared. Also if names count as declarations and its name suggests a range.
     pub(crate) known: bool,
-    /// The number of the input's lanes, which are adjacent in the buffer.
     lanes: usize,
 }
 
 /// The selection of inputs that take their values from another content.
 #[derive(Clone, Copy)]
 pub(crate) struct Mix<'m> {
-    /// The other content.
     pub(crate) content: Content,
     /// The sizes of the other content, for a pass.
     pub(crate) extents: Option<Extents>,
     pub(crate) takes: &'m (dyn Fn(&Input) -> bool + Sync),
 }
 
-/// The fixtures of a function's resources.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resources {
     pub(crate) fixtures: Fixtures,
@@ -200,7 +197,6 @@ impl Resources {
         Ok(Self { fixtures: named.into_iter().collect(), ..all })
     }
 
-    /// The bytes of a buffer.
     fn buffer(
         &mut self,
         (program, binding, elements): (&Program, &Binding, usize),
@@ -232,7 +228,6 @@ impl Resources {
         program.bytes(binding, &lanes).map_err(|error| error.to_string())
     }
 
-    /// The lanes of a buffer.
     fn lanes(
         &mut self,
         (path, name, shape): (&str, &str, &Shape),
@@ -500,7 +495,6 @@ impl Ranges {
         Self { extents, ..self.clone() }
     }
 
-    /// The floats in the shader's text.
     fn floats(&self) -> &[f32] {
         self.literals.as_ref().map_or(&[], |all| &all.floats)
     }
@@ -708,7 +702,6 @@ fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
 /// Texels that differ from their neighbours.
 #[derive(Clone, Copy)]
 struct Noise<'l> {
-    /// The smallest value of a colour.
     least: f32,
     /// The numbers in the shader's text.
     literals: &'l [f32],
@@ -834,7 +827,6 @@ fn made<T: karat::Shareable>(
     }
 }
 
-/// The number of layers or slices.
 const LAYERS: u32 = 4;
 
 #[cfg(test)]
@@ -859,7 +851,6 @@ mod tests {
         Probed::new(&package, "f").expect("`f` can be called")
     }
 
-    /// The words of a buffer.
     fn words(made: &Resources, name: &str) -> Vec<u32> {
         let found = made.fixtures.iter().find(|(path, _)| path == name);
         let Some((_, Fixture::Buffer(buffer))) = found else { panic!("no `{name}`") };

@@ -142,7 +142,6 @@ pub(super) fn divergence(
 /// A let-binding whose value isn't known on both columns.
 struct Unseen;
 
-/// The values of a let-binding, if they differ.
 fn differing(
     request: &Request,
     (one, beyond): (&Let, Address),

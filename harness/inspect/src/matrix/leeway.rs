@@ -92,7 +92,6 @@ impl Latitude {
 }
 
 impl OfCase<'_> {
-    /// Judges two results of a lane.
     pub(super) fn freedom(&self, lane: usize, scalar: Scalar, results: [u32; 2]) -> Freedom {
         if self.strays.get(lane) == Some(&true) {
             return Freedom::Any;

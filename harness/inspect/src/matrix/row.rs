@@ -149,7 +149,6 @@ impl Cell {
     }
 }
 
-/// Runs cases of a function on each column, and compares the results.
 fn run_cases(
     request: &Request,
     probed: &Probed,
@@ -314,7 +313,6 @@ mod tests {
             .expect("the matrix is made")
     }
 
-    /// The cells of all rows, except for the first column.
     fn others(matrix: &Matrix) -> impl Iterator<Item = (&str, &Cell)> {
         matrix.rows.iter().flat_map(|row| row.cells.iter().skip(1).map(|cell| (&*row.name, cell)))
     }
