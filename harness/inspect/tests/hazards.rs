@@ -1567,7 +1567,7 @@ fn what_hosts_give_is_declared() {
             "[inputs]\nplaces = { distinct = true, range = [0, 10] }",
             "different elements, but there are only 11 numbers",
         ),
-        ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
+        ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer has the name `summ`"),
         ("[inputs]\nk = { one_of = [0.5] }", "some of these aren't u32"),
         ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", but its type is u32"),
         ("[inputs]\nk = \"unit vector\"", "the input `k` is a number"),

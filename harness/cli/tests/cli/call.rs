@@ -268,7 +268,7 @@ fn tables_have_derivatives_and_carry_their_columns() {
     error(&["lit::cubic", "0..nan:3", "true"], "from one number to another");
     error(&["lit::looked_up", "0..2:4", "--bind", "table=1,2,3"], "there are 3 integers");
     let spec = ["lit::cubic", "--table", "sweep.csv", "--expect", "cube", "--tolerance", "spec"];
-    error(&spec, "`spec` is no number");
+    error(&spec, "`spec` isn't a number");
     error(
         &["lit::cubic", "1", "true", "--override", "GAIN=1", "--override", "GAIN=2"],
         "given twice",

@@ -125,7 +125,7 @@ fn an_input_is_one_packages_of_several() {
     let out = karat(folder.path(), &inputs).good();
     assert!(out.contains("shaders: 0 faults") && out.contains("other: 0 faults"), "{out}");
     let error = karat(folder.path(), &[&inputs[..], &["--input", "gian=0..1"]].concat()).error();
-    assert!(error.contains("the input `gian` is declared, and no function"), "{error}");
+    assert!(error.contains("the input `gian` is declared, and no checked function"), "{error}");
 }
 
 #[test]

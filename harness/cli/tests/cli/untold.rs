@@ -108,7 +108,7 @@ fn declared_tests_have_places_of_their_own() {
         (
             format!("{f}finite = true\nover = {{ x = \"0,,1\" }}\n"),
             "4:1",
-            "is no domain of a number",
+            "isn't a domain of a number",
         ),
         (format!("{f}finite = true\ncases = 0\n"), "4:1", "is asked for 0 cases"),
         (
