@@ -1812,7 +1812,8 @@ mod tests {
         }
         let same = changes(left, &left.replace("n = 1u", "n = 3u - 2u"));
         assert!(same.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{same:?}");
-        // A private variable that no function writes keeps its initial value. A first call also reads the initial value
+        // A private variable that no function writes keeps its initial value. At a function's first call, all other
+        // private variables have their initial values, too.
         // of others.
         let table = "var<private> table: array<f32, 3> = array(1.0, 2.0, 4.0);
             fn at(i: u32) -> f32 { return table[i % 3u]; }";

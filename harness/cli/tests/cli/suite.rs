@@ -325,7 +325,7 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
         (
             "t.wgsl",
             "import karat::expect_true;\n@test fn t(@over(unit) x: f32) { expect_true(true); }\n",
-            "no domain of a number",
+            "isn't a domain of a number",
         ),
         (
             "t.wgsl",
