@@ -228,11 +228,7 @@ fn lies_do_not_conform() {
         ("short", "grid", "it returned outputs of [71] words, and [72] are wanted"),
         ("few", "outputs", r#"its reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
         ("late", "outputs", r#"its reply is {"done":[["#),
-        (
-            "refuses",
-            "refusal",
-            r#"after a refused job, the reply to a valid job is {"refused":{"message":"#,
-        ),
+        ("refuses", "refusal", r#"after a refused job, a valid job gets {"refused":{"message":"#),
         ("dies", "function", "it ended (exit status: 3): out of memory"),
     ] {
         let answers = conformed("cpu", fault);

@@ -129,12 +129,7 @@ type Question =
     (&'static str, Option<Ability>, &'static str, fn(&dyn Executor) -> Result<(), Stop>);
 
 const QUESTIONS: [Question; 21] = [
-    (
-        "bits",
-        None,
-        "a buffer's bits don't change: NaN, -0 and subnormal numbers come back unchanged",
-        bits,
-    ),
+    ("bits", None, "bits come back unchanged, also of NaN, -0 and subnormal numbers", bits),
     (
         "untouched",
         None,
@@ -236,11 +231,7 @@ impl<'a> Passes<'a> {
 
 fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
     if words.len() != expected.len() {
-        return Err(format!(
-            "{} {what}s came back, and {} were expected",
-            words.len(),
-            expected.len()
-        ));
+        return Err(format!("{} {what}s came back, not {}", words.len(), expected.len()));
     }
     let differing: Vec<usize> = (0..words.len()).filter(|at| words[*at] != expected[*at]).collect();
     let Some(at) = differing.first() else { return Ok(()) };
@@ -429,10 +420,7 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
     }
     match ask(&[valid])? {
         Reply::Done(words) if words == [[1]] => Ok(()),
-        reply => {
-            Err(format!("after a refused job, the reply to a valid job is {}", shown(&reply))
-                .into())
-        }
+        reply => Err(format!("after a refused job, a valid job gets {}", shown(&reply)).into()),
     }
 }
 

@@ -876,7 +876,7 @@ mod tests {
             ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this list has 1"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: leave it out"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = []\n", "asserts nothing: name kinds"),

@@ -215,12 +215,7 @@ impl Declared {
         let mut mesh = Mesh::new(positions, indices);
         for (number, input) in inputs.iter().enumerate().filter(|(_, input)| input.location != 0) {
             mesh = with_attribute(mesh, input.location, &input.shape, &column(number)).ok_or_else(
-                || {
-                    wrong(format!(
-                        "`{}` can't be an attribute of a mesh: its type is {}",
-                        input.name, input.shape
-                    ))
-                },
+                || wrong(format!("`{}` can't be a mesh attribute: {}", input.name, input.shape)),
             )?;
         }
         Ok(mesh)

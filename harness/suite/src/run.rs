@@ -339,9 +339,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     // With a constant argument, each derivative is 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
-            return Err(
-                "the function takes derivatives, and an integral's directions don't vary".into()
-            );
+            return Err("it takes derivatives, and an integral's directions don't vary".into());
         }
         _ => probed.with_varying(),
     };
@@ -453,9 +451,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let [first, second] = [first, second].map(|name| place(&parameters, name));
             let (first, second) = (first?, second?);
             if first.0 == second.0 {
-                return Err(
-                    "`symmetric_in` swaps a parameter with itself, which changes nothing".into()
-                );
+                return Err("it swaps a parameter with itself, which changes nothing".into());
             }
             if parameters[first.0].1 != parameters[second.0].1 {
                 return Err("the two parameters have different types".into());
@@ -534,8 +530,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                     Ok(check.try_integrates_to(directions, &expect, tolerance))
                 }
                 None => {
-                    let slack =
-                        slack.ok_or("`at_most` needs `slack`, the error that rounding may add")?;
+                    let slack = slack.ok_or("`at_most` needs `slack` for rounding errors")?;
                     Ok(check.try_integrates_to_at_most(directions, &expect, slack))
                 }
             }
@@ -616,9 +611,7 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
     }
     let expect = |scalar: &Scalar, number: f64| match numbers::fits(*scalar, number) {
         true => Ok(meant((scalar, number))),
-        false => {
-            Err(format!("{number} isn't a {}, which is the type of the result", scalar.wgsl()))
-        }
+        false => Err(format!("{number} isn't a {}, and the result is one", scalar.wgsl())),
     };
     if let Some(number) = number(value) {
         return scalars.iter().map(|scalar| expect(scalar, number)).collect();

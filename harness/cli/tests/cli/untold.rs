@@ -134,7 +134,7 @@ fn declared_tests_have_places_of_their_own() {
             "4:1",
             "can't name a golden",
         ),
-        (format!("{f}in_range = [0, 1, 2]\n"), "3:12", "a range is a list of two numbers"),
+        (format!("{f}in_range = [0, 1, 2]\n"), "3:12", "a range is a list of two"),
         (format!("{f}symmetric_in = [\"a\", \"b\", \"c\"]\n"), "3:16", "and this one has 3"),
         (
             format!("{f}golden = \"f\"\n"),

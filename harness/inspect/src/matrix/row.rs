@@ -227,8 +227,7 @@ fn compare_all(
     let [first, others @ ..] = ran else { return };
     let judge = Judge::new(&results, &request.within, &first.results);
     let ranges = Ranges::of(&request.package).expect("the inputs were made from these ranges");
-    let inputs = made_up::Arguments::of(function, &ranges)
-        .expect("the inputs were made from these arguments");
+    let inputs = made_up::Arguments::of(function, &ranges).expect("the inputs exist");
     let mut agreeing: Option<Comparison> = None;
     for other in others {
         let pair = Pair {
