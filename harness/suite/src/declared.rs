@@ -2,12 +2,12 @@
 //!
 //! ```toml
 //! [[test]]
-//! function = "schlick"                          # of this module; "other::f" of another
-//! over = { f0 = "0..1", v_dot_h = "0..1" }      # what isn't named comes from its name and type
-//! where = "f0 <= v_dot_h"                       # keeps the arguments for which this holds, in WGSL
+//! function = "schlick"                          # in this module; "other::f" is in another module
+//! over = { f0 = "0..1", v_dot_h = "0..1" }      # names and types give the other domains
+//! where = "f0 <= v_dot_h"                       # tests only arguments for which this is true
 //! in_range = [0, 1]                             # each assertion is a test
 //! monotone = { v_dot_h = "decreasing" }
-//! agrees_with = "reference::schlick"            # another function, in f64
+//! agrees_with = "reference::schlick"            # another function, executed in f64
 //! tolerance = "4 ulp"                           # or "rel 1e-4 or abs 1e-6", or "spec"
 //!
 //! [[test]]
@@ -53,13 +53,13 @@
 //!
 //! ```toml
 //! [[compute]]
-//! entry = "sort"                                # of this module; several: passes = [{ entry = "..", workgroups = 4 }]
+//! entry = "sort"                                # in this module; or passes = [{ entry = "..", workgroups = 4 }]
 //! workgroups = [4, 1, 1]                        # or 4
 //! with = { keys = { size = 256, range = "0..99" } }
-//! accept_equal_writes = { flag = "any of them sets it" }   # a race that is meant; or accept_race
-//! [compute.after.keys]                          # what it holds afterwards
+//! accept_equal_writes = { flag = "any of them sets it" }   # an accepted race; or accept_race
+//! [compute.after.keys]                          # the expected contents after the passes
 //! sorted = true                                 # or "descending"
-//! permutation_of = "keys"                       # of what that buffer holds before
+//! permutation_of = "keys"                       # of the buffer's contents before the passes
 //! ```
 //!
 //! | assertion of a resource | holds if |
