@@ -65,7 +65,7 @@ impl Extents {
         if !APART.contains(&least) {
             return Some(least);
         }
-        // The three bytes of the hash are independent.
+        // Each of the three values of `least` uses another byte of the hash.
         let own = blake3::hash(name.as_bytes()).as_bytes()[least as usize] % 3;
         Some(least + u32::from(own) + lane as u32)
     }
