@@ -238,11 +238,7 @@ fn lies_do_not_conform() {
         ("short", "grid", "it returned outputs of [71] words, but the job needs [72]"),
         ("few", "outputs", r#"its reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
         ("late", "outputs", r#"its reply is {"done":[["#),
-        (
-            "refuses",
-            "refusal",
-            r#"behind a job that it refused a valid one gets {"refused":{"message":"#,
-        ),
+        ("refuses", "refusal", r#"after a refused job, a valid job gets {"refused":{"message":"#),
         ("dies", "function", "it ended (exit status: 3): out of memory"),
     ] {
         let answers = conformed("cpu", fault);

@@ -78,7 +78,6 @@ pub enum Answer {
 
 /// The reason why the answer to a question isn't right.
 enum Stop {
-    /// The executor refused the shader.
     Refused(String),
     Wrong(String),
 }
@@ -130,12 +129,7 @@ type Question =
     (&'static str, Option<Ability>, &'static str, fn(&dyn Executor) -> Result<(), Stop>);
 
 const QUESTIONS: [Question; 21] = [
-    (
-        "bits",
-        None,
-        "a buffer's bits don't change: NaN, -0 and subnormal numbers come back unchanged",
-        bits,
-    ),
+    ("bits", None, "bits come back unchanged, also of NaN, -0 and subnormal numbers", bits),
     (
         "untouched",
         None,
@@ -235,14 +229,9 @@ impl<'a> Passes<'a> {
     }
 }
 
-/// Compares two lists, and reports the first difference.
 fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
     if words.len() != expected.len() {
-        return Err(format!(
-            "{} {what}s came back, and {} were expected",
-            words.len(),
-            expected.len()
-        ));
+        return Err(format!("{} {what}s came back, not {}", words.len(), expected.len()));
     }
     let differing: Vec<usize> = (0..words.len()).filter(|at| words[*at] != expected[*at]).collect();
     let Some(at) = differing.first() else { return Ok(()) };
@@ -386,7 +375,6 @@ fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     Job::new(Work::Passes(passes), held, outputs.to_vec())
 }
 
-/// A reply as JSON.
 fn shown(reply: &Reply) -> String {
     serde_json::to_string(reply).expect("a reply serializes to JSON")
 }
@@ -401,7 +389,7 @@ fn outputs(executor: &dyn Executor) -> Result<(), Stop> {
     match executor.run(&job).map_err(|error| error.to_string())? {
         reply if reply == wanted => Ok(()),
         reply => Err(format!(
-            "the reply with outputs 2 and 0 is {}, and {} was expected",
+            "with outputs 2 and 0, its reply is {}, not {}",
             shown(&reply),
             shown(&wanted)
         )
@@ -432,10 +420,7 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
     }
     match ask(&[valid])? {
         Reply::Done(words) if words == [[1]] => Ok(()),
-        reply => {
-            Err(format!("after a refused job, the reply to a valid job is {}", shown(&reply))
-                .into())
-        }
+        reply => Err(format!("after a refused job, a valid job gets {}", shown(&reply)).into()),
     }
 }
 
@@ -541,7 +526,6 @@ const CORNERS: &str = "fn corner(i: u32, z: f32) -> vec4f {
     @vertex fn near(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.25); }
     @vertex fn far(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.75); }";
 
-/// The bits of a frame's pixels.
 fn image(frame: &karat::Frame<'_>, executor: &dyn Executor) -> Result<Vec<u32>, Stop> {
     let image = frame.render(executor.path()).map_err(|error| match &error {
         FrameError::Draw(DrawError::Path(PathError::Refused { message, .. })) => {

@@ -608,7 +608,7 @@ fn unchecked_inputs_and_functions_are_counted() {
         hazards
             .skipped
             .iter()
-            .any(|(name, why)| name == "unseen" && why.contains("writes what others"))
+            .any(|(name, why)| name == "unseen" && why.contains("writes memory that other calls"))
     );
     let long = look(
         "fn f(x: f32) -> f32 { var s = x; for (var i = 0; i < 3000; i++) { s = s * 0.5 + x; }\n\
@@ -1586,7 +1586,7 @@ fn declared_inputs_of_the_host_are_used() {
             "[inputs]\nplaces = { distinct = true, range = [0, 10] }",
             "different elements, but there are only 11 numbers",
         ),
-        ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
+        ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer has the name `summ`"),
         ("[inputs]\nk = { one_of = [0.5] }", "some of these aren't u32"),
         ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", but its type is u32"),
         ("[inputs]\nk = \"unit vector\"", "the input `k` must be a number"),

@@ -246,7 +246,6 @@ impl Declared {
         }
     }
 
-    /// The declared tests, by name.
     pub(crate) fn tests(
         self,
         module: &str,
@@ -305,7 +304,6 @@ impl Declared {
 }
 
 impl Assertion {
-    /// The entry points, in the order of their dispatch.
     pub(crate) fn entries(&self) -> impl Iterator<Item = &str> {
         self.passes.iter().map(|(name, _)| name.as_str())
     }
@@ -319,7 +317,6 @@ impl Assertion {
         self.what.key()
     }
 
-    /// The name that the check has in records.
     pub(crate) fn check(&self) -> String {
         self.own(self.key())
     }
@@ -332,7 +329,6 @@ impl Assertion {
         }
     }
 
-    /// The position of a key in the test file.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&karat::unstable::diagnostic::Span> {
         // The key belongs to the assertion, or to the whole `[[compute]]`.
         let keys = key.into_iter().flat_map(|key| [self.own(key), key.to_owned()]);
@@ -340,7 +336,6 @@ impl Assertion {
         named.next().or_else(|| self.keys.place_of(&self.check()))
     }
 
-    /// The table or golden with the expected contents.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         match &self.what {
             What::Table(file) => vec![self.folder.join(file)],
@@ -400,7 +395,6 @@ impl Assertion {
         }
     }
 
-    /// The tolerance. The default is an exact comparison.
     fn tolerance(&self) -> Result<Tolerance, Misdeclared> {
         let text = self.tolerance.as_deref().unwrap_or("exact");
         tolerance(text).map_err(Misdeclared::of("tolerance"))
@@ -661,7 +655,6 @@ impl Assertion {
         }
     }
 
-    /// The contents of the asserted resource before the passes.
     fn content(&self, compute: &Compute<'_>) -> Result<Content, Stop> {
         match untyped::before(compute, &self.variable) {
             Ok(content) => Ok(content),
@@ -685,7 +678,6 @@ impl Assertion {
     }
 }
 
-/// The reason why a check didn't succeed.
 pub(crate) enum Stop {
     Misdeclared(Misdeclared),
     /// The check didn't begin, so there is no record of it.
@@ -747,7 +739,6 @@ fn values(content: &Content) -> Vec<f64> {
     scalars.iter().zip(&content.lanes).map(|(scalar, word)| scalar.decode(*word)).collect()
 }
 
-/// The scalar type of the elements; an error if they aren't scalars.
 fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     match content.element() {
         Shape::Scalar(scalar) => Ok(*scalar),

@@ -2,12 +2,12 @@
 //!
 //! ```toml
 //! [[test]]
-//! function = "schlick"                          # of this module; "other::f" of another
-//! over = { f0 = "0..1", v_dot_h = "0..1" }      # what isn't named comes from its name and type
-//! where = "f0 <= v_dot_h"                       # keeps the arguments for which this holds, in WGSL
+//! function = "schlick"                          # in this module; "other::f" is in another module
+//! over = { f0 = "0..1", v_dot_h = "0..1" }      # names and types give the other domains
+//! where = "f0 <= v_dot_h"                       # tests only arguments for which this is true
 //! in_range = [0, 1]                             # each assertion is a test
 //! monotone = { v_dot_h = "decreasing" }
-//! agrees_with = "reference::schlick"            # another function, in f64
+//! agrees_with = "reference::schlick"            # another function, executed in f64
 //! tolerance = "4 ulp"                           # or "rel 1e-4 or abs 1e-6", or "spec"
 //!
 //! [[test]]
@@ -53,13 +53,13 @@
 //!
 //! ```toml
 //! [[compute]]
-//! entry = "sort"                                # of this module; several: passes = [{ entry = "..", workgroups = 4 }]
+//! entry = "sort"                                # in this module; or passes = [{ entry = "..", workgroups = 4 }]
 //! workgroups = [4, 1, 1]                        # or 4
 //! with = { keys = { size = 256, range = "0..99" } }
-//! accept_equal_writes = { flag = "any of them sets it" }   # a race that is meant; or accept_race
-//! [compute.after.keys]                          # what it holds afterwards
+//! accept_equal_writes = { flag = "any of them sets it" }   # an accepted race; or accept_race
+//! [compute.after.keys]                          # the expected contents after the passes
 //! sorted = true                                 # or "descending"
-//! permutation_of = "keys"                       # of what that buffer holds before
+//! permutation_of = "keys"                       # of the buffer's contents before the passes
 //! ```
 //!
 //! | assertion of a resource | holds if |
@@ -388,7 +388,6 @@ pub(crate) struct Assertion {
 }
 
 impl Frame {
-    /// The frame's draws, in order.
     pub(crate) fn draws(&self) -> Result<Vec<draws::Declared>, String> {
         match (&self.vertex, &self.fragment, &*self.draws) {
             (vertex, Some(fragment), []) => {
@@ -405,7 +404,6 @@ impl Frame {
         }
     }
 
-    /// The files of the frame's meshes.
     pub(crate) fn meshes(&self) -> impl Iterator<Item = PathBuf> {
         self.draws.iter().filter_map(|draw| draw.mesh_file(&self.folder))
     }
@@ -414,7 +412,6 @@ impl Frame {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
-    /// The paths of the frame's entry points.
     pub(crate) fn entries(&self) -> Vec<String> {
         let module = self.module.as_deref().filter(|module| !module.is_empty());
         let named = |name: String| match module {
@@ -456,7 +453,6 @@ impl Assertion {
         }
     }
 
-    /// The golden file of the assertion's values, if the assertion has one.
     pub(crate) fn golden_file(&self) -> Option<PathBuf> {
         let What::Golden(name) = &self.what else { return None };
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
@@ -623,7 +619,6 @@ pub(crate) fn read(
     Ok((tests, wrong))
 }
 
-/// The tables that declare tests.
 const TABLES: [&str; 3] = ["test", "frame", "compute"];
 
 /// The byte ranges of a file's tables, each with its subtables. The first range is the text before the first table.
@@ -882,7 +877,7 @@ mod tests {
             ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this list has 1"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: leave it out"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = []\n", "asserts nothing: name kinds"),

@@ -192,19 +192,19 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
                 let near = nearest(text, names);
                 let near =
                     near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-                return Err(format!("`{text}` is no domain of a number, such as `0..1`{near}"));
+                return Err(format!("`{text}` isn't a domain of a number, such as `0..1`{near}"));
             };
             let end = |text: &str| {
                 let text = text.strip_prefix('=').unwrap_or(text).trim();
                 if text.starts_with('.') {
                     // Rejects `0...1`, which isn't `0..` followed by the fraction `.1`.
                     return Err(format!(
-                        "`{text}` is no number: a range has two dots, and a fraction begins with 0: `0.5`"
+                        "`{text}` isn't a number: a range has two dots, and a fraction begins with 0: `0.5`"
                     ));
                 }
                 text.parse::<f64>().map_err(|_| match text.starts_with('<') {
                     true => "a domain includes both ends: write `0..1` without `<`".to_owned(),
-                    false => format!("`{text}` is no number"),
+                    false => format!("`{text}` isn't a number"),
                 })
             };
             let range = end(least)?..=end(most)?;
@@ -448,8 +448,8 @@ mod tests {
         let count = Shape::Scalar(Scalar::U32);
         let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };
         for (shape, text, part) in [
-            (&float, "\"0-1\"", "no domain"),
-            (&float, "\"a..1\"", "`a` is no number"),
+            (&float, "\"0-1\"", "isn't a domain"),
+            (&float, "\"a..1\"", "`a` isn't a number"),
             (&float, "\"-1...1\"", "a range has two dots"),
             (&float, "true", "no f32"),
             (&float, "\"ani\"", "did you mean `any`?"),

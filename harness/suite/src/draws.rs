@@ -75,7 +75,6 @@ fn named<T: Copy>(
 }
 
 impl Declared {
-    /// Makes a draw that covers the frame.
     pub(crate) fn covering(vertex: Option<String>, fragment: String) -> Self {
         Self {
             vertex,
@@ -216,12 +215,7 @@ impl Declared {
         let mut mesh = Mesh::new(positions, indices);
         for (number, input) in inputs.iter().enumerate().filter(|(_, input)| input.location != 0) {
             mesh = with_attribute(mesh, input.location, &input.shape, &column(number)).ok_or_else(
-                || {
-                    wrong(format!(
-                        "`{}` can't be an attribute of a mesh: its type is {}",
-                        input.name, input.shape
-                    ))
-                },
+                || wrong(format!("`{}` can't be a mesh attribute: {}", input.name, input.shape)),
             )?;
         }
         Ok(mesh)

@@ -80,12 +80,12 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
             }
         )
     };
-    let text = value.as_str().ok_or_else(|| wrong(&format!("{value} is no sampler")))?;
+    let text = value.as_str().ok_or_else(|| wrong(&format!("{value} isn't a sampler")))?;
     let mut words = text.split_whitespace();
     let mut sampler = match words.next() {
         Some("linear") => Sampler::LINEAR,
         Some("nearest") => Sampler::NEAREST,
-        _ => return Err(wrong(&format!("\"{text}\" is no sampler"))),
+        _ => return Err(wrong(&format!("\"{text}\" isn't a sampler"))),
     };
     let (mut compares, mut addressed) = (None, None);
     for word in words {
@@ -193,7 +193,6 @@ fn texel(value: &Value) -> Option<[f64; 4]> {
     }
 }
 
-/// One layer, slice or face of a texture.
 struct Layer {
     width: u32,
     height: u32,
@@ -333,7 +332,6 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     of_layers(kind, &layers).map(Fixture::from)
 }
 
-/// Makes a texture from layers, slices or faces.
 fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
     let first = layers.first().ok_or("a texture without an image")?;
     let (width, height) = (first.width, first.height);
@@ -461,7 +459,7 @@ fn buffer(
             Some("toml") => Value::Table(read()?.parse().map_err(|error| inside(&error))?),
             _ => {
                 return Err(format!(
-                    "`{name}` is no value; a buffer is a number, a list, a table of its members, or a \
+                    "`{name}` isn't a value; a buffer is a number, a list, a table of its members, or a \
                      file: values.json, values.toml, bytes.bin"
                 ));
             }
@@ -682,7 +680,7 @@ mod tests {
             bound(declared, value).unwrap_or_else(|error| panic!("{declared}: {error}"));
         }
         for (declared, value, part) in [
-            ("sampler", "\"linaer\"", "is no sampler"),
+            ("sampler", "\"linaer\"", "isn't a sampler"),
             ("sampler", "\"linear repaet\"", "`repaet` isn't a property of a sampler"),
             ("sampler", "\"linear less\"", "compares nothing"),
             ("sampler_comparison", "\"linear\"", "so the sampler needs a comparison"),

@@ -19,10 +19,8 @@ pub(crate) struct Table {
     pub(crate) expected: HashMap<Vec<u32>, Vec<f64>>,
 }
 
-/// The name of the columns with expected results.
 const RESULT: &str = "result";
 
-/// Reads a table of a function's arguments and results.
 pub(crate) fn read(
     file: &Path,
     parameters: &[(String, Shape)],

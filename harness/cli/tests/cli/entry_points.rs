@@ -565,7 +565,7 @@ fn wrong_passes_fail_with_the_element() {
             "reverse",
             "{ input = { size = 0 }, keys = { size = 8 } }",
             "[compute.after.keys]\nsorted = true",
-            ["no number of elements", "m.test.toml:4:1"],
+            ["isn't a number of elements", "m.test.toml:4:1"],
         ),
         (
             "reverse",

@@ -326,7 +326,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "t.wgsl",
             "import karat::expect_true;\n@test fn t(@over(unit) x: f32) { expect_true(true); }\n",
-            "no domain of a number",
+            "isn't a domain of a number",
         ),
         (
             "t.wgsl",
@@ -376,7 +376,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "brdf.test.toml",
             "[[test]]\nfunction = \"is_odd\"\nfinite = true\n",
-            "it returns no float",
+            "the function returns no float",
         ),
         (
             "brdf.test.toml",
@@ -794,7 +794,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
         ("", "`override` in a test's file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
-        ("target = 1\ndepth = true", "it compares `target` or `depth`, not both"),
+        ("target = 1\ndepth = true", "a frame compares `target` or `depth`, not both"),
     ] {
         let ran = declare(&[&format!("name = \"a\"\n{more}")]);
         assert!(ran.code == Some(1) && ran.out.contains(part), "no `{part}` in {ran:?}");
