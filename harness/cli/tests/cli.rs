@@ -364,7 +364,7 @@ fn a_table_may_name_its_columns_in_any_order_or_not_at_all() {
 fn a_faulty_table_is_an_error_that_names_the_line() {
     let project = project();
     for (text, message) in [
-        ("x\n1\n2,3\n4\n", "`in.csv` line 3 has 2 columns, a case has 1: x"),
+        ("x\n1\n2,3\n4\n", "`in.csv` line 3 has 2 columns, but a case has 1: x"),
         ("# why\r\n\r\nx\r\n\r\ntwo", "`in.csv` line 5, column `x`: `two`"),
         ("x\n1\n\n\ntwo\n", "`in.csv` line 5, column `x`: `two` isn't a value of type f32"),
         (
@@ -374,7 +374,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ("1\n#2\n3\n", "`in.csv` line 2 begins with `#`"),
         ("note,x\n#ff8000,1\n", "`in.csv` line 2 begins with `#`"),
         ("1\n\n1e99\n", "`in.csv` line 3, column `x`: `1e99` is too large for f32"),
-        ("1,2\n", "`in.csv` line 1 has 2 columns, a case has 1: x"),
+        ("1,2\n", "`in.csv` line 1 has 2 columns, but a case has 1: x"),
         ("value\n1\n", "`in.csv` has no column `x`; it has value"),
         ("", "`in.csv` has no cases"),
         ("x\n", "`in.csv` has no cases"),

@@ -113,7 +113,7 @@ fn tests_beside_shaders_that_rust_tests_use_are_run() {
     let folder = with("crates/engine/assets/shaders", &manifests, &files);
     let path = folder.path();
     let unknown = run(path, &["check"]).error();
-    assert!(unknown.contains("no recorded test used one"), "{unknown}");
+    assert!(unknown.contains("no recorded test used a package"), "{unknown}");
     // A Rust test that passes leaves the record.
     let script = "mkdir -p \"$KARAT_RECORD\"\ncp verdict \"$KARAT_RECORD/1.jsonl\"\n";
     write(path, "test", script);
