@@ -405,7 +405,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
             "can't write `in.csv/out.csv`",
         ),
         (&["calc::double", "--table", "missing.csv"], "can't read `missing.csv`"),
-        (&["calc::third", "--table", "in.csv"], "`calc::third` takes no arguments"),
+        (&["calc::third", "--table", "in.csv"], "`calc::third` has no parameters"),
         (&["calc::double", "1", "--table", "in.csv"], "cannot be used with"),
     ] {
         let error = karat(project.path(), &[&["call"], arguments].concat()).error();
