@@ -16,21 +16,21 @@ precision highp sampler2D;
 uniform sampler2D golden, actual, map;
 uniform ivec2 goldenSize, actualSize, mapSize;
 uniform vec2 origin;      // the image's top left corner, in pixels of the canvas from the top left
-uniform float scale;      // pixels of the canvas a texel
-uniform float height;     // of the canvas
-uniform float exposure;   // a factor
+uniform float scale;      // pixels of the canvas per texel
+uniform float height;     // the height of the canvas
+uniform float exposure;   // the factor for colours
 uniform bool marks;
 uniform bool grid;
-uniform float gain;       // of differences: a factor
-uniform float dark;       // what is darker counts as this bright in relative differences
-uniform vec2 range;       // the values of a map that are at the ends of the false colours
+uniform float gain;       // the factor for differences
+uniform float dark;       // in relative differences, darker pixels count as this bright
+uniform vec2 range;       // the values of a map at the ends of the false colours
 out vec4 shown;
 
 const int layer = ${layer};         // 0 golden, 1 actual, 2 difference, 3 map
-const int tone = ${tone};           // as in tones.all
+const int tone = ${tone};           // the index in tones.all
 const int channel = ${channel};     // 0 rgb, 1 r, 2 g, 3 b, 4 a, 5 luminance
 const bool falseColor = ${falseColor};
-const bool relative = ${relative};  // differences as shares of the golden
+const bool relative = ${relative};  // differences divided by the golden
 const int how = ${how};             // 0 signed, largest; 1 signed by channel; 2 absolute by channel
 const bool scalarMap = ${scalarMap};
 const int n = ${samples};           // on each axis of a pixel
@@ -61,7 +61,7 @@ vec3 agx(vec3 c) { // Wrensch 2023; see tones.js
 }
 
 vec3 toned(vec3 c) {
-  c = clamp(c, 0.0, 1e15); // the fits square it, and infinity over infinity is no white
+  c = clamp(c, 0.0, 1e15); // the fits square it, and infinity divided by infinity isn't white
   if (tone == 3) return agx(c);
   if (tone == 1) c = c / (1.0 + c);                                            // Reinhard 2002, eq. 3
   if (tone == 2) c = (c * (2.51 * c + 0.03)) / (c * (2.43 * c + 0.59) + 0.14); // Narkowicz 2016
@@ -157,9 +157,9 @@ void main() {
       if (layer == 2) {
         vec4 other = mark(a);
         if (other.w > m.w) m = other;
-        if (m.w < 2.0) m = vec4(0.0); // the difference of negative numbers is one
+        if (m.w < 2.0) m = vec4(0.0); // a difference may be negative
       }
-      if (layer == 3 && scalarMap && m.w < 2.0) m = vec4(0.0); // nor is a negative scalar light
+      if (layer == 3 && scalarMap && m.w < 2.0) m = vec4(0.0); // a scalar may be negative, too
       if (m.w > marked.w) marked = m;
       vec3 d = layer == 2 ? difference(g, a) : vec3(0.0);
       most = mix(most, d, greaterThan(abs(d), abs(most)));
@@ -169,7 +169,7 @@ void main() {
     }
   }
   vec3 color = layer == 2 ? coloured(most) : sum / float(n * n);
-  bool mandatory = marked.w >= 2.0; // what is no number has no colour of its own
+  bool mandatory = marked.w >= 2.0; // NaN and infinity have no colour
   if (marked.w > 0.0 && (marks || mandatory)) color = marked.rgb;
   if (grid) {
     ivec2 tile = ivec2(floor(at / 16.0));
