@@ -43,7 +43,7 @@ const actions = (() => {
     ...(entry?.data?.maps ?? []).map(({ image }) => image),
   ];
 
-  // Goes to the worst pixel that the test found. From there it goes to the next failing area.
+  // Goes to the worst pixel that the test found. With `by`, goes to the next failing area.
   const worst = (by = 0) => {
     const boxes = failing.of(loaded())?.boxes ?? [];
     const place = loaded()?.gates.find((gate) => gate.place)?.place;
