@@ -38,7 +38,7 @@ const int n = ${samples};           // on each axis of a pixel
 const float STOPS = ${tones.STOPS}.0;
 const vec3 MAGENTA = vec3(1, 0, 1), YELLOW = vec3(1, 1, 0), CYAN = vec3(0, 1, 1);
 
-// By their bits: compilers may assume that there is no NaN.
+// This tests the bits, because compilers may assume that there is no NaN.
 bvec4 nan(vec4 x) { return greaterThan(floatBitsToUint(x) & 0x7fffffffu, uvec4(0x7f800000u)); }
 bvec4 infinite(vec4 x) { return equal(floatBitsToUint(x) & 0x7fffffffu, uvec4(0x7f800000u)); }
 
@@ -85,7 +85,7 @@ vec3 diverging(float value) {
   return mix(hue * sqrt(min(abs(value), 1.0)), vec3(1.0), over);
 }
 
-// The channels that are looked at; the others can't be marked.
+// The selected channels. Other channels can't be marked.
 bvec4 looked() {
   if (channel == 0) return bvec4(true);
   if (channel == 5) return bvec4(true, true, true, false);
@@ -99,7 +99,7 @@ vec3 picked(vec4 c) {
 
 bool both(bvec4 a, bvec4 b) { return any(bvec4(a.x && b.x, a.y && b.y, a.z && b.z, a.w && b.w)); }
 
-// A mark's colour in w = 3 (NaN), 2 (infinite) or 1 (negative); none: w = 0.
+// The colour of a mark. w is 3 for NaN, 2 for infinity, 1 for a negative value, and 0 for no mark.
 vec4 mark(vec4 c) {
   if (both(nan(c), looked())) return vec4(MAGENTA, 3.0);
   if (both(infinite(c), looked())) return vec4(YELLOW, 2.0);
@@ -116,10 +116,10 @@ vec3 seen(vec4 c) {
   return channel == 4 ? encode(clamp(picked(c), 0.0, 1.0)) : toned(light); // alpha isn't exposed
 }
 
-// The difference of each colour, or of the channel in all three.
+// The difference of each colour. With one channel, all three colours have its difference.
 vec3 difference(vec4 g, vec4 a) {
   vec3 d = picked(a) - picked(g);
-  // Alpha isn't light: it is neither exposed nor dark.
+  // Alpha isn't light: exposure and darkness don't apply to it.
   vec3 by = relative ? max(abs(picked(g)), channel == 4 ? 0.01 : dark) : vec3(1.0 / (channel == 4 ? 1.0 : exposure));
   return gain * d / by;
 }
@@ -163,7 +163,7 @@ void main() {
       if (m.w > marked.w) marked = m;
       vec3 d = layer == 2 ? difference(g, a) : vec3(0.0);
       most = mix(most, d, greaterThan(abs(d), abs(most)));
-      // Black is no value, as it is no difference.
+      // A pixel without a value is black, like a pixel without a difference.
       vec3 level = c.a == 0.0 ? vec3(0.0) : turbo((c.r - range.x) / (range.y - range.x));
       sum += layer == 3 && scalarMap ? level : seen(c);
     }
