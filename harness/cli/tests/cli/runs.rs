@@ -185,7 +185,7 @@ fn what_passes_without_a_check_is_told() {
     write(project.path(), "broken", "");
     let error = run().error();
     assert!(
-        error.contains("no test ran: the test programs weren't built, or ended before the first"),
+        error.contains("no test ran: the build failed, or the programs ended early"),
         "{error}"
     );
 }
