@@ -276,10 +276,7 @@ fn a_project_of_its_own() {
     assert!(!listed.out.contains(" yes "), "nothing ran: {}", listed.out);
 
     let table = project.run(&karat, &["test"]);
-    table.says(
-        1,
-        &["2 checks, 1 failed", "functions with no test of their own: math::pow5 (`karat list`)"],
-    );
+    table.says(1, &["2 checks, 1 failed", "functions without a test: math::pow5 (`karat list`)"]);
     assert!(row(&table.out, "brdf::lambert ").contains(&"FAIL"), "{}", table.out);
     let schlick = row(&table.out, "brdf::schlick ");
     assert_eq!((schlick[1], schlick[3]), ("agrees_with", "65536"), "{}", table.out);
@@ -405,7 +402,7 @@ fn edits_are_followed(karat: &FilePath, project: &Project) {
     project.write("shaders/brdf.wgsl", BRDF);
     watching.until("cpu (Rust): 2 tests pass; 1 ran");
     project.write("shaders/brdf.wgsl", &format!("// a comment\n{BRDF}"));
-    watching.until("cpu (Rust): 2 tests pass; nothing changed in meaning");
+    watching.until("cpu (Rust): 2 tests pass; no code changed");
     // A function depends on those that it calls: one of the two calls `pow5`.
     project.write("shaders/math.wgsl", &MATH.replace("x2 * x2 * x", "x2 * x * x2"));
     watching.until("cpu (Rust): 2 tests pass; 1 ran");
@@ -421,7 +418,7 @@ fn edits_are_followed(karat: &FilePath, project: &Project) {
                 #[test]\nfn silent() {}\n";
     project.write("tests/brdf.rs", &format!("{TESTS}{more}"));
     let red = watching.until("cpu (Rust): 1 of 4 tests fail; 5 ran");
-    assert!(red.contains("1 isn't judged here: a frame needs a driver"), "{red}");
+    assert!(red.contains("1 frame isn't judged: it needs a driver"), "{red}");
 }
 
 #[test]

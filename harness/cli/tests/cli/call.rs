@@ -303,10 +303,10 @@ fn wrong_arguments_of_a_call_are_errors() {
     told(&["lit::cubic", "0..1", "true"], "number of points");
     told(&["lit::cubic", "x=1", "true"], "no parameter `x`");
     told(&["lit::cubic", "t=1", "t=2"], "`t` is given twice");
-    told(&["lit::cubic", "1@0@0", "true"], "takes no derivatives");
-    told(&["lit::edge", "1@0"], "derivatives are two");
+    told(&["lit::cubic", "1@0@0", "true"], "uses no derivatives");
+    told(&["lit::edge", "1@0"], "needs two derivatives");
     told(&["lit::cubic", "1", "true", "--plot"], "--plot needs a sweep");
-    told(&["lit::cubic", "0x1.0000001p+0", "true"], "is no f32");
+    told(&["lit::cubic", "0x1.0000001p+0", "true"], "isn't an f32");
     write(folder.path(), "cases.csv", "t,upp\n0.5,true\n");
     told(&["lit::cubic", "--table", "cases.csv"], "no column `up` (did you mean `upp`?)");
     write(folder.path(), "cases.csv", "t,up\n0.5,ture\n");

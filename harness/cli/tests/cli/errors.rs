@@ -112,7 +112,7 @@ fn conflicting_entries_of_an_archive_are_errors() {
     std::fs::write(folder.join("twice.zip"), bytes).expect("written");
     let unpacked = |name: &str, why: &str| format!("its entry `{name}` can't be unpacked: {why}");
     for (from, why) in [
-        ("below.zip", unpacked(below.0, "`x.new.exr` is both a file and a folder in the zip")),
+        ("below.zip", unpacked(below.0, "`x.new.exr` is both a file and a folder")),
         ("above.zip", unpacked(file.0, "the zip has a file and a folder of that name")),
         ("dot.zip", unpacked("a/./x.new.exr", "another entry has the same path")),
         ("twice.zip", "two of its entries have the same name".to_owned()),

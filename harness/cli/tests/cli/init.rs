@@ -410,7 +410,7 @@ fn init_writes_tests_for_the_valid_modules() {
     let said = red(run(&["init", "src/wgsl"]));
     for part in [
         "`tone` declares `tone`: write `import package::tone::tone;`",
-        "no test of these modules can pass until you correct the errors",
+        "no test of these modules can pass until you correct them",
         "tone.test.toml, a test of `tone::tone`",
         "1 module isn't valid: use; 1 check passed",
     ] {

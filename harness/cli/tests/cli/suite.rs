@@ -85,7 +85,7 @@ fn a_cause_that_stops_all_tests_is_printed_once() {
     let metal = cpu(folder.path(), &["--require", "metal"]);
     assert_eq!(metal.code, Some(1), "{metal:?}");
     let told = |part: &str| metal.out.matches(part).count();
-    let (failures, others) = (told("\n---- "), told("\n  the same error as in `"));
+    let (failures, others) = (told("\n---- "), told("\n  see test `"));
     assert!(failures > 2 && others == failures - 1, "{}", metal.out);
     assert_eq!(told("execution path `metal` is required, but unavailable"), failures);
     assert_eq!(told(" --> "), failures, "each has its place:\n{}", metal.out);
