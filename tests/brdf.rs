@@ -199,10 +199,10 @@ fn tri_ace_eval() {
         .agrees_with(brdf::tri_ace_eval, EXPONENTIAL.or(VANISHED));
 }
 
-/// Below 1/2, the function divides 1 by a sum (2.5 ulp). The other terms of the sum are at most 1/12, so their errors
-/// hardly count. From 1/2 on, exp(-2 x) is at most 0.37, with an error of 3 + 4 x ulp: 1.5e-7 at 1/2. The exponential
-/// shrinks faster than its error grows. Its error counts 1 / 0.63 times in the difference and 1 / 1.37 times in the
-/// sum: 3.5e-7. The roundings of the difference and the sum and the division add 4.2e-7.
+/// Below 1/2, the function divides x (2.5 ulp) by 1 plus a term of at most 1/12, so the errors of this term hardly count.
+/// From 1/2 on, exp(-2 x) is at most 0.37, with an error of 3 + 4 x ulp: 1.5e-7 at 1/2. The exponential shrinks faster
+/// than its error grows. Its error counts 1 / 0.63 times in the difference and 1 / 1.37 times in the sum: 3.5e-7. The
+/// roundings of the difference and of the sum and the division add 4.2e-7.
 // Lesson 32
 #[test]
 fn tanh_of() {

@@ -31,11 +31,7 @@ const SPHERE: (u32, u32) = (32, 64);
 /// Checks if long suites run whole, as in `cargo ci full`. Otherwise they run a sample. The variable's name doesn't
 /// begin with `KARAT_`, because the harness reserves these names.
 ///
-/// 
-///
 /// # Panics
-///
-/// 
 ///
 /// If `SUITES` has any value except `whole`.
 #[must_use]
@@ -105,11 +101,7 @@ impl Shot {
 /// Paths that open, in the order in which tests use them: one for each API, and paths that the environment variables
 /// name, such as a second driver.
 ///
-/// 
-///
 /// # Panics
-///
-/// 
 ///
 /// If no path opens, because then the tests would check nothing.
 #[must_use]
@@ -129,11 +121,7 @@ pub fn open_paths() -> Vec<Path> {
 /// smallest number that Vulkan allows. Mesa's number is 8. A pixel interpolates its vertices, so its content moves with
 /// the vertices, by at most 1/32 of a pixel.
 ///
-/// 
-///
 /// # Panics
-///
-/// 
 ///
 /// If the path doesn't open.
 #[must_use]
@@ -163,11 +151,7 @@ pub fn sphere() -> (Vec<Vec3>, Vec<u32>) {
 
 /// Builds a frame by its name.
 ///
-/// 
-///
 /// # Errors
-///
-/// 
 ///
 /// If no frame has this name, or if drawing one of the frame's maps fails.
 pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> {
@@ -297,11 +281,7 @@ fn irradiance_map(light: CubeMap) -> Frame<'static> {
 
 /// Computes the irradiance in `light`, divided by pi, for each normal. The computation runs on `path`.
 ///
-/// 
-///
 /// # Errors
-///
-/// 
 ///
 /// If drawing the map fails.
 pub fn irradiance_cube(light: &CubeMap, path: Path) -> Result<CubeMap, Box<dyn Error>> {
@@ -311,11 +291,7 @@ pub fn irradiance_cube(light: &CubeMap, path: Path) -> Result<CubeMap, Box<dyn E
 
 /// The environment, filtered for the width that each mip level stands for.
 ///
-/// 
-///
 /// # Errors
-///
-/// 
 ///
 /// If drawing a level fails.
 pub fn prefiltered(shot: &Shot) -> Result<CubeMap, Box<dyn Error>> {
@@ -332,11 +308,7 @@ pub fn prefiltered(shot: &Shot) -> Result<CubeMap, Box<dyn Error>> {
 
 /// The split sum's table of scale and bias.
 ///
-/// 
-///
 /// # Errors
-///
-/// 
 ///
 /// If drawing the table fails.
 pub fn split_sum_table(shot: &Shot) -> Result<Texture, Box<dyn Error>> {
