@@ -33,7 +33,7 @@ fn folder(limit: &str) -> TempDir {
     folder
 }
 
-/// A call prints, a test that passes prints, and `karat tap` shows what lines print on all pixels.
+/// A call prints, a test that passes prints, and `karat tap` shows for all pixels the values that lines print.
 // Lesson 37
 #[test]
 fn lines_print() {
@@ -55,7 +55,7 @@ fn lines_print() {
     );
 }
 
-/// An assertion that no pixel comes to shows nothing, and the frame's test says so.
+/// If no pixel reaches an assertion, `karat tap` shows nothing, and the frame's test reports it.
 // Lesson 213
 #[test]
 fn assertions_that_no_pixel_comes_to_are_named() {
@@ -72,7 +72,7 @@ fn assertions_that_no_pixel_comes_to_are_named() {
     assert!(!told.contains("reaches the assertion `(x < 5.0)`"), "{told}");
 }
 
-/// A false assertion fails a call, a sweep and a table, once what they print is shown.
+/// A false assertion fails a call, a sweep and a table, after Karat has shown what they print.
 // Lesson 37
 #[test]
 fn calls_fail_by_assertions() {
@@ -93,7 +93,8 @@ fn calls_fail_by_assertions() {
     assert!(ran.err.contains("is false 1 of 2 times"), "{}", ran.err);
 }
 
-/// A test that comes to a false assertion fails at its line, declared or in WGSL, alone or of many.
+/// A test that reaches a false assertion fails at the assertion's line. This holds for declared tests and for tests in
+/// WGSL, run singly or with many others.
 // Lesson 37
 #[test]
 fn tests_fail_by_assertions() {

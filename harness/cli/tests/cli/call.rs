@@ -1,4 +1,4 @@
-//! `karat call` with what functions read, sweeps, and tables that are checks.
+//! Tests `karat call` with variables that functions read, with sweeps, and with tables as checks.
 
 use super::diff::png;
 use super::*;
@@ -26,7 +26,7 @@ fn lit() -> TempDir {
     folder
 }
 
-/// Drivers of Mesa look for a window system, which they miss in CI.
+/// Mesa's drivers look for a window system, which CI doesn't have.
 #[test]
 fn drivers_do_not_complain() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -36,7 +36,7 @@ fn drivers_do_not_complain() {
     assert_eq!((ran.code, &*ran.err), (Some(0), ""), "{ran:?}");
 }
 
-/// What a call prints on path `cpu`.
+/// The output of a call on path `cpu`.
 fn called(folder: &TempDir, arguments: &[&str]) -> String {
     karat(folder.path(), &[&["call"][..], arguments, &["--path", "cpu"]].concat()).good()
 }
@@ -328,7 +328,7 @@ fn each_option_of_a_call_is_used_or_refused() {
     told(&[&["lit::cubic", "1", "true"][..], &expect].concat(), "--expect needs a table");
     told(&[&["lit::cubic", "0..1:3", "true"][..], &expect].concat(), "--expect needs a table");
     told(&["lit::cubic", "0...1:3", "true"], "has one dot too many");
-    // What a call returned is what a table expects.
+    // A table of a call's results serves as a table of expected results.
     let table = called(&folder, &["lit::cubic", "0..1:7", "false"]);
     write(folder.path(), "returned.csv", &table);
     let again =
@@ -366,7 +366,7 @@ fn texels_are_data_where_they_are_no_colours() {
                   fn w() -> u32 { return textureLoad(words, vec2u(), 0).x; }\n\
                   fn v(i: u32) -> vec3f { return vectors[i]; }\n";
     write(folder.path(), "shaders/t.wgsl", texels);
-    // One texel, which is stored as 188: a linear half.
+    // The image has one texel, stored as 188, which is one half in linear light.
     png(&folder, "half.png", 1, &[188; 3]);
     let stored = 188.0_f32 / 255.0;
     let out = |arguments: &[&str], part: &str| {
@@ -377,7 +377,7 @@ fn texels_are_data_where_they_are_no_colours() {
     out(&["t::c", "0,0", "--bind", "color=half.png linear"], &stored.to_string());
     out(&["t::d", "--bind", "depth=half.png"], &stored.to_string());
     out(&["t::w", "--bind", "words=half.png"], "cpu      188");
-    // A value for all texels is one for the sixteen of each side.
+    // One value fills all texels of a texture with 16 x 16 texels.
     out(&["t::c", "15,15", "--bind", "color=0.25"], "cpu      0.25");
     out(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5,6]"], "(4, 5, 6)");
     out(&["t::v", "1", "--bind", "vectors=[[1,2,3],[4,5,6]]"], "(4, 5, 6)");
@@ -392,7 +392,7 @@ fn texels_are_data_where_they_are_no_colours() {
     told(&["t::v", "0", "--bind", "vectors=six.bin"], "it has 6 bytes");
 }
 
-/// Without values a call makes them up, and says which.
+/// If a call has no values, Karat generates values, and names the generated ones.
 #[test]
 fn missing_values_of_a_call_are_generated_and_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -424,7 +424,6 @@ fn missing_values_of_a_call_are_generated_and_named() {
     assert!(call(&["0.5", "3", "--arbitrary"]).error().contains("cannot be used with"));
 }
 
-/// naga's writer of GLSL panics at `break if` of what the loop's body declares: that is gl's failure, and `cpu` has its verdict.
 #[test]
 fn a_panic_of_one_path_leaves_the_others_their_results() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,7 +1,7 @@
-//! Tint's verdict on the author's text, WebGPU's limits, and what is said where Tint isn't asked.
+//! Tests Tint's verdict on the author's WGSL, WebGPU's limits, and the messages when Karat doesn't run Tint.
 //!
-//! Where a test needs Tint it takes the one of this machine, which `cargo ci setup` installs. Other tests
-//! bring a program that says what they want.
+//! Tests that need Tint use this machine's Tint, which `cargo ci setup` installs. Other tests replace Tint by a program
+//! with planned output.
 
 use super::*;
 
@@ -28,7 +28,7 @@ fn last_line(text: &str) -> &str {
     text.lines().last().unwrap_or_default()
 }
 
-/// Each kind of reason with its place and what to do, in text that naga accepts.
+/// Each kind of error has its line and a remedy, in WGSL that naga accepts.
 // Lesson 201
 #[test]
 fn errors_of_tint_have_a_place_and_a_remedy() {
@@ -108,7 +108,7 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
         assert!(out.contains(&place), "{text}: not at {place}\n{out}");
         assert!(out.contains(remedy), "{text}\n{out}");
         assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
-        // Asked for, it is no note.
+        // If the command requires Tint, the finding isn't a note.
         let ran = with_tint(folder.path(), &[CHECK, &["--require", "tint"]].concat());
         assert_eq!(ran.code, Some(1), "{text}\n{ran:?}");
         write(folder.path(), "shaders/karat.toml", REQUIRED);
@@ -125,7 +125,7 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// The same verdict in each command that validates.
+/// Each command that validates has the same verdict.
 // Lesson 201
 #[test]
 fn each_command_that_validates_asks_tint() {
@@ -165,7 +165,7 @@ fn each_command_that_validates_asks_tint() {
     }
 }
 
-/// Without Tint each last line says so, and what requires it fails with what to do.
+/// Without Tint, each last line says so. A command that requires Tint fails, and says how to get Tint.
 // Lesson 203
 // Lesson 207
 #[test]
@@ -174,13 +174,13 @@ fn without_tint_nothing_is_silent() {
     write(folder.path(), "shaders/m.test.toml", "[[test]]\nfunction = \"half\"\nfinite = true\n");
     let bare = |arguments: &[&str]| {
         let mut command = command(folder.path(), arguments);
-        // Many machines have a Node, which would hide that none is needed.
+        // Many machines have Node. The test hides Node, so it also shows that Karat needs none.
         let nothing = folder.path().join("nothing");
         command.env_remove("KARAT_TINT").env("PATH", &nothing).env("XDG_CACHE_HOME", &nothing);
         output(&mut command)
     };
     let out = bare(CHECK).good();
-    // On a machine with a browser in its usual place that is said, too.
+    // On a machine with an installed browser, the line also names the browser.
     assert!(last_line(&out).starts_with("1 package valid; Tint wasn't asked: not here"), "{out}");
     let test = ["test", "shaders", "--paths", "cpu"];
     let out = bare(&test).good();
@@ -212,7 +212,7 @@ fn karat_tint_names_one_or_says_why_not() {
         ("nowhere", "KARAT_TINT=nowhere doesn't exist"),
         ("empty", "is a folder without the npm package `webgpu`"),
         ("OFF", "KARAT_TINT=off"),
-        // A program that says nothing and ends well has read nothing.
+        // A program that prints nothing and exits with 0 has read nothing.
         ("true", "isn't Tint"),
         ("cat", "isn't Tint"),
     ] {
@@ -221,7 +221,7 @@ fn karat_tint_names_one_or_says_why_not() {
     }
 }
 
-/// A package declares its native features, and a declaration that no module needs is an error.
+/// A package declares its native features. A declaration that no module needs is an error.
 // Lesson 204
 #[test]
 fn features_of_wgpu_alone_must_be_declared() {
@@ -254,7 +254,7 @@ fn features_of_wgpu_alone_must_be_declared() {
     }
 }
 
-/// Limits are a note, until a table says which are meant.
+/// An exceeded limit is a note, unless a `[limits]` table declares the limits.
 // Lesson 205
 #[test]
 fn an_exceeded_limit_is_reported_at_its_place() {
@@ -343,7 +343,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
             "{ran:?}"
         );
     }
-    // A module within its limits has no finding: neither by the default limits, nor by others.
+    // A module within its limits has no finding, with the default limits or with other limits.
     let more = "[limits]\nmaxComputeInvocationsPerWorkgroup = 512\n\
                 maxComputeWorkgroupStorageSize = 32768\n";
     let stages = "[limits]\nmaxStorageBuffersPerShaderStage = 12\n";
@@ -354,7 +354,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
     let nine = format!(
         "{nine}@vertex fn main() -> @builtin(position) vec4f {{ return vec4f(0.0{sum}); }}\n"
     );
-    // No entry point uses it, so it is in no layout.
+    // No entry point uses the variable, so it's in no layout.
     let unused = "@group(7) @binding(0) var<uniform> u: f32;\nfn f() -> f32 { return u; }\n";
     for (text, limits) in [
         (workgroup, more),
@@ -373,7 +373,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
     assert!(ran.code == Some(2) && ran.err.contains("did you mean `maxBindGroups`?"), "{ran:?}");
 }
 
-/// Limits that the project requests are requested: Tint's own pipelines are made with the default ones.
+/// Karat requests the limits that the project declares. Tint would create pipelines with the default limits.
 #[test]
 fn limits_that_are_requested_are_no_rejection() {
     let text = "@compute @workgroup_size(512) fn main() { }\n";
@@ -383,7 +383,7 @@ fn limits_that_are_requested_are_no_rejection() {
     write(folder.path(), "shaders/karat.toml", limits);
     let out = with_tint(folder.path(), CHECK).good();
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
-    // A required limit is an error, which the output has once.
+    // A required limit gives an error, and the output has this error once.
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     let ran = with_tint(folder.path(), CHECK);
     assert_eq!(
@@ -393,7 +393,7 @@ fn limits_that_are_requested_are_no_rejection() {
     );
 }
 
-/// In compatibility mode Tint and Dawn have more rules.
+/// In compatibility mode Tint and Dawn have additional rules.
 #[test]
 fn compatibility_mode_has_its_own_rules() {
     let text = "@fragment fn main(@location(0) @interpolate(linear) a: f32) -> @location(0) vec4f \
@@ -406,7 +406,7 @@ fn compatibility_mode_has_its_own_rules() {
     assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
 }
 
-/// Of an override without a value only its program knows what fits.
+/// If an override has no default, only the program that uses the shader knows a valid value, so Karat chooses none.
 #[test]
 fn an_override_without_a_value_is_given_none() {
     let text = "override count: u32;\nvar<workgroup> w: array<f32, count - 1u>;\n\
@@ -416,7 +416,7 @@ fn an_override_without_a_value_is_given_none() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// Tests in files that engines load are told, and the text without them is printed.
+/// If a file that engines load contains tests, Karat reports this, and prints the text without the tests.
 // Lesson 206
 #[test]
 fn files_that_are_shipped_stay_shippable() {
@@ -436,7 +436,7 @@ fn files_that_are_shipped_stay_shippable() {
     assert!(error.contains("did you mean `n`?"), "{error}");
 }
 
-/// An error of naga's says where Tint accepts the module.
+/// naga's error message says if Tint accepts the module.
 #[test]
 fn an_error_of_naga_says_if_tint_accepts_the_module() {
     let folder = folder("requires linear_indexing;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
@@ -451,7 +451,7 @@ fn an_error_of_naga_says_if_tint_accepts_the_module() {
     assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
 }
 
-/// A module with a line that browsers want and naga doesn't know is valid, with a warning.
+/// If a module has a directive that browsers need and naga doesn't know, it is valid, with a warning.
 #[test]
 fn a_line_that_browsers_want_is_left_out_for_naga() {
     let text = "enable subgroups;\n@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n";
@@ -468,13 +468,13 @@ fn a_line_that_browsers_want_is_left_out_for_naga() {
     assert!(!ran.out.contains("naga doesn't know this line"), "{ran:?}");
 }
 
-/// A browser has the same verdict.
+/// A browser gives the same verdict as Tint.
 #[cfg(unix)]
 #[test]
 fn a_chromium_is_asked_where_it_is_named() {
     let folder = folder("fn shift(x: u32) -> u32 { return x << x + 1u; }\n");
     write(folder.path(), "shaders/valid.wgsl", VALID);
-    // Its device is a software one, without halves: that is no fault of the text.
+    // The browser's device is a software device without `f16`, which isn't a fault of the shader.
     write(
         folder.path(),
         "shaders/half.wgsl",
@@ -495,14 +495,14 @@ fn a_chromium_is_asked_where_it_is_named() {
     assert!(ran.out.contains("this browser's device lacks a feature"), "{ran:?}");
 }
 
-/// Programs in the place of Tint.
+/// Programs that replace Tint.
 #[cfg(unix)]
 mod fakes {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
 
-    /// FNV-1a, as an answer has it of its text.
+    /// The FNV-1a sum of a text, as the replies of Tint's wrapper have it.
     fn sum(text: &str) -> u32 {
         let units = text.encode_utf16();
         units.fold(0x811c_9dc5, |sum, unit| (sum ^ u32::from(unit)).wrapping_mul(0x0100_0193))
@@ -518,7 +518,7 @@ mod fakes {
         std::fs::set_permissions(file, all).expect("it is ours");
     }
 
-    /// `karat check` with a Node that runs a script; what it reads goes to `got`.
+    /// Runs `karat check` with a Node that runs a script. The script writes its input to `got`.
     fn check(folder: &FilePath, own: &str, more: &[&str]) -> Ran {
         write(folder, "package/package.json", "{}");
         write(folder, "package/dist/readme", "");
@@ -527,14 +527,14 @@ mod fakes {
         let path = std::env::join_paths([folder.join("bin"), "/usr/bin".into(), "/bin".into()]);
         let mut command = command(folder, &[CHECK, more].concat());
         command.env("KARAT_TINT", folder.join("package")).env("PATH", path.expect("folders"));
-        // Hung is what takes longer than this.
+        // A program that runs longer than this counts as hung.
         command.env("XDG_CACHE_HOME", folder).env("KARAT_TIMEOUT", "1");
         output(&mut command)
     }
 
     const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
 
-    /// A provider that fails has no verdict, and what requires one fails.
+    /// If a compiler fails, there is no verdict. A command that requires a verdict fails.
     // Lesson 203
     #[test]
     fn a_tint_that_fails_has_no_verdict() {
@@ -575,7 +575,7 @@ mod fakes {
         }
     }
 
-    /// One text that ends the process costs no other its verdict.
+    /// If one module ends the compiler's process, the other modules still get their verdicts.
     // Lesson 203
     #[test]
     fn a_text_that_ends_tint_is_alone_without_a_verdict() {
@@ -583,7 +583,7 @@ mod fakes {
         write(folder.path(), "shaders/n.wgsl", "fn one() -> f32 { return 1.0; }\n");
         let (first, second, last) =
             (answer(1, "fn one() -> f32 { return 1.0; }\n"), answer(1, VALID), answer(2, ""));
-        // The first process ends at its first text, the second one has the other.
+        // The first process ends at its first module. The second process gets the other module.
         let own = format!(
             "{GREETING}read line\nif [ ! -e ended ]; then : > ended; exit 3; fi\n\
              echo '{first}' >&2\necho '{last}' >&2\ncat >/dev/null\n"
@@ -593,8 +593,8 @@ mod fakes {
         assert_eq!(last_line(&ran.out), sum, "{second}\n{ran:?}");
     }
 
-    /// The text is the author's: bytes of the file where nothing is linked, and with linked names alone
-    /// where something is.
+    /// Tint gets the bytes of the author's file if the module imports nothing. Otherwise it gets the author's text, in
+    /// which only names are linked.
     // Lesson 202
     #[test]
     fn tint_gets_the_authors_bytes() {
@@ -609,7 +609,7 @@ mod fakes {
         };
         let folder = folder(text);
         assert_eq!(got(folder.path()), text);
-        // A test is left out, and an import stands for its declaration.
+        // Karat leaves out tests, and replaces an import by the imported declaration.
         let tested = format!("{text}@test fn is_none() {{ expect(half(0.0) == 0.0); }}\n");
         write(folder.path(), "shaders/m.wgsl", &tested);
         assert_eq!(got(folder.path()).trim_end(), text.trim_end());
@@ -624,7 +624,7 @@ mod fakes {
         }
     }
 
-    /// The compiler's own binary, by what it prints.
+    /// Karat reads the verdict from the output of the compiler's own binary.
     // Lesson 203
     #[test]
     fn a_tint_binary_is_read() {
@@ -658,7 +658,7 @@ mod fakes {
     }
 }
 
-/// A barrier that some invocations miss has Tint's word beside it, which looks at the text and not at a run.
+/// If some invocations miss a barrier, the report also has Tint's verdict. Tint analyses the text, and runs nothing.
 #[test]
 fn a_barrier_that_some_miss_has_tints_word() {
     let entry = |condition: &str| {
@@ -685,7 +685,7 @@ fn a_barrier_that_some_miss_has_tints_word() {
     assert!(!alone.out.contains("Tint says"), "{}", alone.out);
 }
 
-/// A program that doesn't answer `--help` is given up, and the reason is told.
+/// If a program doesn't answer `--help` in time, Karat stops waiting, and reports the reason.
 #[cfg(unix)]
 #[test]
 fn a_help_that_hangs_is_given_up() {
@@ -693,7 +693,7 @@ fn a_help_that_hangs_is_given_up() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * x; }\n");
     let program = folder.path().join("tint");
-    // One that is waited for, and one that leaves its output to another process.
+    // The first program hangs. The second leaves its output to a background process.
     for script in ["exec sleep 1000", "sleep 1000 & exit 0"] {
         std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).expect("it is ours");
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("ours");

@@ -1,8 +1,7 @@
-//! Shaders of crates, by their names.
+//! Tests shaders of crates, which commands find by the crates' names.
 
 use super::*;
 
-/// What a project needs to be one.
 fn manifest(name: &str, dependencies: &str) -> String {
     format!(
         "[package]\nname = \"{name}\"\nversion = \"1.2.3\"\nedition = \"2024\"\n\n\
@@ -18,7 +17,6 @@ const LIGHTS: &str = "import engine_core::maths::PI;\n\nconst GAIN: f32 = 2.0;\n
                       @if(DOUBLE) const FACTOR = 2.0;\n@if(!DOUBLE) const FACTOR = 1.0;\n\n\
                       fn flux(intensity: f32) -> f32 {\n    return 4.0 * PI * intensity * FACTOR;\n}\n";
 
-/// Two crates with shaders and one without.
 fn crates(folder: &FilePath) {
     let (core, pbr, tool) =
         (folder.join("engine-core"), folder.join("engine-pbr"), folder.join("tool"));
@@ -42,7 +40,6 @@ struct Place {
 }
 
 impl Place {
-    /// A project that builds the crates.
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         crates(&folder.path().join("crates"));
@@ -59,7 +56,7 @@ impl Place {
         if let Some(cargo) = std::env::var_os("CARGO") {
             command.env("CARGO", cargo);
         }
-        // What cargo says is kept there, and cargo is to ask nobody.
+        // The home folder keeps Cargo's output for Karat. Cargo must not use the network.
         let home = self.folder.path().join("home");
         let ran = output(command.env("CARGO_HOME", home).env("CARGO_NET_OFFLINE", "true"));
         let folder = self.folder.path().canonicalize().expect("it is there").display().to_string();
@@ -91,7 +88,7 @@ fn a_crate_that_the_project_builds_opens_by_its_name() {
     assert!(call(&["--feature", "DOUBLE=false"]).contains(" 12.566371"));
     let other = ["list", "--crate", "engine-pbr", "--root", "shaders"];
     assert!(place.karat("game", &other).good().contains("other::one"));
-    // From a folder below the project, too.
+    // The command also works in a folder below the project.
     assert!(place.karat("game/src", &["list", "--crate", "engine-pbr"]).good().contains("flux"));
 }
 
@@ -124,7 +121,7 @@ fn a_crate_that_is_imported_from_may_have_another_folder() {
 fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     let place = Place::new();
     let list = |name: &str| place.karat("game", &["list", "--crate", name]);
-    list("engine-pbr").good(); // cargo writes the lock file
+    list("engine-pbr").good(); // Cargo writes the lock file
     list("engine-pbr").good();
     assert_eq!(place.kept(), 1);
     list("engine-core").good();
@@ -140,7 +137,7 @@ fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
         text.replace("[dependencies]\n", "[dependencies]\nlate = { path = \"../crates/late\" }\n");
     write(&game, "Cargo.toml", &with);
     assert!(list("late").good().contains("a::f"));
-    // A crate beside the project gets its first shader, and another folder for its modules.
+    // A crate beside the project gets its first shader, and then another folder for its modules.
     let tool = place.folder.path().join("crates/tool");
     assert!(list("tool").error().contains("the crate ships no .wgsl or .wesl file"));
     write(&tool.join("src"), "first.wgsl", "fn first(x: f32) -> f32 { return x; }\n");
@@ -149,12 +146,12 @@ fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     let rooted = manifest("tool", "") + "\n[package.metadata.karat]\nroot = \"shaders\"\n";
     write(&tool, "Cargo.toml", &rooted);
     assert!(list("tool").good().contains("second::second"));
-    // A folder that is gone isn't believed.
+    // Karat doesn't use a stored folder that no longer exists.
     std::fs::rename(&late, late.with_file_name("later")).expect("renamed");
     assert!(list("late").error().contains("cargo says:"));
 }
 
-/// What no project builds: cargo fetches it, here from a folder that stands for crates.io.
+/// If no project builds a crate, Cargo fetches it. Here a folder replaces crates.io.
 // Lesson 34
 #[test]
 fn a_crate_at_a_version_needs_no_project() {
@@ -181,7 +178,7 @@ fn a_crate_at_a_version_needs_no_project() {
     write(&folder.join("home"), "config.toml", &config);
     std::fs::create_dir(folder.join("nowhere")).expect("a folder");
     let call = ["call", "lights::flux", "1", "--crate", "engine-pbr@1.2.3"];
-    // The crate that it imports from isn't a dependency: its metadata name it.
+    // The crate imports from a crate that isn't a dependency. Its metadata names that crate.
     assert!(place.karat("nowhere", &call).good().contains(" 12.566371"));
     assert_eq!(place.kept(), 1);
     std::fs::rename(folder.join("home/config.toml"), folder.join("config")).expect("renamed");
@@ -191,7 +188,7 @@ fn a_crate_at_a_version_needs_no_project() {
     assert_eq!(place.kept(), 1, "nothing is left of what failed");
 }
 
-/// Shaders of a crate's examples import what its examples depend on, which cargo leaves out of what it fetches.
+/// Shaders of a crate's examples import from development dependencies, which Cargo doesn't fetch with the crate.
 #[test]
 fn examples_import_development_dependencies() {
     let place = Place::new();
@@ -208,7 +205,7 @@ fn examples_import_development_dependencies() {
         "import sky_kit::sky::twice;\nfn four(x: f32) -> f32 { return twice(twice(x)); }\n";
     let developed = |more: &str| format!("\n[dev-dependencies]\n{more}unrelated = \"9.9.9\"\n");
     vendored("clouds", &developed("sky-kit = \"1.2\"\n"), "clouds.wesl", example);
-    // One that can't be had is an import that isn't found, and the rest of the crate is there.
+    // If an imported crate isn't available, only this import isn't found, and the rest of the crate works.
     let gone = example.replace("twice", "thrice").replace("sky_kit", "gone_kit");
     vendored("rain", &developed("gone-kit = \"1.2\"\n"), "rain.wesl", &gone);
     let config = format!(

@@ -1,8 +1,8 @@
-//! `karat doctor PACKAGE`: what to write into `karat.toml`.
+//! Tests `karat doctor PACKAGE`, which proposes lines for `karat.toml`.
 
 use super::*;
 
-/// A package with a fault of each kind that a line mends.
+/// A package with a fault of each kind that a line of karat.toml can fix.
 fn broken() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaders = folder.path().join("shaders");
@@ -16,7 +16,7 @@ fn broken() -> TempDir {
         "uses.wesl",
         "import package::fast::f;\nimport noise::value::hash;\nfn g() -> f32 { return f() + hash(1.0); }\n",
     );
-    // Declared in the module itself, under a condition.
+    // The module itself declares the name, under a condition.
     write(&shaders, "own.wesl", "@if(slow) const J = 1.0;\nfn j() -> f32 { return J; }\n");
     write(
         &folder.path().join("noise"),
@@ -57,7 +57,7 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
         "{text}"
     );
     let again = karat(folder.path(), &["doctor", "shaders"]).good();
-    // A path that is required is looked at, too.
+    // Karat also examines a path that is required.
     let required = karat(folder.path(), &["doctor", "shaders", "--require", "banana"]).error();
     assert!(required.contains("banana"), "{required}");
     karat(folder.path(), &["doctor", "shaders", "--require", "cpu"]).good();
@@ -84,11 +84,11 @@ fn a_doctor_leaves_what_no_line_mends() {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }
     assert!(!shaders.join("karat.toml").exists(), "there is nothing to write");
-    // A feature that an engine sets, and nothing asks about.
+    // An engine sets the feature, but no condition uses it.
     write(&shaders, "karat.toml", "[features]\nMAX_LIGHTS = 3\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert!(ran.out.contains("set_by_engine = [\"MAX_LIGHTS\"]"), "{ran:?}");
-    // A misspelt one isn't the engine's.
+    // A misspelt feature doesn't count as the engine's.
     write(&shaders, "d.wesl", "@if(SHADOWS) fn s() -> f32 { return 1.0; }\n");
     write(&shaders, "karat.toml", "[features]\nSHADOW = true\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
@@ -102,7 +102,7 @@ fn a_doctor_leaves_what_no_line_mends() {
     assert!(without.contains("<PACKAGE>"), "{without}");
 }
 
-/// The file stays one that can be read, and keeps its form.
+/// `karat doctor` leaves the file valid, and keeps its format.
 #[test]
 fn a_doctor_breaks_no_file() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -126,11 +126,11 @@ fn a_doctor_breaks_no_file() {
         text.starts_with("[values]\r\nROWS = 64") && text.ends_with("\r\nOLD = 3\r\n"),
         "{text:?}"
     );
-    // A value that stands nowhere is `karat check`'s to refuse, and not silence here.
+    // A value without a placeholder isn't a reason to write nothing. `karat check` refuses it.
     write(&shaders, "karat.toml", "[values]\nROWS = 1\nOLD = 3\nROW = 2\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert!(ran.code == Some(1) && ran.out.contains("`ROW`"), "{ran:?}");
-    // A type in a placeholder's place: a number doesn't help, and isn't written.
+    // The placeholder stands for a type, so a number doesn't help, and Karat writes none.
     write(&shaders, "a.wgsl", "alias S = {SCALAR};\nfn s(x: S) -> S { return x; }\n");
     std::fs::remove_file(&file).expect("it is there");
     let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);

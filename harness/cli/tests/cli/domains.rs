@@ -1,4 +1,4 @@
-//! Domains that tests without Rust declare: filters, relations, named vectors, numbers that aren't finite.
+//! Tests domains in tests without Rust: filters, relations, named vectors, and numbers that aren't finite.
 
 use super::*;
 
@@ -18,7 +18,7 @@ fn turn(v: vec2f) -> vec2f { return vec2f(-v.y, v.x); }
 fn capped(x: f32) -> f32 { return min(x, 1.0); }
 ";
 
-/// The tests of a file, run on the engine.
+/// Runs the tests of a file on the engine.
 fn declared(tests: &str) -> Ran {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "f.wgsl", SHADERS);
@@ -47,7 +47,7 @@ fn domains_say_what_they_mean() {
     for part in ["is perpendicular to `n`", "is a right-handed frame", "has length 1"] {
         assert!(ran.contains(part), "{part}: {ran}");
     }
-    // All that a filter keeps of a small domain is enumerated.
+    // If a filter leaves few values of a domain, Karat enumerates all of them.
     let of_filter = |line: &&str| line.contains("lies in 2..=4");
     let line = ran.lines().find(of_filter).expect("its row");
     assert_eq!(line.split_whitespace().nth(3), Some("2"), "{line}");

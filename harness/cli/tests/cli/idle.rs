@@ -1,4 +1,4 @@
-//! Karat refuses at its key a check that would do nothing or can't fail, and counts a value that is dropped.
+//! Tests that Karat refuses, at its key, a check that does nothing or can't fail, and that it counts dropped values.
 
 use super::*;
 
@@ -49,7 +49,7 @@ fn checks_that_can_not_fail_are_refused_at_their_key() {
         assert!(ran.code != Some(0), "{declared}: {said}");
         assert!(said.contains(place) && said.contains(message), "{declared}: {said}");
     }
-    // What a driver makes of a function is compared with what WGSL allows of it.
+    // Karat compares a driver's results with the results that WGSL allows.
     let folder = shaders();
     let text = "[[test]]\nfunction = \"half\"\nagrees_with = \"half\"\ntolerance = \"spec\"\n\
                 over = { x = \"0..1\" }\n";
@@ -57,7 +57,7 @@ fn checks_that_can_not_fail_are_refused_at_their_key() {
     karat(folder.path(), &["test", ".", "--paths", "cpu"]).good();
 }
 
-/// A driver may leave out what may be anything: a call has a result on each path.
+/// If WGSL allows any result, a driver may leave out the computation. A call still has a result on each path.
 // Lesson 174
 #[test]
 fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
@@ -74,7 +74,7 @@ fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
     }
 }
 
-/// A hazard that a later operation hides is one, and comes last.
+/// A hazard that a later operation hides is reported last.
 // Lesson 178
 #[test]
 fn a_dropped_value_is_counted() {

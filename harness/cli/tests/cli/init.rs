@@ -1,9 +1,10 @@
-//! `karat init`
+//! Tests `karat init`.
 
 use super::report::function;
 use super::*;
 
-/// In a project that depends on Karat what tests wait for is optimised; what somebody chose stays.
+/// In a project that depends on Karat, `karat init` optimises the packages that tests wait for, and keeps settings that
+/// the author chose.
 #[test]
 fn a_project_gets_the_profiles_that_tests_need() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -11,7 +12,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
     let manifest = "[package]\nname = \"a\"\n\n[profile.dev.package]\nkarat.opt-level = 0";
     write(folder.path(), "Cargo.toml", manifest);
     let read = || std::fs::read_to_string(folder.path().join("Cargo.toml")).expect("it is there");
-    // Of what isn't there Cargo would warn.
+    // Cargo would warn about profiles of packages that don't exist.
     karat(folder.path(), &["init", "shaders"]).good();
     assert_eq!(read(), manifest);
     write(folder.path(), "Cargo.lock", "[[package]]\nname = \"karat\"\n");
@@ -20,7 +21,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
         ran.contains("added profiles of karat-core, karat-engine, naga to Cargo.toml"),
         "{ran}"
     );
-    // Its Rust tests run in CI, too, and what they leave is kept.
+    // CI also runs the project's Rust tests, and keeps the files that they write.
     karat(folder.path(), &["init", "--github", "--gitlab"]);
     for file in [".github/workflows/karat.yml", ".gitlab-ci.karat.yml"] {
         let text = std::fs::read_to_string(folder.path().join(file)).expect("it is there");
@@ -38,7 +39,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
     assert_eq!(read(), written, "once");
 }
 
-/// Where `package.json` has Karat, jobs install it by npm.
+/// If `package.json` depends on Karat, the CI jobs install Karat with npm.
 #[test]
 fn jobs_of_an_npm_project_use_npm() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -90,14 +91,14 @@ fn a_first_test_is_written_and_passes() {
     assert_eq!(read(".gitignore"), "target\n**/.karat/run/\n*.new.exr\n*.new.csv\n*.new.png\n");
     assert!(read("shaders/brdf.test.toml").contains("finite = true"));
     assert!(read(".github/workflows/karat.yml").contains("karat test shaders --paths vulkan"));
-    // Broken, the first test fails.
+    // The first test fails after a fault is planted.
     write(
         &folder.path().join("shaders"),
         "brdf.wgsl",
         "fn lambert(n_dot_l: f32) -> f32 { return 0.31830987 / n_dot_l; }\n",
     );
     assert_eq!(karat(folder.path(), &["test", "shaders"]).code, Some(1));
-    // A second time nothing is overwritten.
+    // A second `karat init` overwrites nothing.
     write(
         folder.path(),
         "shaders/brdf.test.toml",
@@ -112,7 +113,8 @@ fn a_first_test_is_written_and_passes() {
     assert!(!read("shaders/brdf.test.toml").contains("finite"));
 }
 
-/// A project with Rust tests gets one of a function that they leave out, and keeps the record of its last run.
+/// If a project has Rust tests, `karat init` tests a function that they leave out, and keeps the record of their last
+/// run.
 #[test]
 fn init_skips_functions_that_rust_tests_check() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -126,7 +128,7 @@ fn init_skips_functions_that_rust_tests_check() {
     let record = path.join("target/karat/record");
     write(&record, "1.jsonl", &function("a::g", "cpu", "pass", None));
     write(&record, "run.json", r#"{"schema":5,"selected":[],"passed":true}"#);
-    // Who asks for a workflow wants that alone.
+    // `karat init --github` writes only the workflow.
     let ran = karat(path, &["init", "--github"]).good();
     assert!(ran.contains("there are tests in Rust, so no test is written"), "{ran}");
     assert!(!path.join("shaders/a.test.toml").exists());
@@ -137,7 +139,7 @@ fn init_skips_functions_that_rust_tests_check() {
     assert!(ran.contains("1 passed") && ran.contains("the record of the last run stays"), "{ran}");
     let report = karat(path, &["report"]).good();
     assert!(report.contains("a::g") && !report.contains("a::h"), "{report}");
-    // With a test of each there is nothing to write, and nothing to run.
+    // If each function has a test, there is nothing to write and nothing to run.
     std::fs::remove_file(path.join("shaders/a.test.toml")).expect("it was written");
     write(path, "tests/more/b.rs", "SHADERS.function(\"a::h\");\n");
     let ran = karat(path, &["init"]).good();
@@ -145,7 +147,7 @@ fn init_skips_functions_that_rust_tests_check() {
     assert!(!path.join("shaders/a.test.toml").exists());
 }
 
-/// A first test that is red shows where, and says so.
+/// If the first test fails, the output says so, and shows the line.
 #[test]
 fn a_first_test_may_be_red() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -184,7 +186,7 @@ fn init_explains_why_there_is_nothing_to_test() {
     write(folder.path(), "a.wgsl", "struct A { x: f32 }\n");
     let nothing = karat(folder.path(), &["init"]);
     assert!(nothing.code == Some(2) && nothing.out.contains("declares no function"), "{nothing:?}");
-    // Where no test can be written nothing is: not even what goes with it.
+    // If no test is possible, `karat init` writes nothing, including the files that go with a test.
     let bound = "@group(0) @binding(0) var t: texture_2d<f32>;\n\
                  fn tex(uv: vec2f) -> vec4f { return textureLoad(t, vec2i(uv), 0); }\n";
     write(folder.path(), "b.wgsl", bound);
@@ -200,7 +202,8 @@ fn init_explains_why_there_is_nothing_to_test() {
     assert!(none.contains("there is no folder `nowhere`"), "{none}");
 }
 
-/// A pass for one workgroup runs as one; and of a long array not each element is written.
+/// `karat init` dispatches a pass for one workgroup as one workgroup. The test of a long array doesn't list each
+/// element.
 #[test]
 fn a_pass_for_one_workgroup_gets_a_test() {
     let scan = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -232,14 +235,14 @@ fn a_pass_for_one_workgroup_gets_a_test() {
         let file = folder.path().join("m.test.toml");
         let declared = std::fs::read_to_string(&file).expect("it is written");
         assert!(declared.contains(part), "no `{part}` in {declared}");
-        // A test that is deleted is no reason not to write one.
+        // `karat init` writes a deleted test again.
         std::fs::remove_file(&file).expect("it is there");
         let ran = karat(folder.path(), &["init"]).good();
         assert!(ran.contains(&format!("a test of `m::{name}`")), "{ran}");
     }
 }
 
-/// Images are as large as what is dispatched, and differ from texel to texel.
+/// Images have the size of the dispatch, and different texels.
 #[test]
 fn a_pass_over_images_gets_a_test() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -267,7 +270,7 @@ fn a_pass_over_images_gets_a_test() {
     assert!(ran.code != Some(0) && ran.out.contains("race on `target_"), "{ran:?}");
 }
 
-/// Sizes follow from what is dispatched; a pass that races is red.
+/// The sizes of buffers follow from the dispatch. The test of a pass that races fails.
 #[test]
 fn a_pass_gets_a_test_of_its_own() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -289,7 +292,7 @@ fn a_pass_gets_a_test_of_its_own() {
     {
         assert!(text.contains(part), "no `{part}` in {text}");
     }
-    // A fault that is planted turns it red, also in the first test.
+    // The first test also fails after a fault is planted.
     let planted = pass.replace("sums[id.x] =", "sums[id.x / 2u] =");
     write(folder.path(), "m.wgsl", &planted);
     assert_eq!(karat(folder.path(), &["test", "."]).code, Some(1));
@@ -299,7 +302,7 @@ fn a_pass_gets_a_test_of_its_own() {
     assert!(ran.out.contains("race on `sums["), "{ran:?}");
 }
 
-/// A function that returns no float is looked through for hazards.
+/// A function that returns no float gets a check for hazards.
 // Lesson 181
 #[test]
 fn a_function_of_integers_gets_a_test() {
@@ -311,7 +314,7 @@ fn a_function_of_integers_gets_a_test() {
     assert_eq!(karat(folder.path(), &["test", "shaders"]).code, Some(1));
 }
 
-/// Git ignores what runs leave, wherever the folder of shaders is.
+/// Git ignores the files that runs write, for any position of the shader folder.
 // Lesson 181
 #[test]
 fn git_ignores_what_runs_leave() {
@@ -330,7 +333,7 @@ fn git_ignores_what_runs_leave() {
     assert_eq!(seen, "?? .gitignore\n?? lib/shaders/m.test.toml\n?? lib/shaders/m.wgsl\n");
 }
 
-/// The folder is that whose tests `karat test` runs.
+/// `karat init` uses the folder whose tests `karat test` runs.
 // Lesson 181
 #[test]
 fn the_folder_is_the_one_that_is_declared() {
@@ -359,7 +362,8 @@ fn nothing_is_written_in_ci_unless_it_may() {
     assert!(folder.path().join("m.test.toml").is_file());
 }
 
-/// A project for the web gets a script; Tint is required where the project itself has it, so that a first run is green on each machine.
+/// A project for the web gets a script. The script requires Tint only if the project depends on it, so the first run
+/// passes on each machine.
 #[test]
 fn a_project_for_the_web_gets_a_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -384,14 +388,15 @@ fn a_project_for_the_web_gets_a_script() {
     init().good();
     let again = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
     assert_eq!(again, manifest, "once is enough");
-    // It has it, and this machine hasn't.
+    // The project depends on `webgpu`, but this machine hasn't installed it.
     let with = manifest.replacen('{', "{ \"devDependencies\": { \"webgpu\": \"0.3\" },", 1);
     write(folder.path(), "package.json", &with);
     let said = init().good();
     assert!(said.contains("Chrome's compiler isn't asked"), "{said}");
 }
 
-/// A module that isn't valid is told, and the others get their test; `matrix` and `compare` take a folder as others do.
+/// `karat init` reports an invalid module, and writes tests for the others. `matrix` and `compare` accept a folder, as
+/// other commands do.
 #[test]
 fn init_writes_tests_for_the_valid_modules() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -426,7 +431,8 @@ fn init_writes_tests_for_the_valid_modules() {
     assert!(compared.contains("changed") && compared.contains("tone::tone"), "{compared}");
 }
 
-/// Packages of npm hold no module of the project, and for each command the folder with all modules is the package.
+/// Packages of npm contain no modules of the project. For each command, the package is the folder that contains all
+/// modules.
 #[test]
 fn the_folder_that_has_all_modules_is_found() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -440,11 +446,11 @@ fn the_folder_that_has_all_modules_is_found() {
         let mut command = command(path, arguments);
         output(command.env("KARAT_PATHS", "cpu").env("KARAT_TINT", "off"))
     };
-    // A module of entry points alone has a test, too.
+    // A module with only entry points also gets a test.
     let said = run(&["init"]).good();
     assert!(said.contains("wrote src/shaders/draw.test.toml, a test of `draw::main`"), "{said}");
     assert!(said.contains("karat watch src/shaders"), "{said}");
-    // Imports begin at that folder, for each command.
+    // For each command, imports begin at that folder.
     write(
         path,
         "src/shaders/noise.wgsl",
@@ -456,7 +462,7 @@ fn the_folder_that_has_all_modules_is_found() {
     assert!(row.contains("  yes  "), "the record of its test is found: {list}");
     run(&["test"]).good();
     run(&["hazards", "--only", "one"]).good();
-    // A package within a package would be no command's.
+    // No command finds a package within a package.
     write(path, "karat.toml", "");
     let error = run(&["init", "src/shaders"]).error();
     assert!(error.contains("`src/shaders` is a part of it: run `karat init .`"), "{error}");

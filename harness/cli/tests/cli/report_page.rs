@@ -1,11 +1,11 @@
-//! `karat report`: the page of a run, its JSON, and one report of several parts.
+//! Tests the page of `karat report`, its JSON, and one report for several parts of a run.
 
 use std::path::PathBuf;
 
 use super::report::{frame, function};
 use super::*;
 
-/// A project whose record has these lines, in one folder or in several.
+/// A project with a record of these lines, in one folder or in several.
 fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     let project = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(project.path().join("Cargo.toml"), "[workspace]\n").expect("written");
@@ -18,7 +18,7 @@ fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     (project, folders)
 }
 
-/// `name` agrees in test `test`, with errors and, if it fails, where they are.
+/// A check of `name` in the test `test`, with errors. If the check fails, it has their positions.
 fn check(name: &str, test: &str, verdict: &str) -> String {
     let message =
         (verdict == "fail").then_some("error: `f` fails\n  replay: KARAT_SEED=1 cargo test");
@@ -57,8 +57,8 @@ fn the_page_shows_what_fails_with_its_plots() {
     ] {
         assert!(page.contains(part), "no `{part}` in {page}");
     }
-    // The plots, and nothing of the record as markup.
-    assert_eq!((page.matches("<svg width").count(), page.matches("<script>").count()), (3, 1)); // a plot of each argument, and a map
+    // The page has the plots, and shows nothing from the record as markup.
+    assert_eq!((page.matches("<svg width").count(), page.matches("<script>").count()), (3, 1)); // two plots, one for each argument, and a map
     // It needs no network.
     let page = page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
     assert!(!page.contains("src=") && !page.contains("http:") && !page.contains("@import"));
@@ -68,7 +68,7 @@ fn the_page_shows_what_fails_with_its_plots() {
     assert_eq!(json["run"]["passed"], true);
 }
 
-/// What a sampler counted, what can go wrong, and links to the other pages.
+/// The page has a sampler's counts, hazards, and links to the other pages.
 #[test]
 fn the_page_has_maps_hazards_and_links() {
     let histogram = r#""histogram":{"axes":["theta","phi"],"rows":[1,2],"observed":[9,1,0],"expected":[4,4,2]}"#;
@@ -112,7 +112,7 @@ fn reports_spare_what_is_there() {
         twice.code == Some(2) && twice.err.contains("two reports have the same file"),
         "{twice:?}"
     );
-    // No two rows have one name.
+    // No two rows have the same name.
     assert_eq!(report(&["--html", "r.html"]).code, Some(0));
     let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
     let ids: Vec<&str> =
@@ -122,24 +122,24 @@ fn reports_spare_what_is_there() {
     distinct.dedup();
     assert_eq!(ids.len(), distinct.len(), "{ids:?}");
     assert!(page.contains("calc::half-agrees_with-a-2"), "{ids:?}");
-    // A record whose run didn't end says what to do.
+    // If a run didn't end, the report of its record says what to do.
     std::fs::remove_file(folders[0].join("run.json")).expect("removed");
     assert_eq!(report(&["--html", "r.html"]).code, Some(1));
     let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
     assert!(page.contains(">not ended</h1>") && page.contains("Run the tests again"), "{page}");
-    // What can't be written leaves the page that was there.
+    // If Karat can't write the page, the old page stays.
     let blocked = report(&["--html", "r.html", "--json", "r.html/x.json"]);
     assert!(blocked.code != Some(0) && project.path().join("r.html").is_file(), "{blocked:?}");
 }
 
-/// What shards of a run give is what the whole run gives, to the byte.
+/// The merged report of a run's shards equals the report of the whole run, byte for byte.
 // Lesson 108
 #[test]
 fn merged_parts_are_the_whole() {
     let names = ["a", "b", "c", "d", "e", "f", "g"];
     let mut all: Vec<String> =
         names.iter().map(|name| check(&format!("m::{name}"), name, "pass")).collect();
-    // One test checks a function twice: the record has both in the order in which they ran.
+    // One test checks a function twice. The record has both checks, in the order in which they ran.
     let twice = ["9", "10"]
         .map(|seed| check("m::h", "h", "pass").replace("\"seed\":1", &format!("\"seed\":{seed}")));
     assert_ne!(twice[0], twice[1]);
@@ -165,12 +165,12 @@ fn merged_parts_are_the_whole() {
     };
     let whole = write(&["--record", parts[0]], "whole");
     assert_eq!(write(&["--merge", parts[3], parts[1], parts[2]], "merged"), whole);
-    // A shard that is missing is missed; one that is counted twice changes nothing.
+    // The report names a missing shard. A shard that is given twice counts once.
     assert_ne!(write(&["--merge", parts[1], parts[2]], "two"), whole);
     assert_eq!(write(&["--merge", parts[0], parts[1], parts[2]], "twice"), whole);
 }
 
-/// A part that failed, didn't end or isn't there is no success of the whole.
+/// If a part failed, didn't end or doesn't exist, the merged run fails.
 // Lesson 108
 #[test]
 fn a_bad_part_is_a_bad_whole() {

@@ -1,4 +1,4 @@
-//! Tests without Rust: functions with `@test`, and `*.test.toml`.
+//! Tests functions with `@test`, and `*.test.toml`.
 
 use super::*;
 
@@ -41,7 +41,7 @@ fn cpu(folder: &FilePath, more: &[&str]) -> Ran {
     karat(folder, &[&["test", ".", "--paths", "cpu"], more].concat())
 }
 
-/// Of a run that left tests out nothing is known of the functions that it didn't check.
+/// After a run of some tests, `karat list` doesn't know if the other functions are tested, and says so.
 #[test]
 fn a_list_after_a_part_of_the_tests_says_so() {
     let folder = folder();
@@ -54,7 +54,7 @@ fn a_list_after_a_part_of_the_tests_says_so() {
     assert!(part.contains("the last run had only `lambert`"), "{part}");
 }
 
-/// A declaration that no check can begin with is in each report, with the place of its key.
+/// If a declaration is so wrong that no check can start, each report has an error with the line of its key.
 #[test]
 fn a_test_that_cannot_begin_is_in_each_report() {
     let folder = folder();
@@ -62,7 +62,7 @@ fn a_test_that_cannot_begin_is_in_each_report() {
                     [[frame]]\nname = \"sky\"\nfragment = \"sky\"\nsize = [4, 4]\n\
                     formats = [\"rgba8\"]\n";
     write(folder.path(), "brdf.test.toml", declared);
-    // Nor can the tests of a file that can't be read.
+    // The tests of an unreadable file can't start either.
     write(folder.path(), "other.test.toml", "[[test]]\nfunction = \"schlick\"\nfinit = true\n");
     let ran = cpu(folder.path(), &["--short", "--junit", "junit.xml"]);
     assert!(ran.out.contains("other.test.toml:3:1: error: unknown field `finit`"), "{ran:?}");
@@ -78,7 +78,7 @@ fn a_test_that_cannot_begin_is_in_each_report() {
     assert!(report.out.contains("::error file=brdf.test.toml,line=3,col=1,"), "{report:?}");
 }
 
-/// A cause that stops every test stands there in full once, with the place of each test.
+/// If one cause stops every test, the report has the full cause once, and the line of each test.
 #[test]
 fn a_cause_that_stops_all_tests_is_printed_once() {
     let folder = folder();
@@ -112,10 +112,10 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
         assert!(ran.contains(part), "no `{part}` in {ran}");
     }
     assert!(folder.path().join("junit.xml").is_file());
-    // What a test in WGSL calls is tested.
+    // A function that a test in WGSL calls is tested.
     let untested = ran.split("functions without a test").nth(1).unwrap_or_default();
     assert!(untested.contains("brdf::by_pow") && !untested.contains("brdf::blend"), "{ran}");
-    // The project of a folder without Cargo is the folder.
+    // In a folder without Cargo, the project is the folder.
     let here = karat(folder.path(), &["test", "--paths", "cpu"]).good();
     assert!(here.contains("10 checks"), "{here}");
     let some = cpu(folder.path(), &["grazing"]).good();
@@ -129,7 +129,7 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
     assert!(karat(folder.path(), &["test", "./nowhere"]).error().contains("no folder or file"));
 }
 
-/// What tests a module can't be known while it doesn't parse.
+/// While a module doesn't parse, Karat doesn't call its functions untested.
 #[test]
 fn a_syntax_error_makes_no_function_untested() {
     let folder = folder();
@@ -198,7 +198,7 @@ fn each_failing_expectation_is_reported_with_its_place() {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
     assert!(!ran.out.contains("wrong_test.wgsl:7:5"), "what holds isn't told: {}", ran.out);
-    // The replay's command, as it is printed.
+    // The replay command from the output.
     let replay = ran.out.lines().find_map(|line| line.trim().strip_prefix("replay: "));
     let words: Vec<&str> = replay.expect("a replay").split(' ').collect();
     let mut again = command(folder.path(), &[]);
@@ -211,12 +211,11 @@ fn each_failing_expectation_is_reported_with_its_place() {
     }
     let again = output(&mut again);
     assert!(again.code == Some(1) && again.out.contains("1 of 1 case fails"), "{again:?}");
-    // What it failed on is tried again.
+    // Karat tries the failing inputs again.
     assert!(folder.path().join(".karat/failures/suite").is_dir());
 }
 
-/// Each kind of declared assertion fails where its fault is planted.
-/// No two numbers are as many steps apart, so the expectation couldn't fail.
+/// A bound that no difference of numbers can exceed is refused, because the expectation couldn't fail.
 #[test]
 fn a_bound_that_nothing_exceeds_fails() {
     let folder = folder();
@@ -265,7 +264,7 @@ fn planted_faults_turn_each_assertion_red() {
     }
 }
 
-/// Functions that take derivatives, write, have overrides, or read what a file holds.
+/// The tested functions use derivatives, write, have overrides, or read data from a file.
 // Lesson 132
 #[test]
 fn declared_tests_of_each_kind_run() {
@@ -469,7 +468,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
     let nothing = tempfile::tempdir().expect("a temporary folder");
     write(nothing.path(), "brdf.wgsl", BRDF);
     assert!(cpu(nothing.path(), &[]).failure(3).contains("has no tests: no function with `@test`"));
-    // A fault that tests share is told once.
+    // A fault that several tests share is reported once.
     let shared = tempfile::tempdir().expect("a temporary folder");
     let test = |at: u32| format!("@test fn t{at}() {{ expect_true(helper() > {at}.0); }}\n");
     let text = format!(
@@ -486,7 +485,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
     assert!(ran.out.lines().any(sound), "{ran:?}");
 }
 
-/// Values exactly at their bounds hold, however many there are; cases that evaluate nothing aren't counted.
+/// Any number of values exactly at their bounds passes. Karat doesn't count cases that evaluate nothing.
 // Lesson 105
 #[test]
 fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
@@ -508,8 +507,8 @@ fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
     assert_eq!(seldom["paths"][0]["cases"], 1, "{ran}");
 }
 
-/// One kernel counts several tests, each with its own arguments; what fails there runs alone and is told as
-/// on the path that compiles nothing.
+/// One kernel evaluates several tests, each with its own arguments. Each failing test runs again singly, and its
+/// message equals the message on the path `cpu`, which compiles nothing.
 // Lesson 104
 #[test]
 fn tests_that_are_counted_together_have_their_own_verdicts() {
@@ -569,7 +568,7 @@ fn tests_that_are_counted_together_have_their_own_verdicts() {
         facts
     };
     let (mut together, mut alone) = (run("vulkan"), run("cpu"));
-    // A loop that the driver leaves is an error there.
+    // A loop that the driver leaves early is an error on this driver.
     for facts in [&mut together, &mut alone] {
         let long = facts.iter().position(|facts| facts[0].contains("long")).expect("it ran");
         assert_ne!(facts.remove(long)[3], "\"pass\"");
@@ -581,7 +580,7 @@ fn tests_that_are_counted_together_have_their_own_verdicts() {
     );
 }
 
-/// A test is no part of the shader that others import or validate.
+/// Karat removes tests from a shader that other modules import or that it validates.
 #[test]
 fn tests_are_stripped_from_what_is_drawn_and_listed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -597,7 +596,7 @@ fn tests_are_stripped_from_what_is_drawn_and_listed() {
     assert!(!show.contains("karat::") && !show.contains("own"), "{show}");
 }
 
-/// A runaway test ends with its place, and the others have their verdicts.
+/// Karat ends a test that runs forever, and reports its line. The other tests get their verdicts.
 #[test]
 fn a_runaway_test_is_stopped() {
     let folder = folder();
@@ -614,8 +613,8 @@ fn a_runaway_test_is_stopped() {
     assert!(ran.out.contains("11 checks, 1 failed"), "{}", ran.out);
 }
 
-/// Missing, it is pending; accepted, it passes; with another shader it fails.
-/// Whoever tests the folder `shaders` goes on without naming it: its record, its goldens, its failures.
+/// After a run in the folder `shaders`, commands find its record, goldens and failures from the parent folder without
+/// naming `shaders`.
 #[test]
 fn pending_and_goldens_are_found_from_the_parent_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -628,7 +627,7 @@ fn pending_and_goldens_are_found_from_the_parent_folder() {
     write(&shaders, "a.test.toml", declared);
     let ran = karat(path, &["test", "shaders", "--paths", "vulkan", "--github"]);
     assert!(ran.code == Some(1) && ran.out.contains("frame `grey` has no golden"), "{ran:?}");
-    // The place of a frame is where it is declared.
+    // The file and line of a frame are those of its declaration.
     let place = "file=shaders/a.test.toml,line=6,col=1,";
     assert!(ran.out.contains(place), "{ran:?}");
     let pending = karat(path, &["pending"]);
@@ -643,7 +642,7 @@ fn pending_and_goldens_are_found_from_the_parent_folder() {
         "{listed}"
     );
     assert!(karat(path, &["report"]).good().contains("a::half"));
-    // A failure is replayed from here and from there.
+    // A failure can be replayed from both folders.
     write(&shaders, "a.wgsl", &module.replace("0.5 * x", "1.5 * x"));
     let ran = karat(path, &["test", "shaders", "half", "--paths", "cpu"]);
     assert!(ran.code == Some(1), "{ran:?}");
@@ -651,7 +650,7 @@ fn pending_and_goldens_are_found_from_the_parent_folder() {
         let again = karat(from, &["replay"]);
         assert!(again.code == Some(1) && again.out.contains("1 of 1 case fails"), "{again:?}");
     }
-    // The folder itself, tested later, is what commands are about.
+    // After a later run in the parent folder, commands use this folder.
     write(path, "own.wgsl", "@test fn own() { karat::expect_true(true); }\n");
     let misspelt = karat(path, &["test", "shader", "--paths", "cpu"]).err;
     assert!(misspelt.contains("did you mean `shaders`?"), "{misspelt}");
@@ -703,7 +702,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
         assert!(ran.code != Some(0) && ran.out.contains(part), "{ran:?}");
         assert!(ran.out.contains("grad.test.toml:6:10"), "the resource's place: {ran:?}");
     }
-    // Alone, and with the same result.
+    // The test runs singly, with the same result.
     let alone = format!(
         "[[frame]]\nname = \"gradient\"\nfragment = \"fs\"\nsize = [32, 16]\nsamples = 4\n\
          with = {{ {tint} }}\n"
@@ -714,7 +713,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
     assert_ne!(left_out.code, Some(0), "nothing is compared: {left_out:?}");
 }
 
-/// The same of values, which are one file, and whose facts lie within.
+/// Declared values are stored in one golden file, together with their provenance.
 #[test]
 fn declared_values_are_compared_with_their_golden() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -740,7 +739,7 @@ fn declared_values_are_compared_with_their_golden() {
     let pending = karat(folder, &["pending"]);
     assert_eq!(pending.code, Some(3), "{pending:?}");
     assert!(pending.out.contains("20 rows") && pending.out.contains("cpu: "), "{pending:?}");
-    // What Karat's engine returns is the same on each machine.
+    // Karat's engine returns the same values on each machine.
     karat(folder, &["accept", "tone/*", "--any-adapter", "--because", "it is linear"]).good();
     assert!(run().good().contains("1 check, 0 failed"));
     let golden = folder.join("golden/tone/linear.csv");
@@ -750,7 +749,7 @@ fn declared_values_are_compared_with_their_golden() {
         assert!(ran.out.contains(&format!("{goldens} compared, {rest}")), "{ran:?}");
     };
     unreferenced("1 golden", "0 unreferenced, 0 stray");
-    // The golden is a table for other commands, too.
+    // Other commands can read the golden as a table.
     let call = ["call", "tone", "--table", "golden/tone/linear.csv", "--tolerance", "exact"];
     let call = [&call[..], &["--expect", "result", "--shaders", "tone.wgsl"]].concat();
     karat(folder, &call).good();
@@ -772,7 +771,7 @@ fn declared_values_are_compared_with_their_golden() {
     assert!(golden.is_file() && !folder.join("golden/tone/other.csv").exists());
 }
 
-/// What a frame draws beside what is compared is told, and can be compared.
+/// The report names targets that the frame draws and the test doesn't compare. A test can compare them.
 #[test]
 fn declared_frames_have_targets_formats_and_overrides() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -825,7 +824,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     }
 }
 
-/// An override is set for the tested function; a reference that has none is compared all the same.
+/// The test sets an override for the tested function. A reference without this override is still compared.
 #[test]
 fn a_reference_needs_none_of_the_overrides() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -847,7 +846,7 @@ fn a_reference_needs_none_of_the_overrides() {
     assert!(unknown.out.contains("did you mean `GAIN`?"), "{unknown:?}");
 }
 
-/// Another runner of tests: this program's own, which `karat test` hides.
+/// Runs this program's own tests and records them. `karat test` hides this other runner.
 fn recorded(folder: &FilePath, options: &[&str], tests: &[&str]) -> Ran {
     let runner = env!("CARGO_BIN_EXE_karat");
     let arguments = [&["record"], options, &["--", runner, "suite", "."], tests].concat();
@@ -887,10 +886,10 @@ fn parts_of_another_runner_are_its_whole() {
     record("p1", &["schlick"]);
     record("p2", &["lambert"]);
     record("p3", &["blend"]);
-    // Tests in WGSL are found by the functions that they call, too: some ran in two parts.
+    // The table finds tests in WGSL by the functions that they call. Some ran in two parts.
     let table = |options: &[&str]| {
         let ran = karat(folder.path(), &[&["report", "--all"], options].concat()).good();
-        // On a busy machine a check may be slow enough to be named.
+        // On a busy machine, Karat may list a slow check.
         let own =
             |line: &&str| ["record: ", "slowest: "].iter().all(|head| !line.starts_with(head));
         ran.lines().filter(own).map(str::to_owned).collect::<Vec<_>>().join("\n")
@@ -906,7 +905,8 @@ fn parts_of_another_runner_are_its_whole() {
     assert!(twice.code == Some(2) && twice.err.contains("`p1` isn't empty"), "{twice:?}");
 }
 
-/// Of a Cargo project a folder's tests are a part: whoever judges goldens by the run refuses.
+/// The tests of a folder are only a part of a Cargo project's tests, so a command that judges goldens by the run
+/// refuses.
 #[test]
 fn a_folder_of_a_cargo_project_is_a_part_of_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -926,7 +926,7 @@ fn a_folder_of_a_cargo_project_is_a_part_of_it() {
     assert!(refused.contains("the last run had only some tests (`shaders`)"), "{refused}");
 }
 
-/// Whoever gives whole numbers a tolerance learns why it doesn't help.
+/// If a test sets a tolerance for integers, the message explains why it has no effect.
 #[test]
 fn integers_have_no_tolerance() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -937,11 +937,11 @@ fn integers_have_no_tolerance() {
     let failed = cpu(folder.path(), &[]);
     assert_eq!(failed.code, Some(1), "{failed:?}");
     assert!(failed.out.contains("not equal: integers have no tolerance"), "{failed:?}");
-    // WGSL allows the one result, which is wrong.
+    // WGSL allows only one result, and the driver's result is another.
     assert!(!failed.out.contains("anything"), "{failed:?}");
 }
 
-/// `0.3` is what WGSL makes of it, under every key; a fault is seen under every key.
+/// Under every key, `0.3` is the number that WGSL reads, and every key detects a fault.
 // Lesson 170
 #[test]
 fn decimals_are_what_the_shader_has() {
@@ -975,7 +975,7 @@ fn decimals_are_what_the_shader_has() {
     );
 }
 
-/// The first test that people read of, and what it prints.
+/// The README's first test prints the output that the README shows.
 #[test]
 fn the_readme_shows_what_its_first_test_says() {
     let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md"));
@@ -998,15 +998,15 @@ fn the_readme_shows_what_its_first_test_says() {
     let shown = readme.split("```text\n").nth(1).and_then(|rest| rest.split("```").next());
     let shown = shown.expect("what it prints");
     let lines: Vec<&str> = ran.out.lines().map(str::trim).collect();
-    // Of the line of the driver: people have others.
+    // Skips the line with the driver, which differs between machines.
     for line in shown.lines().map(str::trim).filter(|line| !line.starts_with("on ")) {
         assert!(lines.contains(&line), "`{line}` isn't in {}", ran.out);
     }
     assert!(shown.lines().count() > 5, "{shown}");
 }
 
-/// A buffer that is given by its size alone holds anything in a host, so what reads it before a pass writes it is counted,
-/// where what passes leave depends on it.
+/// If a test gives a buffer only its size, the buffer may contain any data in a real program. Karat counts reads of
+/// such data before a pass writes it, if the results depend on them.
 // Lesson 221
 #[test]
 fn unwritten_words_are_counted() {

@@ -1,4 +1,4 @@
-//! `karat translate` and `karat matrix`.
+//! Tests `karat translate` and `karat matrix`.
 
 use super::*;
 
@@ -33,7 +33,7 @@ fn a_function_is_printed_in_each_language() {
         assert!(text.starts_with("// ") && text.contains(mark), "{language}: {text}");
         assert!(text.contains('3'), "{language}: {text}");
     }
-    // SPIR-V is words, also where it is piped.
+    // SPIR-V is written as binary words, also into a pipe.
     let bytes = command(folder.path(), &["translate", "maths::blend", "--to", "spirv"]).output();
     let bytes = bytes.expect("it runs").stdout;
     assert_eq!(bytes[..4], 0x0723_0203_u32.to_le_bytes());
@@ -84,7 +84,7 @@ fn a_failed_translation_is_an_error() {
     assert!(both.contains("remove --entry-point"), "{both}");
 }
 
-/// The columns of these that run here: not each machine has GL.
+/// The given columns that run on this machine. Some machines have no GL.
 #[cfg(target_os = "linux")]
 pub(super) fn run_here<'c>(columns: impl IntoIterator<Item = &'c str>) -> Vec<&'c str> {
     let gl = karat::unstable::path::adapter(karat::Path::GL).is_ok();
@@ -128,14 +128,14 @@ fn the_matrix_says_how_far_each_row_gets() {
         assert_eq!(cell["compared"], 64, "{column}: {cell}");
         assert!(cell["validators"].as_array().is_some_and(|said| !said.is_empty()), "{cell}");
     }
-    // Nothing runs these, and nothing is assumed of them.
+    // This machine can't run these columns, and Karat assumes nothing about their results.
     assert_eq!(blend["metal"]["status"], "translated");
     assert_eq!(blend["metal"]["stopped"]["why"], "no_validator");
     assert_eq!(blend["dx12"]["status"], "valid");
     assert_eq!(blend["dx12"]["stopped"]["why"], "unavailable");
     let shade = row(&matrix, "frame::shade");
     assert_eq!(shade["vulkan"]["status"], "agrees");
-    // Attributes are gone in the kernel that calls it, and not in what is translated.
+    // The kernel that calls the function has no attributes. The translated entry point has them.
     let corner = row(&matrix, "frame::corner");
     for column in &columns {
         let cell = &corner[*column];
@@ -146,7 +146,7 @@ fn the_matrix_says_how_far_each_row_gets() {
         );
     }
     assert_eq!(corner["metal"]["status"], "translated");
-    // Functions that no kernel calls are rows without cells.
+    // Functions that no kernel can call are rows without cells.
     assert!(row(&matrix, "maths::raise").is_empty());
 
     let text = karat(folder.path(), &["matrix", "--cases", "64", "--only", "maths"]).good();
@@ -157,7 +157,7 @@ fn the_matrix_says_how_far_each_row_gets() {
     assert!(!text.contains("frame::"), "{text}");
 }
 
-/// A route is a path: a function is called there as anywhere.
+/// A route is a path, so a call runs on it.
 #[cfg(target_os = "linux")]
 #[test]
 fn routes_are_paths() {
@@ -174,7 +174,7 @@ fn routes_are_paths() {
     for route in run_here(routes) {
         let out = call(route, &["maths::blend", "2", "1"]).good();
         assert!(out.contains(route) && out.contains('5'), "{out}");
-        // And opens, as doctor says.
+        // `karat doctor` reports that the route opens.
         karat(folder.path(), &["doctor", "--require", route]).good();
     }
     for (route, message) in [
@@ -184,7 +184,7 @@ fn routes_are_paths() {
         let ran = call(route, &["maths::blend", "2", "1"]);
         assert!(ran.code != Some(0) && ran.err.contains(message), "{ran:?}");
     }
-    // What a route can't bind is no result, and says why.
+    // If a route can't bind a resource, there is no result, and the cell has the reason.
     let matrix = ["matrix", "--json", "--only", "texel"];
     let matrix = json(&karat(folder.path(), &matrix).good());
     for (column, why) in [("vulkan:glsl", "combines each texture"), ("vulkan:hlsl", "from a heap")]
@@ -195,7 +195,7 @@ fn routes_are_paths() {
     }
 }
 
-/// What functions don't have: workgroup memory, a barrier, atomics, buffers of several groups.
+/// A shader with features of entry points: workgroup memory, a barrier, atomics, and buffers in several groups.
 const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3> }\n\
     @group(0) @binding(0) var<uniform> params: Params;\n\
     @group(1) @binding(3) var<storage, read_write> sums: array<f32>;\n\
@@ -235,7 +235,7 @@ fn compute_entry_points_are_run() {
             "msl" => assert_eq!(cell["status"], "translated", "{cell}"),
             _ => {
                 assert_eq!(cell["status"], "agrees", "{column}: {cell}");
-                // 64 sums and what is behind them, and 8 bins.
+                // The pass writes 64 sums with the elements that follow them, and 8 bins.
                 assert!(cell["compared"].as_u64().is_some_and(|words| words >= 72), "{cell}");
             }
         }
@@ -246,7 +246,7 @@ fn compute_entry_points_are_run() {
             assert_eq!(cell["status"], "agrees", "{name} on {column}: {cell}");
         }
     }
-    // naga's HLSL has it from the host, and a driver that reads what isn't bound ends the process.
+    // In naga's HLSL this value comes from the host. A driver that reads an unbound resource ends the process.
     for column in run_here(["vulkan", "gl", "vulkan:hlsl"]) {
         let cell = &row(&matrix, "groups")[column];
         let refused =
@@ -254,7 +254,7 @@ fn compute_entry_points_are_run() {
         assert!(refused == (column == "vulkan:hlsl"), "{column}: {cell}");
         assert!(refused || cell["status"] == "agrees", "{column}: {cell}");
     }
-    // It would hang a driver, and the deadline would end the whole matrix.
+    // This shader would hang a driver, and the deadline would end the whole matrix.
     for column in run_here(["vulkan", "gl", "vulkan:hlsl"]) {
         let waits = &row(&matrix, "waits")[column];
         assert_eq!(waits["stopped"]["why"], "not_run", "{waits}");
@@ -266,7 +266,7 @@ fn compute_entry_points_are_run() {
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
 }
 
-/// WGSL lets a subnormal number be 0 (15.7.2), in a buffer as in a result.
+/// WGSL allows a subnormal number to be 0 (15.7.2), in a buffer and in a result.
 #[test]
 fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -285,7 +285,7 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     ];
     write(folder.path(), "small.wgsl", small);
     karat(folder.path(), &arguments).good();
-    // The same bits as whole numbers are other numbers.
+    // With the type `u32`, the same bits are other numbers.
     let whole = small.replace("array<f32>", "array<u32>");
     write(
         folder.path(),
@@ -295,7 +295,8 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     assert_eq!(karat(folder.path(), &arguments).code, Some(1));
 }
 
-/// An entry point doesn't need the abilities of the others of its module, and each driver has its own size of subgroups.
+/// An entry point doesn't need the abilities that only other entry points of its module use. Each driver has its own
+/// size of subgroups.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -314,7 +315,7 @@ fn an_entry_point_needs_what_it_uses_itself() {
     assert!(cell["differing"] == 0 && cell["open"].as_u64() > Some(0), "{cell}");
 }
 
-/// A pass that adds what is 0 in the first content is run over another one.
+/// If the first buffer contents make a pass add only zeros, Karat runs the pass with other contents.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_matrix_looks_for_a_content_that_a_pass_changes() {
@@ -328,7 +329,7 @@ fn the_matrix_looks_for_a_content_that_a_pass_changes() {
     }
 }
 
-/// Drivers take a level of detail of their own, and what doesn't depend on it is compared.
+/// Drivers choose the level of detail themselves. Karat compares only results that don't depend on it.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -344,7 +345,7 @@ fn derivatives_are_open_in_the_matrix() {
     }
 }
 
-/// A value reaches the translations and what runs.
+/// The override's value reaches the translations and the runs.
 #[test]
 fn overrides_have_values_in_the_matrix() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -378,7 +379,7 @@ fn overrides_have_values_in_the_matrix() {
     assert!(error.contains("no function and no entry point uses an override `SIEZ`"), "{error}");
     let error = matrix(&["--override", "SIZE=1.5"]).error();
     assert!(error.contains("the override `SIZE` is a u32"), "{error}");
-    // Of several packages one has it.
+    // Of several packages, only one has the override.
     write(
         folder.path(),
         "Cargo.toml",
@@ -395,7 +396,7 @@ fn overrides_have_values_in_the_matrix() {
     assert!(error.contains("write NAME=VALUE"), "{error}");
 }
 
-/// The matrix of one file on some columns: its JSON, and what else it says.
+/// The matrix of one file on some columns: its JSON and the other output.
 #[cfg(target_os = "linux")]
 fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -415,7 +416,7 @@ fn a_panic_of_naga_is_a_finding() {
     let atomics = "struct B { a: array<atomic<u32>, 4> } struct C { b: B }\n\
                    @group(0) @binding(0) var<storage, read_write> c: C;\n\
                    @compute @workgroup_size(1) fn m() { let w = c; }\n";
-    // No other validator has a say in this column.
+    // No other validator checks this column.
     let (matrix, ran) = matrix_of(atomics, "hlsl6");
     let cell = &row(&matrix, "m")["hlsl6"];
     assert_eq!(cell["stopped"]["why"], "panicked", "{cell}");
@@ -424,7 +425,7 @@ fn a_panic_of_naga_is_a_finding() {
     assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
 }
 
-/// Elements outside of arrays, vectors and textures: drivers clamp, read 0, or something else.
+/// A shader with accesses outside of arrays, vectors and textures. Drivers clamp, read 0, or do something else.
 #[cfg(target_os = "linux")]
 const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
     fn element(c: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[c % 4u]; }\n\
@@ -456,7 +457,8 @@ fn results_that_wgsl_leaves_open_are_counted_and_pass() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_wrong_defined_result_beside_an_open_one_fails() {
-    // x / 0 is x, and x % 0 is 0. In the last two an element is outside in each case, or in some.
+    // x / 0 is x, and x % 0 is 0. The last two functions use an index outside of an array in each case, or in some
+    // cases.
     let text = "fn quotient(a: i32, b: i32) -> i32 { return a / b; }\n\
                 fn rest(a: i32, b: i32) -> i32 { return a % b; }\n\
                 fn beside(c: u32, b: i32) -> vec2i {\n    \
@@ -477,7 +479,7 @@ fn a_wrong_defined_result_beside_an_open_one_fails() {
     }
 }
 
-/// A buffer has an element for each invocation, and a texture of one dimension has one level.
+/// A buffer has an element for each invocation. A one-dimensional texture has one level.
 // Lesson 157
 #[cfg(target_os = "linux")]
 #[test]
@@ -498,7 +500,7 @@ fn made_up_data_is_what_an_author_could_bind() {
     }
 }
 
-/// naga's WGSL has no `@align`, and the engine doesn't read that.
+/// naga's WGSL has no `@align`, and the engine reads the author's WGSL instead.
 // Lesson 158
 #[cfg(target_os = "linux")]
 #[test]
@@ -519,7 +521,7 @@ fn the_engine_runs_what_the_author_wrote() {
     );
 }
 
-/// glslang gives the words of HLSL's buffers where Direct3D gives their bytes.
+/// For the length of an HLSL buffer, glslang returns the number of words, and Direct3D the number of bytes.
 // Lesson 159
 #[cfg(target_os = "linux")]
 #[test]
@@ -540,7 +542,7 @@ fn buffers_are_as_long_on_each_route() {
     }
 }
 
-/// An entry point that takes minutes on a software driver, beside three that take no time.
+/// An entry point that takes minutes on a software driver, with three fast entry points.
 #[cfg(target_os = "linux")]
 fn slow_and_three() -> String {
     let terms: String = (0..300)
@@ -573,7 +575,7 @@ fn expect_three(matrix: &serde_json::Value) {
     }
 }
 
-/// A driver that crashes takes the process with it, and is caught with the row that it ran.
+/// If a driver crashes, its process ends, and Karat reports the crash in the row that ran.
 // Lesson 162
 #[cfg(target_os = "linux")]
 #[test]
@@ -603,7 +605,7 @@ fn a_crash_ends_one_row_of_the_matrix() {
         let id = supervisor.id();
         let child = std::fs::read_to_string(format!("/proc/{id}/task/{id}/children"));
         let child = child.expect("its children");
-        // Of a SIGSEGV that is sent the first is taken by Rust's handler.
+        // Rust's handler catches the first SIGSEGV that is sent from outside, so the test sends SIGFPE.
         let killed = Command::new("sh").args(["-c", &format!("kill -FPE {child}")]).status();
         assert!(killed.expect("it runs").success(), "{:?}", journal());
     }
@@ -679,7 +681,7 @@ fn required_columns_decide_the_exit_code() {
     assert!(twice.error().contains("`vulkan` is named twice"));
 }
 
-/// What compared nothing is no verdict, and an output that would destroy something is refused.
+/// A matrix that compared nothing is no verdict. Karat refuses an output that would overwrite an input.
 // Lesson 89
 #[cfg(target_os = "linux")]
 #[test]
@@ -704,7 +706,7 @@ fn a_matrix_without_evidence_fails() {
     }
     let folder_and_file = matrix(&["--html", "bugs", "--reproduce", "bugs"]).error();
     assert!(folder_and_file.contains("two outputs have the same file"), "{folder_and_file}");
-    // Whatever the package reads stays, and nothing is added to it.
+    // All files of the package stay, and Karat adds none.
     write(&folder.path().join("shaders"), "types.wgsl", "const K: f32 = 2.0;\n");
     write(&folder.path().join("shaders"), "karat.toml", "");
     for taken in ["shaders/types.wgsl", "shaders/karat.toml", "shaders/new.wgsl"] {
@@ -728,7 +730,7 @@ fn a_matrix_without_evidence_fails() {
     }
     write(&folder.path().join("bugs"), "older.txt", "");
     assert!(matrix(&["--reproduce", "bugs"]).error().contains("`bugs` isn't an empty folder"));
-    // It leaves its buffer as it was, on each column.
+    // On each column, the pass leaves its buffer unchanged.
     let idle = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;\n\
                 @compute @workgroup_size(1) fn idle() { if out[0] > 1e30 { out[0] = 1.0; } }\n";
     write(folder.path(), "idle.wgsl", idle);
@@ -739,7 +741,8 @@ fn a_matrix_without_evidence_fails() {
     assert_eq!(matrix(&[&columns[..], &required].concat()).code, Some(1));
 }
 
-/// What tests found on a path decides there; a verdict on another text of the module says nothing.
+/// In a row on a path that tests ran, the tests' verdict decides. A verdict on another version of the module has no
+/// effect.
 // Lesson 113
 #[cfg(target_os = "linux")]
 #[test]
@@ -784,8 +787,8 @@ fn tests_judge_the_functions_that_they_have() {
     assert!(stale.err.contains("the last run has no test of these functions"), "{stale:?}");
 }
 
-/// Faults that are planted behind naga's back, by a compiler that changes what it is given or what
-/// it makes. Each is caught at its status, on its column alone.
+/// Tests with planted faults after naga's translation. A fake compiler changes its input or output. Karat finds each
+/// fault with the right status, and only in its column.
 #[cfg(target_os = "linux")]
 mod planted {
     use std::os::unix::fs::PermissionsExt;
@@ -794,7 +797,7 @@ mod planted {
 
     use super::*;
 
-    /// Where a program of the machine is; these come with `cargo ci setup`.
+    /// The path of a program on this machine. `cargo ci setup` installs these programs.
     fn program(name: &str) -> std::path::PathBuf {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let found = std::env::split_paths(&path).map(|folder| folder.join(name));
@@ -803,7 +806,7 @@ mod planted {
         })
     }
 
-    /// The matrix with a glslang that does this before and after its work. It has a finding.
+    /// The matrix with a glslang that runs these commands before and after its work. The matrix has a finding.
     fn with_glslang(before: &str, after: &str) -> serde_json::Value {
         let ran = run_with_glslang(&shaders(), before, after, &["--json"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -811,8 +814,8 @@ mod planted {
         json(&ran.out)
     }
 
-    /// Microsoft's compiler isn't in Debian: a script takes its arguments and asks glslang. What is
-    /// tested is the route, not the compiler.
+    /// Debian has no package of Microsoft's compiler. A script reads its arguments and runs glslang. This tests the
+    /// route, not the compiler.
     #[test]
     fn dxc_is_asked_as_it_wants_to_be() {
         let folder = shaders();
@@ -872,7 +875,7 @@ mod planted {
         output(command(folder.path(), &[&common, more].concat()).env("PATH", path))
     }
 
-    /// A glslang that adds where naga's HLSL subtracts.
+    /// A glslang that replaces a subtraction in naga's HLSL by an addition.
     const ANOTHER_OPERATOR: &str =
         "[ -f shader.hlsl ] && sed -i 's/ - y/ + y/; s/_ - /_ + /' shader.hlsl";
 
@@ -933,7 +936,7 @@ mod planted {
         assert_eq!(values["case"]["arguments"][1], "0x3f800000");
     }
 
-    /// The first that differs is told, whatever stands in its initialiser.
+    /// Karat reports the first `let` that differs, for any initialiser.
     // Lesson 84
     #[test]
     fn the_first_let_that_differs_is_named() {
@@ -953,7 +956,7 @@ mod planted {
         assert!(says.as_str().is_some_and(|says| says.contains("(not looked at: `p`)")), "{says}");
     }
 
-    /// In a loop the last values are compared, which is said; the report of an entry point repeats it.
+    /// In a loop Karat compares the last values, and says so. The report of an entry point has this remark, too.
     #[test]
     fn loops_and_entry_points_say_what_they_are() {
         let folder = shaders();
@@ -977,7 +980,8 @@ mod planted {
         assert!(why.contains(": vulkan:hlsl: "), "what is wrong is never left out: {why}");
     }
 
-    /// glslang 11.12 has no zero value of an array, which naga's HLSL gives workgroup memory: nothing is wrong with that.
+    /// naga's HLSL initialises workgroup memory with a zero value of an array, which glslang 11.12 doesn't support.
+    /// This isn't a fault.
     // Lesson 160
     #[test]
     fn an_array_of_workgroups_is_no_fault_of_hlsl() {
@@ -996,7 +1000,7 @@ mod planted {
         assert!(known || ran.code == Some(1), "it isn't judged, and that is no green: {ran:?}");
     }
 
-    /// What fails before the declared status isn't what was declared.
+    /// A failure before the declared status doesn't match the declaration.
     // Lesson 85
     #[test]
     fn a_declaration_hides_no_worse_failure() {
@@ -1019,7 +1023,7 @@ mod planted {
         assert!(ran.contains("not checked: 1 declared failures"), "{ran}");
     }
 
-    /// What is declared must be so, and must be about what is there.
+    /// A declared difference must occur, in a row that exists.
     // Lesson 85
     #[test]
     fn a_declared_difference_must_occur() {
@@ -1045,12 +1049,13 @@ mod planted {
         let outdated = "one cell declared to fail works: delete from `karat.toml` the \
                         declarations for maths::blend on vulkan:hlsl: the row reaches `agrees`";
         assert!(healthy.err.contains(outdated), "{healthy:?}");
-        // What is declared to be rejected, and is accepted and differs, is no news to be glad of.
+        // A row is declared to be rejected. If a compiler accepts it and the result differs, Karat doesn't report the
+        // declaration as fixed.
         declare("maths::blend", "vulkan:hlsl", "valid", "the compiler is wrong");
         let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &[]);
         assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
         assert!(!ran.err.contains("delete"), "{ran:?}");
-        // A validator that crashes rejects nothing.
+        // A crash of a validator isn't a rejection.
         let ran = run_with_glslang(&folder, "[ -f shader.hlsl ] && kill -SEGV $$", "", &[]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(ran.out.contains("NO VERDICT"), "{ran:?}");
@@ -1069,7 +1074,7 @@ mod planted {
             "[[matrix]]\nrows = []\ncolumns = [\"gl\"]\nstatus = \"valid\"\nreason = \"x\"\n";
         write(&folder.path().join("shaders"), "karat.toml", empty);
         assert!(run_with_glslang(&folder, "", "", &[]).error().contains("names no rows"));
-        // A route that is declared isn't the direct one.
+        // The declared route isn't the direct route.
         declare("maths::blend", "vulkan", "agrees", "not so");
         let ran = run_with_glslang(&folder, "", "", &[]);
         assert!(
@@ -1078,7 +1083,6 @@ mod planted {
         );
     }
 
-    /// The data of the page.
     fn matrix_of_page(page: &str) -> serde_json::Value {
         use std::io::Read;
         let (_, data) = page.split_once("data-encoding=\"deflate\">").expect("its data");
@@ -1114,7 +1118,7 @@ mod planted {
         assert_eq!(states(&matrix), expected("vulkan:hlsl", "executed", "differs"));
         let cell = &row(&matrix, "maths::blend")["vulkan:hlsl"];
         let says = cell["stopped"]["says"].as_str().expect("a text").to_owned();
-        // The simplest input that shows it.
+        // The message has the simplest input that shows the difference.
         assert!(says.contains("at x = 0; y = 1 `vulkan:hlsl` returns 1, `vulkan` -1"), "{says}");
     }
 
