@@ -58,7 +58,7 @@ fn the_page_shows_what_fails_with_its_plots() {
         assert!(page.contains(part), "no `{part}` in {page}");
     }
     // The page has the plots, and shows nothing from the record as markup.
-    assert_eq!((page.matches("<svg width").count(), page.matches("<script>").count()), (3, 1)); // two plots, one for each argument, and a map
+    assert_eq!((page.matches("<svg width").count(), page.matches("<script>").count()), (3, 1)); // 2 plots and a map
     // It needs no network.
     let page = page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
     assert!(!page.contains("src=") && !page.contains("http:") && !page.contains("@import"));

@@ -1,4 +1,4 @@
-//! `karat watch` as a person sees it: on a terminal, with keys.
+//! Tests `karat watch` on a terminal, with keys.
 
 use std::io::{Read, Write};
 use std::sync::mpsc::{Receiver, channel};
@@ -14,12 +14,11 @@ const SHADER: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n";
 const TESTS: &str = "import package::calc::half;\nimport karat::expect_near;\n\
 @test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n";
 
-/// Far more than anything here takes, on a machine that is busy with other tests.
+/// A limit far longer than any step takes, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 const ROWS: u16 = 24;
 
-/// A terminal with `karat watch` in it.
 struct Terminal {
     folder: TempDir,
     child: Box<dyn Child + Send + Sync>,
@@ -50,12 +49,12 @@ impl Terminal {
                 command.env_remove(name);
             }
         }
-        // Of a run around this one; each process has its own path all the same.
+        // Removes the settings of the surrounding run. Each process has its own path.
         command.env("KARAT_REQUIRE", "vulkan");
-        // A person looks at this screen.
+        // `CI` isn't set, because a person looks at this screen.
         command.env_remove("CI");
         command.env("KARAT_TIMEOUT", "1");
-        // What opens pages on this machine isn't to.
+        // The programs that open pages on this machine must not run.
         command.env("PATH", "");
         command.env("TERM", "xterm");
         for (name, value) in env {
@@ -77,7 +76,7 @@ impl Terminal {
         Self { folder, child, master: pair.master, keys, written, screen }
     }
 
-    /// Waits until the screen shows this and is drawn whole, and returns all of it.
+    /// Waits until the screen is complete and shows `part`, and returns its text.
     #[track_caller]
     fn until(&mut self, part: &str) -> String {
         let began = Instant::now();
@@ -174,7 +173,7 @@ fn keys_do_what_the_last_line_says() {
     let _ = &terminal.master;
 }
 
-/// On 80 x 24 each failure can be reached, and each of its lines.
+/// On a screen of 80 x 24, keys reach each failure and each of its lines.
 #[test]
 fn failures_are_turned_and_scrolled() {
     let mut terminal = Terminal::start(80);
@@ -190,7 +189,7 @@ fn failures_are_turned_and_scrolled() {
     terminal.until("2 of 2: calc_test::other on cpu");
     terminal.press("n");
     terminal.until("1 of 2: calc_test::again on cpu");
-    // A message that is longer than the screen.
+    // The message is longer than the screen.
     let lines: String =
         (0..40).map(|at| format!("    expect_near(half(3.0), {at}.0, 0.0);\n")).collect();
     terminal.edit("calc_test.wgsl", &format!("{TESTS}@test fn long() {{\n{lines}}}\n"));
@@ -199,7 +198,7 @@ fn failures_are_turned_and_scrolled() {
     terminal.press("\u{1b}[B\u{1b}[B");
     let below = terminal.until("calc_test::long on cpu");
     assert!(below != top && below.contains("q quit"), "{below}");
-    // Behind the last line nothing is scrolled.
+    // The last line doesn't scroll further.
     terminal.press(&" ".repeat(30));
     let end = terminal.until("calc_test::long on cpu");
     terminal.press("k");
@@ -207,7 +206,7 @@ fn failures_are_turned_and_scrolled() {
     assert!(above != end, "one line up is seen at once:\n{end}");
 }
 
-/// A frame that is new is accepted with a reason, and compared from then on.
+/// A person accepts a new frame with a reason. From then on the frame is compared.
 #[test]
 fn a_pending_frame_is_accepted() {
     let mut terminal = Terminal::start(100);
@@ -224,7 +223,7 @@ fn a_pending_frame_is_accepted() {
     terminal.press("a new lamp\r");
     terminal.until("accepted scene");
     assert!(golden.join("scene.exr").is_file());
-    // Beside a test in a folder below there are goldens of its own.
+    // The test is in a folder below, and its goldens are beside it.
     let below = terminal.folder.path().join("shaders/sky/golden");
     pending_frame(&below, "room/dusk", "llvmpipe (LLVM 15.0.6, 256 bits)");
     terminal.press("a");
@@ -234,7 +233,7 @@ fn a_pending_frame_is_accepted() {
     assert!(below.join("room/dusk.exr").is_file());
 }
 
-/// A terminal without commands has lines, one below the other.
+/// On a terminal without commands, the output is a list of lines.
 #[test]
 fn a_dumb_terminal_has_lines() {
     let mut terminal = Terminal::with(80, &[("TERM", "dumb")]);
@@ -245,7 +244,7 @@ fn a_dumb_terminal_has_lines() {
     assert!(red.contains("cpu: 1 test passes; 1 ran") && red.contains("saw 0.75"), "{red}");
 }
 
-/// Without colours, too: what clears the screen is none.
+/// Without colours, the screen is still cleared.
 #[test]
 fn a_narrow_terminal_has_no_line_that_wraps() {
     let mut terminal = Terminal::with(40, &[("NO_COLOR", "1")]);
@@ -254,7 +253,7 @@ fn a_narrow_terminal_has_no_line_that_wraps() {
     let red = terminal.until("cpu: 1 of 1 tests fail");
     assert!(red.lines().next().is_some_and(|line| line.starts_with("karat watch")), "{red}");
     assert!(red.lines().all(|line| line.chars().count() <= 40), "{red}");
-    // Values are wrapped, and not cut.
+    // Karat wraps values, and doesn't cut them.
     let joined: String = red.lines().map(str::trim).collect();
     assert!(joined.contains("saw 0.75, expected 1.5"), "{red}");
 }

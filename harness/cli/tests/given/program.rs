@@ -1,9 +1,9 @@
-//! The program that is tested, without what whoever runs the tests has set.
+//! Runs the tested program without the settings of the person who runs the tests.
 
 use std::path::Path;
 use std::process::Command;
 
-/// `karat`, to be run in a folder.
+/// `karat` with a folder as its working directory.
 pub(crate) fn program(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_karat"));
     for (name, _) in std::env::vars_os() {
@@ -26,7 +26,7 @@ pub(crate) fn program(folder: &Path) -> Command {
     ] {
         command.env_remove(name);
     }
-    // Machines have another one each, or none: tests of Tint say which.
+    // Machines have different versions of Tint, or none, so tests of Tint name one.
     command.env("KARAT_TINT", "off").current_dir(folder);
     command
 }

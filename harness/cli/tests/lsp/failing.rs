@@ -1,4 +1,4 @@
-//! Checks that fail: those of tests without Rust after each save, and those of the last run.
+//! Tests the diagnostics of failing checks: of tests without Rust after each save, and of the last run.
 
 use serde_json::{Value, json};
 
@@ -27,23 +27,23 @@ fn tests_without_rust_run_after_each_save() {
     assert_eq!(line, 5, "{message}");
     assert!(message.starts_with("`calc::sum` fails invariant_under: "), "{message}");
     assert!(message.contains("(0 ulp) on cpu, "), "{message}");
-    // No run knows a name for it.
+    // No run has a name for this failure.
     assert_eq!(shown[0]["code"], Value::Null);
-    // What the author changes since isn't what failed; what he undoes is.
+    // After an edit, the failure isn't shown any more. After undoing the edit, it is shown again.
     editor.edit(FILE, &format!("// new\n{wrong}"));
     editor.wait(FILE, <[_]>::is_empty);
     editor.wait(TEST, <[_]>::is_empty);
     editor.edit(FILE, &wrong);
     editor.wait(FILE, |all| all.len() == 1);
     editor.wait(TEST, |all| all.len() == 1);
-    // Mended, saved, and all is well.
+    // The fault is fixed and saved, so the check passes.
     editor.save(FILE, CALC);
     editor.wait(FILE, <[_]>::is_empty);
     editor.wait(TEST, <[_]>::is_empty);
     editor.wait_lens(TEST, 4, "karat: 1 check passes");
 }
 
-/// A test that can't begin has no record. Its error stands at its place all the same.
+/// A test that can't start has no record. The editor still shows its error at its line.
 #[test]
 fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     let folder = folder();
@@ -57,7 +57,7 @@ fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     let (line, _, message) = told(&shown[0]);
     assert_eq!(line as usize, lines + 1, "{message}");
     assert!(message.contains("nothing"), "{message}");
-    // A record without a place says less than the test's own words.
+    // The record has no line, so the test's own message is shown.
     let declared =
         "[[test]]\nfunction = \"calc::half\"\nfinite = true\nfails_on = { vulcan = \"no\" }\n";
     write(folder.path(), "shaders/more.test.toml", declared);
@@ -67,7 +67,7 @@ fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     assert!(message.contains("did you mean `vulkan`?"), "{message}");
 }
 
-/// A file that was meant to declare tests and declares none is an error at its place, whatever is wrong with it.
+/// The editor shows an error at a file that should declare tests and declares none, for any mistake in the file.
 // Lesson 185
 #[test]
 fn a_misnamed_or_broken_test_file_is_a_diagnostic() {
@@ -87,7 +87,7 @@ fn a_misnamed_or_broken_test_file_is_a_diagnostic() {
     }
 }
 
-/// A test that an edit doesn't concern has the verdict that it had, at its new place.
+/// If an edit doesn't affect a test, the test keeps its verdict, at its new line.
 #[test]
 fn an_edit_elsewhere_leaves_verdicts_true() {
     let folder = folder();
@@ -102,7 +102,7 @@ fn an_edit_elsewhere_leaves_verdicts_true() {
     assert!(told(&shown[0]).2.starts_with("`calc::sum` fails "), "{shown:?}");
     editor.wait_lens(FILE, 1, "karat: 1 check passes");
     editor.wait_lens(FILE, 6, "karat: 1 of 2 checks fail");
-    // Nor does another declared test.
+    // Another declared test has no effect either.
     let more = "[[test]]\nfunction = \"lonely\"\nover = { x = \"0..1\" }\nfinite = true\n";
     write(folder.path(), "shaders/calc.test.toml", &format!("{DECLARED}{more}"));
     editor.wait_lens(FILE, 4, "karat: 1 check passes");
@@ -110,7 +110,7 @@ fn an_edit_elsewhere_leaves_verdicts_true() {
     editor.wait(FILE, |all| all.len() == 1);
 }
 
-/// A save while tests still run is judged when they have: nothing is left between two verdicts.
+/// If a file is saved while tests run, Karat judges it after they end. No diagnostics of the earlier run remain.
 #[test]
 fn a_save_while_tests_run_is_judged_after_them() {
     let folder = folder();
@@ -123,14 +123,14 @@ fn a_save_while_tests_run_is_judged_after_them() {
     editor.wait_lens(FILE, 1, "karat: 2 checks pass");
     for factor in ["0.125", "0.25"] {
         editor.save(FILE, &CALC.replace("0.5 * x", &format!("{factor} * x")));
-        // Far less than the slow test takes, so that it runs now.
+        // This wait is far shorter than the slow test, so the test still runs.
         std::thread::sleep(std::time::Duration::from_millis(150));
     }
     let shown = editor.wait(TEST, |all| all.len() == 1);
     assert!(told(&shown[0]).2.contains("saw 0.75"), "{shown:?}");
 }
 
-/// Another program edits a file, and a test that can't be read is told where it stands.
+/// Another program edits a file. The error of an unreadable test is shown at its line.
 #[test]
 fn files_that_no_editor_has_open_are_followed() {
     let folder = folder();
@@ -151,7 +151,7 @@ fn files_that_no_editor_has_open_are_followed() {
     editor.wait(FILE, <[_]>::is_empty);
 }
 
-/// What a run in a terminal finds has the name that `karat replay` knows.
+/// The diagnostics of a run in a terminal have the name that `karat replay` accepts.
 #[test]
 fn failures_of_a_run_have_its_names() {
     let folder = folder();
@@ -165,7 +165,7 @@ fn failures_of_a_run_have_its_names() {
     assert_eq!(shown[0]["code"], name);
 }
 
-/// A Cargo project, in which a test in Rust failed on a path that nothing here opens.
+/// A Cargo project with the record of a Rust test that failed on a path which this machine doesn't have.
 fn recorded(hash: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "Cargo.toml", "[workspace]\n");
@@ -214,7 +214,7 @@ fn failures_of_the_last_run_are_shown_while_they_are_true() {
     editor.wait_lens(FILE, 3, "karat: changed since it was tested");
     editor.edit(FILE, CALC);
     editor.wait(FILE, |all| all.len() == 1);
-    // A file that no editor has open is changed by another program.
+    // Another program changes a file that no editor has open.
     let document = json!({ "uri": editor.uri(FILE) });
     editor.notify("textDocument/didClose", json!({ "textDocument": document }));
     write(folder.path(), FILE, &CALC.replace("return x", "return 1.0 * x"));
@@ -232,7 +232,7 @@ fn failures_of_other_files_are_not_shown() {
     assert!(editor.shown(FILE).is_empty());
 }
 
-/// A record that can't be read is told once, and all else goes on.
+/// The server reports an unreadable record once, and continues.
 #[test]
 fn a_broken_record_is_reported_once() {
     let folder = recorded("0123");

@@ -1,4 +1,4 @@
-//! A headless Chromium, driven by its own protocol (CDP) over a WebSocket.
+//! Drives a headless Chromium by its own protocol (CDP) over a WebSocket.
 
 use std::io::BufRead;
 use std::net::TcpStream;
@@ -12,30 +12,30 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use tungstenite::{Message, WebSocket};
 
-/// Longest wait for anything that the browser does: SwiftShader on a busy machine is slow.
+/// The longest wait for any action of the browser: SwiftShader on a busy machine is slow.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// The process of a browser. It ends with the last test that uses it.
+/// The process of a browser. It ends with the last test that uses this process.
 struct Process {
     child: Child,
     _profile: TempDir,
-    /// Where it listens.
+    /// The URL on which the browser listens.
     url: String,
 }
 
-/// The process that tests share while one of them uses it: starting one keeps both cores busy for half a second.
+/// The process that concurrent tests share. Starting a browser keeps both cores busy for half a second.
 static SHARED: Mutex<Weak<Process>> = Mutex::new(Weak::new());
 
-/// A browser without a network but this machine, and with tabs and storage of its own.
+/// A browser that reaches only this machine, with its own tabs and storage.
 pub(crate) struct Browser {
     _process: Arc<Process>,
-    /// The profile of this test, which no other test sees.
+    /// The profile of this test. Other tests don't see it.
     context: String,
     socket: WebSocket<TcpStream>,
     calls: u64,
-    /// The session of the tab that is in front.
+    /// The session of the tab in front.
     front: String,
-    /// Whether the pointer's left button is down.
+    /// `true` while the pointer's left button is down.
     pressed: bool,
 }
 
@@ -44,12 +44,13 @@ pub(crate) struct Tab {
     session: String,
 }
 
-/// The browser's program, or what to do about it. There is no silent skip.
+/// The path of the browser's program. Without a browser, this panics and says how to install one, so no test is
+/// skipped.
 fn program() -> PathBuf {
     if let Some(named) = std::env::var_os("KARAT_BROWSER") {
         return named.into();
     }
-    // As in `ci/src/setup/browser.rs`, which installs one.
+    // `ci/src/setup/browser.rs`, which installs a browser, has the same names.
     let names = [
         "chromium",
         "chromium-browser",
@@ -78,15 +79,15 @@ impl Process {
         command.args([
             "--headless",
             "--remote-debugging-port=0",
-            // Frames are drawn in software, so that any machine can.
+            // The browser draws frames in software, so any machine can run it.
             "--use-angle=swiftshader",
             "--enable-unsafe-swiftshader",
-            // Only what a page asks of WebGL: pages themselves are drawn faster without.
+            // Only WebGL needs the graphics process: the browser draws pages faster without it.
             "--disable-gpu-compositing",
             "--disable-gpu-rasterization",
-            // One more process for a page that may come keeps a core busy.
+            // Without this flag, the browser starts a process for a later page, which keeps a core busy.
             "--disable-features=SpareRendererForSitePerProcess",
-            // As root there is no sandbox; all that is loaded is ours.
+            // As root there is no sandbox. All loaded pages are Karat's.
             "--no-sandbox",
             "--disable-dev-shm-usage",
             "--disable-background-networking",
@@ -106,7 +107,7 @@ impl Process {
         let stderr = child.stderr.take().expect("it is piped");
         let (sender, receiver) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
-            // Read to the end: a full pipe would stop the browser.
+            // Reads all of standard error, because a full pipe would stop the browser.
             for line in std::io::BufReader::new(stderr).lines().map_while(Result::ok) {
                 if let Some(url) = line.strip_prefix("DevTools listening on ") {
                     drop(sender.send(url.to_owned()));
@@ -134,7 +135,7 @@ impl Browser {
         Self::of(process)
     }
 
-    /// A process of its own, with more arguments.
+    /// Starts a browser in its own process, with more arguments.
     pub(crate) fn with(arguments: &[&str]) -> Self {
         Self::of(Arc::new(Process::start(arguments)))
     }
@@ -175,7 +176,7 @@ impl Browser {
         }
     }
 
-    /// A tab of 1280 by 720 pixels that has loaded a page.
+    /// Opens a tab of 1280 by 720 pixels, and waits until it has loaded a page.
     pub(crate) fn open(&mut self, url: &str) -> Tab {
         let target = self.call(
             None,
@@ -207,7 +208,7 @@ impl Browser {
         self.on(tab, "Emulation.setDeviceMetricsOverride", size);
     }
 
-    /// A telephone or tablet, whose pointer is a finger.
+    /// Makes the tab behave as on a telephone or tablet with a touch screen.
     pub(crate) fn touch(&mut self, tab: &Tab, width: u32, height: u32) {
         let size =
             json!({ "width": width, "height": height, "deviceScaleFactor": 1.0, "mobile": true });
@@ -216,7 +217,7 @@ impl Browser {
         self.on(tab, "Emulation.setTouchEmulationEnabled", touch);
     }
 
-    /// Fingers that go down, move or come up together.
+    /// Puts down, moves or lifts several fingers at once.
     pub(crate) fn fingers(&mut self, tab: &Tab, kind: &str, places: &[(f64, f64)]) {
         let points: Vec<_> = places
             .iter()
@@ -227,7 +228,7 @@ impl Browser {
         self.on(tab, "Input.dispatchTouchEvent", event);
     }
 
-    /// Whether the person wants dark pages.
+    /// Sets whether the user prefers dark pages.
     pub(crate) fn prefer_dark(&mut self, tab: &Tab, dark: bool) {
         let value = if dark { "dark" } else { "light" };
         let feature = json!({ "name": "prefers-color-scheme", "value": value });
@@ -245,7 +246,7 @@ impl Browser {
         answer["result"]["value"].take()
     }
 
-    /// The text of the first element that a selector matches, as displayed.
+    /// The displayed text of the first element that a selector matches.
     #[track_caller]
     pub(crate) fn text(&mut self, tab: &Tab, selector: &str) -> String {
         let text = self.value(tab, &format!("document.querySelector({selector:?})?.innerText"));
@@ -265,15 +266,15 @@ impl Browser {
         }
     }
 
-    /// Waits until the page shows the selected case, and has drawn its present state.
+    /// Waits until the page shows the selected case and has drawn its current state.
     #[track_caller]
     pub(crate) fn settle(&mut self, tab: &Tab) {
-        // A tab behind another one isn't drawn.
+        // The browser doesn't draw a tab behind another tab.
         if self.front != tab.session {
             self.on(tab, "Page.bringToFront", json!({}));
             self.front.clone_from(&tab.session);
         }
-        // One frame draws what has changed by now, the next one comes after it.
+        // The first frame draws all changes so far. The second frame follows the first.
         let frames = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))";
         self.value(tab, frames);
         let ready = "window.karat?.stage.canvas.dataset.ready === 'true'";
@@ -283,7 +284,7 @@ impl Browser {
         }
     }
 
-    /// Presses a key, as a keyboard does.
+    /// Presses and releases a key.
     pub(crate) fn press(&mut self, tab: &Tab, key: &str) {
         let (code, text) = match key {
             "Enter" => (13, "\r"),
@@ -307,12 +308,12 @@ impl Browser {
         self.settle(tab);
     }
 
-    /// Types into what has the focus.
+    /// Types text into the focused element.
     pub(crate) fn write(&mut self, tab: &Tab, text: &str) {
         self.on(tab, "Input.insertText", json!({ "text": text }));
     }
 
-    /// Moves the pointer; with `button`, presses or releases its left one.
+    /// Moves the pointer. With `button`, presses or releases the left button.
     pub(crate) fn pointer(&mut self, tab: &Tab, kind: &str, (x, y): (f64, f64)) {
         self.pressed = kind == "mousePressed" || (kind == "mouseMoved" && self.pressed);
         let button = if kind == "mouseMoved" && !self.pressed { "none" } else { "left" };
@@ -323,7 +324,7 @@ impl Browser {
         self.on(tab, "Input.dispatchMouseEvent", event);
     }
 
-    /// Turns the wheel, away from the person if `by` is negative.
+    /// Turns the wheel: away from the user if `by` is negative.
     pub(crate) fn wheel(&mut self, tab: &Tab, (x, y): (f64, f64), by: f64) {
         let event = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": by });
         self.on(tab, "Input.dispatchMouseEvent", event);
@@ -338,7 +339,7 @@ impl Browser {
         self.pointer(tab, "mouseReleased", at);
     }
 
-    /// What the screen shows, as rows of RGB; `save` keeps it as a file, too.
+    /// The picture on the screen, as rows of RGB. `save` also writes the picture to a file.
     pub(crate) fn screen(&mut self, tab: &Tab, save: Option<&Path>) -> Screen {
         let shot = self.on(tab, "Page.captureScreenshot", json!({ "format": "png" }));
         let data = shot["data"].as_str().expect("a picture");

@@ -1,4 +1,4 @@
-//! A folder with goldens and pending frames, and the server that reviews them.
+//! A folder with goldens and pending frames, and the server for their review.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -17,8 +17,8 @@ use crate::files::write;
 use crate::program::program;
 use crate::repository::git;
 
-/// Longest wait for the server. It is less than what the server grants a silent client, so that
-/// whoever waits for one isn't taken to answer.
+/// The longest wait for the server. It is shorter than the time that the server gives a silent client, so a server that
+/// only waits for a client fails the test.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(8);
 
 /// A project whose goldens are in `golden/`.
@@ -26,18 +26,18 @@ pub(crate) struct Project {
     folder: TempDir,
 }
 
-/// The goldens of this repository: frames as people have them.
+/// The folder of this repository, which has real goldens.
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../golden")
 }
 
-/// What a golden of this repository says of itself.
+/// The provenance of a golden of this repository.
 pub(crate) fn provenance() -> Value {
     let (_, metadata) = Image::read_exr(&repository().join("furnace.exr")).expect("a golden");
     serde_json::from_str(&metadata.expect("provenance")).expect("JSON")
 }
 
-/// Four by four pixels, whose values no two channels share: 0.01 to 0.64, and alpha 1.
+/// An image of four by four pixels. All its values differ: 0.01 to 0.64, with alpha 1.
 pub(crate) fn tiny() -> Image {
     let value = |index: u8| f32::from(index + 1) * 0.01;
     let pixel = |i: u8| [value(4 * i), value(4 * i + 1), value(4 * i + 2), 1.0];
@@ -69,12 +69,12 @@ impl Project {
         write(self.folder(), file, text);
     }
 
-    /// Runs git in the project. What it prints.
+    /// Runs git in the project. Returns its output.
     pub(crate) fn git(&self, arguments: &[&str]) -> String {
         git(self.folder(), arguments)
     }
 
-    /// Commits all that is there. The commit's name.
+    /// Commits all files. Returns the commit's name.
     pub(crate) fn commit(&self, subject: &str) -> String {
         self.git(&["init", "-q"]);
         self.git(&["add", "-A"]);
@@ -87,7 +87,7 @@ impl Project {
         self.put_golden_with(case, image, |_| {});
     }
 
-    /// Writes a golden whose facts are others.
+    /// Writes a golden with changed provenance.
     pub(crate) fn put_golden_with(&self, case: &str, image: &Image, change: impl Fn(&mut Value)) {
         let mut facts = provenance();
         facts["case"] = case.into();
@@ -98,7 +98,7 @@ impl Project {
         image.write_exr(&self.golden(case), Precision::Float, Some(&text)).expect("written");
     }
 
-    /// Writes a pending frame that was compared with the golden as it is now.
+    /// Writes a pending frame that was compared with the current golden.
     pub(crate) fn put_pending(&self, case: &str, image: &Image, change: impl Fn(&mut Value)) {
         let golden = Image::read_exr(&self.golden(case)).ok();
         let own = golden.as_ref().and_then(|(_, metadata)| metadata.as_ref());
@@ -112,7 +112,7 @@ impl Project {
         facts["height"] = image.height().into();
         if let Some((golden, _)) = golden {
             facts["compared_with"] = golden.hash().into();
-            // As a test would have found it that wants all of it.
+            // The margins that a test with all these tolerances would find.
             let bounds = [FrameTolerance::gate(1e-3), FlipTile(0.01), FlipMean(0.005)];
             let found = FrameTolerance::All(bounds.into()).compare(&golden, image, None);
             let found = found.as_ref().err().map(FrameFinding::from);
@@ -126,7 +126,7 @@ impl Project {
         image.write_exr(&self.pending(case), precision, Some(&text)).expect("written");
     }
 
-    /// The tiny golden with a frame that is twice as bright.
+    /// A project with the tiny golden, and a pending frame twice as bright.
     pub(crate) fn with_tiny() -> Self {
         let project = Self::new();
         project.put_tiny("tiny");
@@ -143,8 +143,8 @@ impl Project {
         self.put_pending(case, &actual, |facts| facts["shader"] = "changed".into());
     }
 
-    /// Frames of this repository: one whose shader changed, one whose driver did, one with values
-    /// that are no numbers, one that is new.
+    /// A project with frames of this repository: the first has a changed shader, the second a changed driver, the third
+    /// contains NaN, and the fourth is new.
     pub(crate) fn with_frames() -> Self {
         let project = Self::new();
         let read = |case: &str| {
@@ -159,7 +159,7 @@ impl Project {
         let width = scene.width() as usize;
         for (index, pixel) in scene.pixels_mut().iter_mut().enumerate() {
             let (x, y) = (index % width, index / width);
-            // Highlights are halved, and a part of the picture is 5 % brighter and warmer.
+            // Halves highlights, and makes a part of the picture 5 % brighter and warmer.
             let bright = pixel[0] > 2.0;
             let inside = (260..330).contains(&x) && (120..190).contains(&y);
             for (value, warm) in pixel.iter_mut().zip([1.06, 1.05, 1.03]) {
@@ -233,7 +233,7 @@ pub(crate) struct Server {
     out: BufReader<ChildStdout>,
 }
 
-/// An answer to a raw request.
+/// The reply to a raw request.
 #[derive(Debug)]
 pub(crate) struct Answer {
     pub(crate) status: u16,
@@ -241,7 +241,7 @@ pub(crate) struct Answer {
 }
 
 impl Answer {
-    /// What a connection answers, to its end.
+    /// Reads the reply from a connection until it closes.
     #[track_caller]
     pub(crate) fn of(stream: &mut TcpStream) -> Self {
         let mut text = String::new();
@@ -252,7 +252,7 @@ impl Answer {
 }
 
 impl Server {
-    /// `127.0.0.1:port`.
+    /// The host as `127.0.0.1:port`.
     pub(crate) fn host(&self) -> String {
         self.url.split('/').nth(2).expect("a host").to_owned()
     }
@@ -262,7 +262,7 @@ impl Server {
         format!("/{}/", self.url.split('/').nth(3).expect("a token"))
     }
 
-    /// Sends a request as it is written here, without a browser's care.
+    /// Sends a request without a browser's checks.
     pub(crate) fn raw(&self, head: &str, body: &str) -> Answer {
         let length = body.len();
         let request =
@@ -270,7 +270,7 @@ impl Server {
         Answer::of(&mut self.send(&request))
     }
 
-    /// A connection on which these bytes were sent, and which stays open.
+    /// Opens a connection and sends these bytes. The connection stays open.
     pub(crate) fn send(&self, text: &str) -> TcpStream {
         let mut stream = TcpStream::connect(self.host()).expect("it listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a time");
@@ -282,7 +282,7 @@ impl Server {
         self.raw(&format!("GET {}{place} HTTP/1.1\r\nHost: {}", self.path(), self.host()), "")
     }
 
-    /// A decision, sent as our own page sends it.
+    /// Posts a decision as Karat's own page does.
     pub(crate) fn post(&self, place: &str, decision: &Value) -> Answer {
         let (path, host) = (self.path(), self.host());
         let head = format!(
@@ -294,7 +294,7 @@ impl Server {
 
     /// Presses Ctrl-C.
     pub(crate) fn signal(&self) {
-        // A shell's own `kill`: not each machine has the program.
+        // Uses the shell's own `kill`, because some machines lack the program.
         let script = format!("kill -INT {}", self.child.id());
         assert!(Command::new("sh").args(["-c", &script]).status().expect("a shell").success());
     }
@@ -303,7 +303,7 @@ impl Server {
         self.child.try_wait().expect("a child").is_none()
     }
 
-    /// Stops it as Ctrl-C does. Its exit code, and what it said at the end.
+    /// Stops the server with Ctrl-C. Returns its exit code and its last output.
     pub(crate) fn interrupt(mut self) -> (Option<i32>, String) {
         self.signal();
         let start = Instant::now();
@@ -327,7 +327,7 @@ impl Drop for Server {
     }
 }
 
-/// What the page sends to accept a case with these pixels.
+/// The message that the page sends to accept a case with these pixels.
 pub(crate) fn decision(case: &str, pixels: &str) -> Value {
     json!({ "case": case, "pixels": pixels, "because": "why" })
 }

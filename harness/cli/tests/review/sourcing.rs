@@ -1,5 +1,5 @@
-//! Where a case comes from: its test, what changed since its golden, the golden's versions; functions
-//! that fail, and goldens that nothing is pending for.
+//! Tests the origin of a case: its test, the changes since its golden, and the golden's versions. Also tests functions
+//! that fail, and goldens without a pending frame.
 
 use karat::Image;
 use karat::unstable::record::FileRead;
@@ -17,7 +17,7 @@ fn open(project: &Project, arguments: &[&str]) -> (Server, Browser, Tab) {
     (server, browser, tab)
 }
 
-/// The record of the project's last run.
+/// Writes the record of the project's last run.
 fn put_record(project: &Project, records: &[Value]) {
     let folder = project.folder().join("target/karat/record");
     std::fs::create_dir_all(&folder).expect("a folder");
@@ -56,7 +56,7 @@ fn function_record() -> Value {
     })
 }
 
-/// A repository in which the scene's shader changed, and a run that also failed a function.
+/// A repository with an edited shader of the scene, and a run in which a function also failed.
 pub(crate) fn with_origins(project: &Project) {
     let text = "// The sun.\nconst SUN = 1.0;\n\nfn sun(cosine: f32) -> f32 {\n    return SUN * max(cosine, 0.0);\n}\n";
     project.put("shaders/light.wgsl", text);
@@ -100,7 +100,7 @@ pub(crate) fn with_origins(project: &Project) {
     put_record(project, &[frame, function_record()]);
 }
 
-/// The module that changed is named with its lines, and the golden's versions with their reasons.
+/// The page names the edited module with its lines, and the golden's versions with their reasons.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn changes_since_the_golden_are_shown() {
@@ -126,14 +126,14 @@ fn changes_since_the_golden_are_shown() {
     std::fs::write(module("light.wgsl"), "const SUN = 2.0; // <u>brighter</u>\nconst SKY = 0.5;\n")
         .expect("written");
     std::fs::write(module("other.wgsl"), "const OTHER = 2.0;\n").expect("written");
-    // Without a record it isn't known which modules are the frame's.
+    // Without a record, Karat doesn't know which modules the frame uses.
     let (_server, mut browser, tab) = open(&project, &[]);
     let names = "[...document.querySelectorAll('#modules summary')].map(name => name.innerText)";
     assert_eq!(browser.value(&tab, names), json!(["shaders/light.wgsl", "shaders/other.wgsl"]));
     assert!(browser.text(&tab, "#modules").contains("No record of a run says which"));
     assert_eq!(browser.value(&tab, "document.getElementById('test').hidden"), true);
 
-    // Another crate of the workspace may have a frame of this name.
+    // Another crate of the workspace may have a frame with the same name.
     let mut other = frame_record(&project);
     std::fs::create_dir_all(project.folder().join("crates/golden")).expect("a folder");
     other["subject"]["folder"] = "crates/golden".into();
@@ -158,10 +158,11 @@ fn changes_since_the_golden_are_shown() {
             "KARAT_PATHS=vulkan cargo test frames"
         ])
     );
-    // The button copies, or selects where the browser forbids it; it says which.
+    // The button copies the line. If the browser forbids copying, the button selects the line. The page says which
+    // happened.
     browser.click(&tab, "#test .line:nth-child(3) button");
     browser.wait(&tab, "['Copied', 'Selected'].includes(document.querySelector('#test .line:nth-child(3) button').innerText)");
-    // A golden that was accepted and isn't committed yet is of no commit.
+    // A golden that was accepted and isn't committed yet belongs to no commit.
     let mut other = tiny();
     other.pixels_mut()[0][0] = 5.0;
     project.put_golden("tiny", &other);
@@ -169,8 +170,8 @@ fn changes_since_the_golden_are_shown() {
     assert!(browser.text(&tab, "#modules").contains("the golden isn't committed"));
 }
 
-/// Golden and frame say themselves which modules made them, so that the golden needn't be committed, and
-/// commits that aren't the golden's don't count.
+/// Golden and frame store the hashes of the modules that drew them. So the golden needn't be committed, and other
+/// commits don't count.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn modules_that_changed_are_known_by_their_hashes() {
@@ -208,7 +209,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
         );
         browser.text(&tab, "#modules .body")
     };
-    // The golden's version of the light isn't the latest that git has.
+    // The golden was drawn with an older version of the light than git's newest version.
     let (light, other) = ("shaders/light.wgsl", "shaders/other.wgsl");
     put(
         json!({ light: hash(lights[0]), other: hash("a"), "noise::value": hash("b") }),
@@ -226,7 +227,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
             "shaders/new.wgsl: the golden didn't have it",
         ]
     );
-    // Edited since, and never committed.
+    // The module was edited and never committed.
     put(
         json!({ light: hash(lights[1]), other: hash("never") }),
         json!({ light: hash("a draft"), other: hash("now") }),
@@ -235,18 +236,18 @@ fn modules_that_changed_are_known_by_their_hashes() {
     assert!(told.contains("light.wgsl: it was edited again since the frame was drawn"), "{told}");
     assert!(told.contains("-const SUN = 2.0;"), "{told}");
     assert!(told.contains("other.wgsl: git has no version of it with the golden's hash"), "{told}");
-    // A checkout that ends lines otherwise has edited nothing.
+    // A checkout with other line ends isn't an edit.
     project.put("shaders/light.wgsl", &lights[2].replace('\n', "\r\n"));
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[2]) }));
     let told = shown(&project);
     assert!(told.contains("+const SUN = 3.0;") && !told.contains("edited"), "{told}");
     project.put("shaders/light.wgsl", lights[2]);
-    // The same modules: then something else made another program of them.
+    // All modules are equal, so something else changed the linked program.
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[0]) }));
     let told = shown(&project);
     assert!(told.contains("No module changed since the golden, by their hashes."), "{told}");
     assert!(told.contains("features, overrides or Karat changed"), "{told}");
-    // An old golden has no hashes, and git tells what it can.
+    // An old golden has no hashes. The page shows the changes that git knows.
     put(json!({}), json!({ light: hash(lights[2]) }));
     assert!(shown(&project).contains("the golden isn't committed"));
     project.git(&["add", "golden/tiny.exr"]);
@@ -259,7 +260,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
     assert!(!told.contains("other.wgsl"), "the frame says which modules are its own: {told}");
 }
 
-/// What a golden was: a thumbnail in its history, and a part to compare with.
+/// An older version of a golden has a thumbnail in the history, and can be compared.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_of_a_golden_are_seen_and_compared() {
@@ -273,7 +274,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
         project.commit(because)
     };
     let first = version(7.0, "the first");
-    // Facts may change alone.
+    // The provenance may change without the image.
     let (same, second) = (version(8.0, "the second"), version(8.0, "for another reason"));
     let commits = [first, second];
     version(9.0, "now");
@@ -301,7 +302,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     assert!(label.contains(&format!("Golden of {}", commits[0])), "{label}");
     let pressed = "document.querySelector('.version[aria-pressed=true]')?.dataset.commit ?? 'none'";
     assert_eq!(browser.value(&tab, pressed), commits[0].as_str());
-    // Another one takes its place, and the same once more is the golden again.
+    // Choosing another version replaces the first. Choosing the same version again shows the golden.
     browser.value(&tab, &choose(&commits[1]));
     browser.wait(&tab, "karat.loaded().parts[1].golden.values[0] === 8");
     assert_eq!(browser.value(&tab, "karat.loaded().parts.length"), 2);
@@ -309,7 +310,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     browser.wait(&tab, "karat.state.part === 0");
     assert_eq!(browser.value(&tab, sides), json!([9, red(0.01)]));
 
-    // Only what git has listed is a version.
+    // The server only accepts versions that git has listed.
     for (place, status, text) in [
         ("data/0-HEAD.js", 200, "it is no version of this golden"),
         ("data/0---output=x.js", 200, "it is no version of this golden"),
@@ -319,7 +320,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
         assert!(answer.status == status && answer.text.contains(text), "{answer:?}");
     }
 
-    // A golden that nothing is pending for is compared with what it was.
+    // A golden without a pending frame is compared with its older version.
     std::fs::remove_file(project.pending("tiny")).expect("there");
     let (_server, mut browser, tab) = open(&project, &["--all-goldens"]);
     browser.value(&tab, &choose(&commits[0]));
@@ -330,7 +331,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     let label = browser.text(&tab, "#overlay");
     assert_eq!(label, format!("Golden now − golden of {}", commits[0]));
 
-    // From files, too.
+    // A report without a server has the versions, too.
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--all-goldens", "--static"]).arg(&report).output();
     assert!(ran.expect("it was built").status.success());
@@ -340,14 +341,14 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     browser.wait(&tab, "karat.state.part === 1");
     assert_eq!(browser.value(&tab, sides), json!([8, 9]));
     assert!(report.join(format!("data/0-{}.js", commits[0])).is_file());
-    // What an older page left is gone.
+    // The files of an older report are deleted.
     std::fs::remove_dir_all(project.folder().join(".git")).expect("there");
     let ran = project.karat(&["review", "--all-goldens", "--static"]).arg(&report).output();
     assert!(ran.expect("it was built").status.success());
     assert!(!report.join(format!("data/0-{}.js", commits[0])).exists());
 }
 
-/// A report has the older versions that fit.
+/// A report contains only as many older versions as fit.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_leave_a_report_small() {
@@ -386,7 +387,7 @@ fn older_versions_leave_a_report_small() {
     browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out of this report, which stays small')");
 }
 
-/// Facts that the test declares are named where everybody looks.
+/// The page's header names declared facts that changed.
 #[test]
 fn declared_facts_that_changed_are_in_the_header() {
     let project = Project::new();
@@ -427,7 +428,7 @@ fn functions_that_fail_are_on_the_list() {
     assert_eq!(browser.text(&tab, "#name"), "tiny");
     assert_eq!(browser.value(&tab, "document.getElementById('function').hidden"), true);
 
-    // From files, too.
+    // A report without a server names them, too.
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
     assert!(ran.status.success(), "{ran:?}");
@@ -463,7 +464,7 @@ fn goldens_are_looked_at_without_anything_pending() {
     browser.wait(&tab, "document.querySelectorAll('#sheet canvas.thumb').length === 2");
 }
 
-/// A report is mailed and kept: a frame of 480 by 270 takes less than 1 MB, even if all of it is noise.
+/// People mail and store reports. A frame of 480 by 270 takes less than 1 MB, even if all its pixels are noise.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn a_frame_takes_less_than_a_megabyte() {
@@ -471,14 +472,14 @@ fn a_frame_takes_less_than_a_megabyte() {
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
     assert!(ran.status.success(), "{ran:?}");
-    // In the order of names: diffuse has noise all over, and is a picture of 480 by 270.
+    // Files are in the order of names. `diffuse` is a picture of 480 by 270 in which all pixels have noise.
     let length = |index: usize| {
         std::fs::metadata(report.join(format!("data/{index}.js"))).expect("written").len()
     };
     let lengths: Vec<u64> = (0..4).map(length).collect();
     println!("bytes: {lengths:?}");
     assert!(lengths.iter().all(|length| *length < 1_000_000), "{lengths:?}");
-    // And the browser has every bit of it.
+    // The browser reads every bit of the frame.
     let mut browser = Browser::start();
     let tab = browser.open(&format!("file://{}/index.html", report.display()));
     browser.settle(&tab);
