@@ -1,4 +1,4 @@
-//! `karat call` with bindings, sweeps, and tables that check results.
+//! Tests `karat call` with variables that functions read, with sweeps, and with tables as checks.
 
 use super::diff::png;
 use super::*;
@@ -26,7 +26,7 @@ fn lit() -> TempDir {
     folder
 }
 
-/// Mesa's drivers search for a window system, and would complain in CI.
+/// Mesa's drivers look for a window system, which CI doesn't have.
 #[test]
 fn drivers_do_not_complain() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -36,7 +36,7 @@ fn drivers_do_not_complain() {
     assert_eq!((ran.code, &*ran.err), (Some(0), ""), "{ran:?}");
 }
 
-/// Returns the output of a call on path `cpu`.
+/// The output of a call on path `cpu`.
 fn called(folder: &TempDir, arguments: &[&str]) -> String {
     karat(folder.path(), &[&["call"][..], arguments, &["--path", "cpu"]].concat()).good()
 }
@@ -328,7 +328,7 @@ fn each_option_of_a_call_is_used_or_refused() {
     told(&[&["lit::cubic", "1", "true"][..], &expect].concat(), "--expect needs a table");
     told(&[&["lit::cubic", "0..1:3", "true"][..], &expect].concat(), "--expect needs a table");
     told(&["lit::cubic", "0...1:3", "true"], "has one dot too many");
-    // The table expects the results of a call.
+    // A table of a call's results serves as a table of expected results.
     let table = called(&folder, &["lit::cubic", "0..1:7", "false"]);
     write(folder.path(), "returned.csv", &table);
     let again =
@@ -366,7 +366,7 @@ fn depths_and_integers_of_textures_are_given_as_data() {
                   fn w() -> u32 { return textureLoad(words, vec2u(), 0).x; }\n\
                   fn v(i: u32) -> vec3f { return vectors[i]; }\n";
     write(folder.path(), "shaders/t.wgsl", texels);
-    // One texel, which is stored as 188. This is a half in linear light.
+    // The image has one texel, stored as 188, which is one half in linear light.
     png(&folder, "half.png", 1, &[188; 3]);
     let stored = 188.0_f32 / 255.0;
     let out = |arguments: &[&str], part: &str| {
@@ -377,7 +377,7 @@ fn depths_and_integers_of_textures_are_given_as_data() {
     out(&["t::c", "0,0", "--bind", "color=half.png linear"], &stored.to_string());
     out(&["t::d", "--bind", "depth=half.png"], &stored.to_string());
     out(&["t::w", "--bind", "words=half.png"], "cpu      188");
-    // A single value applies to all sixteen texels of each face.
+    // One value fills all texels of a texture with 16 x 16 texels.
     out(&["t::c", "15,15", "--bind", "color=0.25"], "cpu      0.25");
     out(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5,6]"], "(4, 5, 6)");
     out(&["t::v", "1", "--bind", "vectors=[[1,2,3],[4,5,6]]"], "(4, 5, 6)");
@@ -392,7 +392,7 @@ fn depths_and_integers_of_textures_are_given_as_data() {
     told(&["t::v", "0", "--bind", "vectors=six.bin"], "it has 6 bytes");
 }
 
-/// Without values, a call generates them, and prints them.
+/// If a call has no values, Karat generates values, and names the generated ones.
 #[test]
 fn missing_values_of_a_call_are_generated_and_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -424,8 +424,6 @@ fn missing_values_of_a_call_are_generated_and_named() {
     assert!(call(&["0.5", "3", "--arbitrary"]).error().contains("cannot be used with"));
 }
 
-/// naga's writer of GLSL panics if `break if` uses a variable of the loop's body. Then `gl` has an error, and `cpu`
-/// still has its result.
 #[test]
 fn a_panic_of_one_path_leaves_the_others_their_results() {
     let folder = tempfile::tempdir().expect("a temporary folder");
