@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_command_reads_as_one_types_it() {
+    fn a_command_is_printed_with_its_variables_and_quotes() {
         let mut command = Command::new("/some/folder/cargo");
         command.args(["doc", "--cfg", "feature = x"]).env("RUSTDOCFLAGS", "-Dwarnings");
         assert_eq!(describe(&command), "RUSTDOCFLAGS=-Dwarnings cargo doc --cfg 'feature = x'");

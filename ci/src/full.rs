@@ -166,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_list_of_known_failures_holds_both_ways() {
+    fn unlisted_failures_and_passing_known_failures_are_named() {
         let list = "# Why.\na::b\na::c sometimes\n";
         let failed =
             |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();

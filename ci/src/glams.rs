@@ -86,7 +86,7 @@ mod mint_is_the_engines {
     }
 
     #[test]
-    fn karat_has_its_own() {
+    fn a_reference_can_use_the_glam_of_karat() {
         let package = Package::from_source("engine", "fn turned(v: vec3f) -> vec3f { return v.yzx; }");
         let reference = |v: karat::glam::DVec3| karat::glam::DVec3::new(v.y, v.z, v.x);
         package.function("turned").over(UnitVector).agrees_with(reference, Ulp(0.0));

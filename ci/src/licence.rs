@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn slashes_mean_or() {
+    fn a_slash_between_licences_means_or() {
         assert_eq!(refusal(Some("MIT/Apache-2.0")), None);
         assert_eq!(refusal(Some("Unlicense/MIT")), None);
         assert_eq!(refusal(Some("Apache-2.0 / MIT")), None);

@@ -238,7 +238,7 @@ mod tests {
 
     // Lesson 139
     #[test]
-    fn our_own_packages_are_whole() {
+    fn the_packages_of_this_workspace_have_all_their_files() {
         check().expect("each is");
     }
 
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn profiles_alone_are_taken_over() {
+    fn only_profiles_are_copied_from_a_manifest() {
         let text = "[a]\nx = 1\n[profile.dev]\nopt-level = 1\n# why\n[b]\ny = 2\n[profile.dev.package.c]\nz = 3\n";
         let expected = "[profile.dev]\nopt-level = 1\n# why\n[profile.dev.package.c]\nz = 3\n";
         assert_eq!(profiles(text), expected);

@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_revision_that_is_gone_says_what_to_do() {
+    fn a_missing_revision_is_an_error_with_a_remedy() {
         // An object name is never all zeros.
         let gone = "0".repeat(40);
         let why = expect_there(&gone, FILE).expect_err("there is none").to_string();

@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn sentences_are_whole() {
+    fn sentences_of_pages_and_code_are_found_complete() {
         let page = "# A head of five words here\n\nOne sentence on\ntwo lines, by eq. 7 of a page. And one more of six words.\n\n```sh\nno word of this is one\n```\n- An item of five words\n";
         assert_eq!(
             found(Source::Docs, page),

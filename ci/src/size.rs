@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn circles_are_counted_by_room() {
+    fn cyclic_imports_are_listed_per_folder() {
         let line =
             [source("harness/src/a/b.rs", "use super::c::C;"), source("harness/src/a/c.rs", "")];
         assert!(circles(&line).is_empty());
@@ -334,7 +334,7 @@ mod tests {
     /// The lines that ARCHITECTURE.md allows each room. If you need more, write the new number and the reason in the
     /// same commit.
     #[test]
-    fn no_room_is_above_its_budget() {
+    fn no_folder_exceeds_its_line_budget() {
         let page = std::fs::read_to_string(command::root().join("ARCHITECTURE.md")).expect("it is");
         let table = page.split_once("## Budgets").expect("it has that chapter").1;
         let table = table.split_once("\n## ").map_or(table, |(table, _)| table);
@@ -373,14 +373,14 @@ mod tests {
     }
 
     #[test]
-    fn no_modules_use_one_another_in_a_circle() {
+    fn no_modules_import_each_other_cyclically() {
         let mut all = Vec::new();
         sources(&command::root(), &command::root().join(HARNESS), &mut all).expect("it is there");
         assert_eq!(circles(&all), [""; 0]);
     }
 
     #[test]
-    fn this_tree_is_measured() {
+    fn sizes_of_this_repository_are_measured() {
         let numbers = measure(&command::root()).expect("it has sources");
         let of =
             |name: &str| numbers.iter().find(|(own, _)| own.starts_with(name)).map(|one| one.1);

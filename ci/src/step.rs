@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_beside_others_are_kept() {
+    fn concurrent_steps_are_recorded() {
         let mut steps = Steps::new("cargo ci test");
         steps.beside(
             |others| {

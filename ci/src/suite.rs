@@ -281,7 +281,7 @@ fn ending(passed: bool) -> String {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn a_run_says_how_it_was_made() {
+    fn the_ending_of_a_run_has_the_schema_of_the_records() {
         let expected = r#"{"passed":true,"schema":5,"selected":[]}"#;
         let source = crate::command::root().join("harness/src/record.rs");
         let source = std::fs::read_to_string(source).expect("the library has records");

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn one_task_that_cannot_leaves_no_rows() {
+    fn a_parallel_run_with_one_failed_task_returns_no_rows() {
         let without = |refused: usize| {
             rows(5 * TASK, 1, &|range, lanes| {
                 lanes.extend(range.clone().map(|_| 0_u32));

@@ -73,7 +73,7 @@ fn checks_fail_by_assertions() {
 
 /// Assertions are evaluated in every call of a check: with transformed arguments, tables, integrals and samples.
 #[test]
-fn every_kind_of_check_looks() {
+fn assertions_are_evaluated_in_each_kind_of_check() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: assert x >= 0.0 && x <= 4.0\n    return x;\n}\n\
                 fn density(x: f32) -> f32 {\n    //karat: assert x < 0.5\n    return 1.0;\n}\n";
     let package = Package::from_source("m", text);
@@ -219,7 +219,7 @@ fn vertex_functions_are_not_looked_at() {
 /// true.
 // Lesson 37
 #[test]
-fn lines_change_nothing_and_read_what_is_there() {
+fn assertion_comments_cannot_write_or_read_out_of_bounds() {
     let told = |text: &str, function: &str, row: &[u32]| {
         let package = Package::from_source("m", text);
         let probed = Probed::new(&package, function).expect("it is valid");
@@ -262,7 +262,7 @@ fn nan_is_counted() {
 /// A misspelt keyword and an invalid expression are errors at their positions.
 // Lesson 37: nothing is silent
 #[test]
-fn slips_are_errors() {
+fn misspelt_assertion_comments_are_errors_at_their_place() {
     let wrong = |line: &str| {
         let text = format!("fn f(x: f32) -> f32 {{\n    {line}\n    return x;\n}}\n");
         match Probed::new(&Package::from_source("m", &text), "f") {

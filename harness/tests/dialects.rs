@@ -88,7 +88,7 @@ karat::shareable! {
 }
 
 #[test]
-fn values_stand_where_their_names_do() {
+fn placeholders_are_replaced_by_their_values() {
     let package = oil().feature("GROUP", 3);
     let text = linked(&package, "bound::amplified");
     assert!(text.contains("@group(3) @binding(1) var<uniform> gain: f32;"), "{text}");
@@ -420,7 +420,7 @@ fn values_of_features_are_constants() {
 
 /// Each name in a condition counts as a feature: inside brackets, and on both sides of an operator.
 #[test]
-fn each_name_of_a_condition_is_asked_about() {
+fn each_name_in_a_condition_is_a_feature() {
     let texts = [
         "@if((A || !(B)) && C) fn g() {}\n@elif(D) fn g() {}\nfn f() -> f32 { return 1.0; }",
         "#ifdef A\n# ifndef B\n#else if C >= 3\n#else ifdef D\n#endif\n#endif\nfn f() -> f32 { return 1.0; }",
@@ -651,7 +651,7 @@ fn karat_toml_says_what_expands_modules() {
 /// Texts that a host joins share their names. For a missing name the error says which module declares it. A declared
 /// name isn't a placeholder.
 #[test]
-fn texts_that_a_host_joins_are_joined() {
+fn files_that_the_host_concatenates_share_their_names() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let write = |name: &str, text: &str| {
         std::fs::write(folder.path().join(name), text).expect("written");
@@ -835,7 +835,7 @@ fn karat_toml_is_read_again_when_it_changes() {
 /// At other positions a condition is an error.
 // Lesson 144
 #[test]
-fn conditions_stand_where_wesl_has_them() {
+fn wesl_conditions_are_allowed_only_where_wesl_allows_them() {
     let text = "@if(A) { const K = 2.0; @if(!A) const L = 1.0; } @else { const K = 3.0; }
 struct S { @if(A) a: f32, @else b: f32, c: f32 }
 fn h(@if(A) x: f32, @else y: f32, z: f32) -> f32 { @if(A) return x + z; @else return y - z; }

@@ -77,7 +77,7 @@ fn check(fake: &Fake) -> Result<karat::check::Agreement, Failure> {
 }
 
 #[test]
-fn an_executor_of_ones_own_is_a_path_like_others() {
+fn a_custom_executor_is_checked_like_a_path() {
     let agreement = check(&RIGHT).expect("it is right");
     let paths: Vec<_> = agreement.paths.iter().map(|(adapter, _)| adapter.to_string()).collect();
     assert_eq!((agreement.cases, paths), (1000, vec!["cpu: Fake 3000".to_owned()]));

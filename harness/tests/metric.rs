@@ -80,7 +80,7 @@ const CASES: [(&str, f64, f64, f32); 6] = [
 ];
 
 #[test]
-fn flip_is_what_its_authors_compute() {
+fn flip_values_equal_those_of_the_published_implementation() {
     let mut largest = 0.0_f32;
     for (name, start, stop, pixels_per_degree) in CASES {
         let (golden, actual) = pair(name);
@@ -302,7 +302,7 @@ fn differences_that_flip_misses_fail() {
 }
 
 #[test]
-fn the_gate_of_a_channel() {
+fn a_gate_finds_the_one_wrong_channel() {
     let golden = image(600, 3, |x, y, c| 1.0 + random(x, y, c, 5));
     let gate = Gate::default();
     assert_eq!(gate.passes(&Pair::new(&golden, &golden).expect("finite")), Some(0.0));
@@ -415,7 +415,7 @@ fn masks_leave_out_what_they_say() {
 
 /// The mean of a tile includes only the tile's compared pixels.
 #[test]
-fn tiles_and_means_are_of_what_is_compared() {
+fn tile_means_include_only_compared_pixels() {
     let golden = image(40, 20, |_, _, _| 1.0);
     let mut actual = golden.clone();
     actual.pixels_mut()[0] = [2.0; 4];
@@ -488,7 +488,7 @@ fn noise_is_judged_in_each_channel() {
 }
 
 #[test]
-fn tolerances_of_nothing_compare_nothing() {
+fn tolerances_without_a_bound_are_errors() {
     let golden = image(16, 16, |_, _, _| 0.5);
     for tolerance in [
         FrameTolerance::All(Vec::new()),

@@ -140,7 +140,7 @@ fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
 /// If a test forbids an outcome that only an unusual order has, the test nearly always fails.
 // Lesson 216
 #[test]
-fn outcomes_of_other_orders_are_met() {
+fn tests_nearly_always_find_outcomes_of_unusual_orders() {
     /// The number of programs, and the least number of outcomes that the tests must find.
     const COUNT: usize = 150;
     const LEAST: usize = 150;
@@ -293,7 +293,7 @@ fn outcomes_of_relaxed_atomics_are_met() {
 /// Two atomics are ordered by a barrier, by the same word, or by a pass boundary, and by nothing else.
 // Lesson 217
 #[test]
-fn what_orders_two_atomics() {
+fn only_barriers_passes_and_the_same_word_order_two_atomics() {
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
     let text = "@group(0) @binding(0) var<storage, read_write> a: array<atomic<u32>, 3>;
         @group(0) @binding(1) var<storage, read_write> out: array<u32, 1>;

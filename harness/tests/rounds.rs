@@ -57,7 +57,7 @@ fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
 /// The rounds of all loops of an invocation are added up, including loops in called functions.
 // Lesson 55
 #[test]
-fn loops_count_together() {
+fn rounds_of_all_loops_of_an_invocation_are_added() {
     let source = format!(
         "{SPIN}fn twice(n: u32) -> u32 {{ return spin(n) + spin(n); }}\n\
          fn grid(n: u32) -> u32 {{ var s = 0u; for (var i = 0u; i < n; i++) {{ s += spin(n); }} return s; }}"
@@ -109,7 +109,7 @@ fn loops_that_are_never_entered_count() {
 /// The invocations of one vector share the driver's counter of rounds. Each of these cases is short enough alone.
 // Lesson 55
 #[test]
-fn neighbours_do_not_cut_each_other_short() {
+fn a_loop_is_not_stopped_by_the_rounds_of_other_invocations() {
     let source = format!(
         "{SPIN}fn either(n: u32, first: u32) -> u32 {{\n\
          if first == 1u {{ return spin(n); }}\nvar s = 0u;\n\

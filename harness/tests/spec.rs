@@ -278,7 +278,7 @@ fn rounded(exact: f64) -> [f32; 2] {
 /// The sum of three terms passes in each order, and a sum one ULP outside all orders fails.
 // Lesson 168: a result one ULP beyond fails
 #[test]
-fn a_sum_of_three_is_what_some_order_gives() {
+fn a_sum_of_three_terms_passes_in_any_order_of_addition() {
     let numbers = [0.1_f32, 1.0, -1.0, 3.3, 1e-3, -7.25, 16_777_216.0, 1e-7, -0.99];
     let package = package("fn f(x: f32, y: f32, z: f32) -> f32 { return (x + y) + z; }");
     let mut beyond = 0;

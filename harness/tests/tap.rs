@@ -255,7 +255,7 @@ fn several_targets_and_depth_stay() {
 /// One draw reads up to 32 bytes per pixel. Several values in one draw are the same as each value in its own draw.
 // Lesson 214
 #[test]
-fn several_values_share_draws() {
+fn values_read_in_one_draw_equal_values_read_alone() {
     let package = package();
     let frame = plain(&package);
     let names = ["column", "sum", "term", "in", "column"];
@@ -379,7 +379,7 @@ fn a_traced_pixel_is_the_drawn_one() {
 // Lesson 39
 // Lesson 210
 #[test]
-fn derivatives_and_draws_are_the_pixel_s_own() {
+fn a_traced_pixel_has_the_derivatives_of_its_quad() {
     let package = package();
     for path in drivers() {
         let slopes = package.frame("", 4, 2).fragment("slopes");
@@ -543,7 +543,7 @@ fn inside(in: In) {
 /// Each invocation of a pass has its value, on the engine and on drivers.
 // Lesson 39
 #[test]
-fn invocations_tell_values() {
+fn each_invocation_of_a_pass_has_its_traced_value() {
     let package = Package::from_source("m", PASS);
     let data: Vec<f32> = (0..16_u8).map(f32::from).collect();
     let passes = package.compute().with("data", Storage::new(data));

@@ -582,7 +582,7 @@ fn an_unknown_function_is_not_another_modules_error() {
 /// An import that gives a name a second meaning is refused at the import. The same import may occur twice.
 // Lesson 75
 #[test]
-fn a_name_means_one_thing() {
+fn an_import_that_gives_a_name_a_second_meaning_is_refused() {
     let sq = "fn sq(x: f32) -> f32 { return x * x; }\nfn cube(x: f32) -> f32 { return x; }";
     let check = |text: &str| {
         let modules = [("a", text), ("math", sq), ("bad", sq)];

@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_found_by_each_name_and_where_the_variable_says() {
+    fn a_browser_is_found_by_its_names_or_by_karat_browser() {
         assert_eq!(find(&Machine::new().host()), None);
         let machine =
             Machine::new().file("/opt/bin/google-chrome", "").variable("PATH", "/opt/bin");

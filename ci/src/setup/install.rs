@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn without_privilege_or_a_known_distribution_it_says_what_to_type() {
+    fn setup_without_root_or_a_known_distribution_prints_what_to_install() {
         let message = |family, privilege| {
             run(&family, privilege, Wanted::Drivers).expect_err("it can't").to_string()
         };

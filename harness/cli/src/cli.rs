@@ -1,4 +1,4 @@
-//! `karat`: the command line around the tests.
+//! `karat`: the commands and their exit codes.
 //!
 //! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced,
 //! an acceptance is refused or a path is missing; 2 when the command couldn't do its work or write
@@ -266,8 +266,8 @@ enum Command {
     /// Lists the execution paths that open, with drivers and versions, and says how to get the others
     #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
                             KARAT_EXECUTORS='mine=python3 mine.py' karat doctor --executor mine\n\
-                            Exit codes: 0 all is well; 1 a required path or every path fails to open, a module isn't \
-                            whole, or a\nprogram's result is wrong; 2 a program doesn't run, or a folder can't be read.")]
+                            Exit codes: 0 all is well; 1 a required path or every path fails to open, a module is \
+                            incomplete, or a\nprogram's result is wrong; 2 a program doesn't run, or a folder can't be read.")]
     Doctor(doctor::Args),
     /// Lists frames that differ from their golden or have no golden
     #[command(after_help = "Examples:\n  karat pending\n  karat pending --from karat.zip --json\n\
@@ -305,8 +305,8 @@ enum Command {
                             karat unreferenced --delete\n\
                             A test that is ignored, or behind a feature that is off, compares \
                             no golden; a comparison\nthat is `.unrecorded()` doesn't count, either.\n\
-                            Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its facts \
-                            (`.toml`) don't match its image,\nor a file belongs to no golden; 2 a file \
+                            Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its provenance \
+                            (`.toml`) doesn't match its image,\nor a file belongs to no golden; 2 a file \
                             can't be read; 3 no verdict: there is no golden,\nor no record of a \
                             full run that passed and compared frames with goldens of this folder.")]
     Unreferenced(unreferenced::Args),

@@ -1,4 +1,4 @@
-//! The command line as a process: what it prints, and its exit code.
+//! The command line as a process: its output and its exit codes.
 
 #[path = "cli/asserts.rs"]
 mod asserts;
@@ -126,7 +126,7 @@ const SHADERS: [(&str, &str); 3] = [
     ("small.wgsl", "enable f16;\nfn halve(x: f16) -> f16 { return x * 0.5h; }\n"),
 ];
 
-/// A project with a shader folder where the command line looks for it.
+/// A project with a folder of shaders where the command line searches for it.
 fn project() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "Cargo.toml", "[workspace]\n");
@@ -136,7 +136,7 @@ fn project() -> TempDir {
     folder
 }
 
-/// What a run of the command line gave.
+/// The result of a run of the command line.
 #[derive(Debug)]
 struct Ran {
     code: Option<i32>,
@@ -151,13 +151,13 @@ impl Ran {
         self.out
     }
 
-    /// The message of a command that couldn't do its work.
+    /// Returns the message of a command that couldn't do its work.
     #[track_caller]
     fn error(self) -> String {
         self.failure(2)
     }
 
-    /// The message of a command that ended with this code.
+    /// Returns the message of a command that ended with this code.
     #[track_caller]
     fn failure(self, code: i32) -> String {
         assert_eq!(self.code, Some(code), "{self:?}");
@@ -168,7 +168,7 @@ impl Ran {
 
 fn command(folder: &FilePath, arguments: &[&str]) -> Command {
     let mut command = program(folder);
-    // Mesa's device-select layer would complain where there is no window system.
+    // Without a window system, Mesa's device-select layer would print a warning.
     command.env_remove("NODEVICE_SELECT").env_remove("XDG_RUNTIME_DIR").env("COLUMNS", "100");
     command.args(arguments);
     command
@@ -188,7 +188,7 @@ fn json(text: &str) -> serde_json::Value {
     serde_json::from_str(text).unwrap_or_else(|error| panic!("{error} in:\n{text}"))
 }
 
-/// The paths that open here, as `karat doctor` has it.
+/// Returns the paths that open on this machine, from `karat doctor`.
 fn open_paths(folder: &FilePath) -> Vec<String> {
     let report = json(&karat(folder, &["doctor", "--json"]).good());
     let paths = report["paths"].as_array().expect("a list");
@@ -300,7 +300,7 @@ fn call_explains_wrong_arguments() {
     }
 }
 
-/// The bits survive: decimals to f32, through the device, and back.
+/// A table keeps the bits of its values: from decimals to f32, through the device, and back.
 #[test]
 fn a_table_of_cases_round_trips_bit_by_bit() {
     let project = project();
@@ -356,7 +356,7 @@ fn a_table_may_name_its_columns_in_any_order_or_not_at_all() {
         let table = ["call", "calc::add", "--table", "in.csv", "--path", &path];
         assert_eq!(karat(project.path(), &table).good(), expected, "{text}");
     }
-    // Typed columns, and a row after blank lines.
+    // The columns have types, and a row follows blank lines.
     write(project.path(), "in.csv", "y,x\n\n\n7,-3\n");
     let table = ["call", "calc::is_low", "--table", "in.csv", "--path", &path];
     assert_eq!(karat(project.path(), &table).good(), format!("x,y,{path}\n-3,7,true\n"));
@@ -425,7 +425,7 @@ fn show_prints_a_whole_shader() {
     assert!(!out.contains("fn add("), "only what the function needs: {out}");
     naga::front::wgsl::parse_str(&out).unwrap_or_else(|error| panic!("{error}:\n{out}"));
     assert!(karat(project.path(), &["show", "calc::duoble"]).error().contains("`calc::double`?"));
-    // One file is a package of one module; its functions have no module in front.
+    // One file is a package of one module. Its functions have no module name in front.
     let out = karat(project.path(), &["show", "halve", "--shaders", "shaders/small.wgsl"]).good();
     assert!(out.starts_with("// halve(x: f16) -> f16\n"), "{out}");
 }
@@ -475,15 +475,15 @@ fn a_project_says_where_its_shaders_are() {
     let settings = "[workspace.metadata.karat]\npackages = [\"wgsl\"]\n";
     write(folder, "Cargo.toml", &format!("[workspace]\n{settings}"));
     assert!(karat(folder, &["list"]).good().contains("wgsl/calc.wgsl:4:4"));
-    // From a folder inside the project, too.
+    // The command also works from a folder inside the project.
     assert!(karat(&folder.join("wgsl"), &["list"]).good().contains("calc.wgsl:4:4"));
     write(folder, "Cargo.toml", "[workspace.metadata.karat]\nshaders = [\"wgsl\"]\n");
     assert!(karat(folder, &["list"]).error().contains("unknown field `shaders`"));
 }
 
-/// `cargo karat test` is `karat test`: Cargo calls the program with its own name first.
+/// `cargo karat test` is `karat test`. Cargo passes the name `karat` as the first argument.
 #[test]
-fn cargo_karat_is_karat() {
+fn cargo_karat_does_the_same_as_karat() {
     let project = project();
     for (arguments, code) in [(&["--version"][..], 0), (&["list"], 0), (&["tset"], 2)] {
         let mut program = Command::new(env!("CARGO_BIN_EXE_cargo-karat"));
@@ -506,7 +506,7 @@ fn doctor_reports_which_paths_open() {
         let missing = path["missing"].is_string() && path["remedy"].is_string();
         assert!(opens != missing, "{path}");
     }
-    // Every setting with its value.
+    // `karat doctor` prints each setting with its value.
     let ran = output(command(folder, &["doctor"]).env("KARAT_SEED", "0x7").env("KARAT_PATHS", ""));
     assert!(ran.out.contains("\nKARAT_SEED       = 0x7\n"), "{ran:?}");
     assert!(ran.out.contains("\nKARAT_PATHS      not set\n"), "{ran:?}");
@@ -519,7 +519,7 @@ fn doctor_reports_which_paths_open() {
     let paths = open_paths(folder);
     let out = karat(folder, &["doctor", "--require", &paths.join(",")]).good();
     assert!(paths.iter().all(|path| out.contains(&format!("\n{path:<8} "))), "{out}");
-    // A path of one driver is told of like others, and so is one that nothing provides.
+    // The report has paths that name a driver, and paths that no program provides.
     let family = report["paths"]
         .as_array()
         .and_then(|all| all.iter().find(|path| path["path"] == *paths[0])?["family"].as_str());
@@ -533,7 +533,7 @@ fn doctor_reports_which_paths_open() {
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(ran.out.contains(&format!("`{missing}` is unavailable")), "{ran:?}");
     }
-    // Checks would run on no path.
+    // With these settings, checks run on no path.
     for wrong in ["nonsense", "vulkan@nobody"] {
         let ran = output(command(folder, &["doctor"]).env("KARAT_PATHS", wrong));
         assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -545,7 +545,7 @@ fn doctor_reports_which_paths_open() {
     assert!(ran.out.contains(&format!("`{foreign}` is unavailable")), "{ran:?}");
     let error = karat(folder, &["doctor", "--require", "vulkn"]).error();
     assert!(error.contains("did you mean `vulkan`?"), "{error}");
-    // No driver at all: nothing can be checked here.
+    // Without a driver, nothing can be checked.
     let ran = output(command(folder, &["doctor"]).env("KARAT_ADAPTER", "no such adapter"));
     assert_eq!(ran.code, Some(1), "{ran:?}");
 }
@@ -582,7 +582,7 @@ fn preview_writes_a_png() {
     }
 }
 
-/// What `karat render` refuses before it builds anything; `render.rs` has the rest.
+/// Bad arguments are refused before the build. `render.rs` tests the others.
 #[test]
 fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
     let project = project();
@@ -596,9 +596,9 @@ fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
         assert!(error.contains(part), "no `{part}` in:\n{error}");
     }
     for (arguments, message) in [
-        (&["--size", "0x5"][..], "a side of 0 pixels; a side has 1 to 16384 pixels"),
-        (&["--size", "16385x1"], "a side of 16385 pixels; a side has 1 to 16384 pixels"),
-        (&["--size", "640"], "`640` isn't width x height in pixels; write them as 640x360"),
+        (&["--size", "0x5"][..], "a side has 0 pixels, but must have 1 to 16384 pixels"),
+        (&["--size", "16385x1"], "a side has 16385 pixels, but must have 1 to 16384 pixels"),
+        (&["--size", "640"], "`640` isn't width x height in pixels; write digits, as in 640x360"),
         (&["--size", "640X360"], "`640X360` isn't width x height in pixels"),
         (&["--samples", "0"], "invalid value '0' for '--samples <N>': 0 is not in 1.."),
         (&["--exposure", "NaN"], "`NaN` isn't a finite number of stops"),
@@ -665,7 +665,8 @@ fn colour_is_left_out_where_it_is_not_wanted() {
     }
 }
 
-/// `karat list | head -1`: a reader that has seen enough is no failure. `cli/pipes.rs` has the rest.
+/// If a reader closes the pipe early, as in `karat list | head -1`, the command doesn't fail. `cli/pipes.rs` has the
+/// other tests.
 #[test]
 fn a_reader_may_close_the_pipe_early() {
     let project = project();

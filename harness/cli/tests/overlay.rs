@@ -1,4 +1,4 @@
-//! `KARAT_OVERLAY`: files that stand in for modules, as the command line sees them.
+//! `KARAT_OVERLAY` on the command line: files that replace modules.
 
 #[path = "given/files.rs"]
 mod files;
@@ -8,7 +8,6 @@ use std::process::Command;
 use self::files::write;
 use tempfile::TempDir;
 
-/// A project with the modules `math` and `area`, and an overlay beside it.
 struct Project {
     folder: TempDir,
 }
@@ -30,7 +29,7 @@ impl Project {
         Self { folder }
     }
 
-    /// `karat show area::disk`: its exit code, and what it says on both streams.
+    /// Runs `karat show area::disk`. Returns its exit code, and the output of both streams.
     fn show(&self, overlay: Option<&str>) -> (Option<i32>, String, String) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_karat"));
         command.env_remove("KARAT_OVERLAY").env("NO_COLOR", "1").args(["show", "area::disk"]);
@@ -43,7 +42,7 @@ impl Project {
         (output.status.code(), text(&output.stdout), text(&output.stderr))
     }
 
-    /// Why the overlay is refused.
+    /// Returns the reason why Karat refuses the overlay.
     #[track_caller]
     fn refused(&self, overlay: &str) -> String {
         let (code, out, err) = self.show(Some(overlay));
@@ -69,7 +68,7 @@ fn a_file_stands_in_for_a_module() {
     }
 }
 
-/// An error in the file is shown there, and not in the module that it stands in for.
+/// An error in a file of the overlay has the path of this file, not the path of the replaced module.
 #[test]
 fn errors_are_shown_in_the_overlay() {
     let project = Project::new(&[("area.wgsl", "fn disk(r: f32) -> f32 { return r * ; }\n")]);

@@ -381,7 +381,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_behind_values_are_the_authors() {
+    fn places_after_a_placeholder_are_those_of_the_source_file() {
         let value = |at, placeholder: &str| Value {
             at,
             placeholder: placeholder.to_owned(),
@@ -452,7 +452,7 @@ mod tests {
 
     // Lesson 62
     #[test]
-    fn nothing_in_a_message_commands_a_terminal() {
+    fn control_characters_in_diagnostics_are_escaped() {
         let hostile = "\u{1b}[2J\u{9b}\u{202e}";
         let mut diagnostic = at(&format!("// {hostile} bad\n"), 12..15).note(hostile);
         diagnostic.message.push_str(hostile);

@@ -96,7 +96,7 @@ impl Image {
         self.origin.as_deref()
     }
 
-    /// Width in pixels.
+    /// The width in pixels.
     ///
     /// ```
     /// use karat::Image;
@@ -108,7 +108,7 @@ impl Image {
         self.width
     }
 
-    /// Height in pixels.
+    /// The height in pixels.
     ///
     /// ```
     /// use karat::Image;

@@ -90,7 +90,6 @@ pub struct Lines {
     /// nothing else. `None` after the input was closed, which makes the process end.
     to: Option<Sender<Vec<u8>>>,
     from: Receiver<String>,
-    /// The byte that ends each message.
     end: u8,
     said: Arc<Mutex<Vec<u8>>>,
     /// Disconnects when the process's log has been read to its end.

@@ -236,7 +236,6 @@ impl<W: Write> Output<W> {
         }
     }
 
-    /// Writes the first `bytes` bytes of the waiting text.
     fn pass_on(&mut self, bytes: usize) {
         let rest = self.line.split_off(bytes);
         let text = std::mem::replace(&mut self.line, rest);
@@ -333,7 +332,7 @@ mod tests {
 
     // Lesson 62
     #[test]
-    fn only_styles_of_our_own_are_colours() {
+    fn only_known_colour_escapes_are_printed() {
         let (bad, foreign) = (Style::BAD, "\u{1b}[32m\u{1b}0123456789abcdef0123456789abcdefa");
         let text = format!("{bad}{foreign}{bad:#} {}plain{:#}", Style::PLAIN, Style::PLAIN);
         let expected = "\u{1b}[1m\u{1b}[31m\\u{1b}[32m\\u{1b}0123456789abcdef0123456789abcdefa\
@@ -367,7 +366,7 @@ mod tests {
 
     // Lesson 57
     #[test]
-    fn a_reader_that_has_gone_is_no_error_and_a_full_disk_is_one_at_the_end() {
+    fn a_full_disk_is_an_error_and_a_closed_pipe_is_not() {
         for (room, kind, good) in [
             (0, ErrorKind::BrokenPipe, true),
             (3, ErrorKind::BrokenPipe, true),

@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_panic_is_its_message_and_its_place() {
+    fn a_caught_panic_has_its_message_and_place() {
         let panicked = caught(|| panic!("no {}", "way")).expect_err("it panics");
         assert_eq!(panicked.message, "no way");
         assert!(panicked.place.contains("panics.rs:"), "{panicked}");
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_caller_s_own_panic_passes() {
+    fn a_panic_of_the_callers_code_is_not_caught() {
         let own = catch_unwind(|| caught(|| caught(|| passing(|| panic!("own")))));
         let payload = own.expect_err("the panic passes");
         assert_eq!(payload.downcast_ref::<&str>(), Some(&"own"));
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_helper_s_panic_is_the_caller_s() {
+    fn a_panic_of_a_helper_thread_reaches_the_caller() {
         let panicked = caught(|| {
             let quiet = are_caught();
             std::thread::scope(|scope| {
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn the_language_is_that_of_naga_s_writer() {
+    fn a_panic_of_a_naga_writer_names_its_output_language() {
         let at = |place: &str| Panicked { message: "no".to_owned(), place: place.to_owned() };
         let glsl = short(
             "/root/.cargo/registry/src/index.crates.io-1/naga-30.0.1/src/back/glsl/writer.rs",

@@ -160,22 +160,22 @@ pub enum SettingsError {
             |nearest| format!("; did you mean `{nearest}`?"),
         ))]
     Unknown {
-        /// The variable.
+        /// The name of the variable.
         name: String,
-        /// The closest setting.
+        /// The known variable with the most similar name.
         nearest: Option<&'static str>,
     },
     /// The setting can't have this value.
     #[error("{name}={value} isn't {expected}{}",
         nearest.map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?")))]
     Value {
-        /// The variable.
+        /// The name of the variable.
         name: &'static str,
-        /// Its value.
+        /// The variable's value.
         value: String,
         /// The possible values.
         expected: &'static str,
-        /// The closest value.
+        /// The most similar possible value.
         nearest: Option<&'static str>,
     },
     /// There are arguments for a case, but no case is named.
@@ -451,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_set_is_the_default() {
+    fn settings_without_variables_are_the_defaults() {
         let none = read(&[]).expect("no variable");
         assert_eq!((none.deadline, none.failures), (Duration::from_secs(60), true));
         assert_eq!((none.paths.clone(), none.seed, none.case.clone()), (None, None, None));

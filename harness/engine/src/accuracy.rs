@@ -138,7 +138,6 @@ impl Error {
         Self { ulps: self.ulps.max(other.ulps), absolute: self.absolute.max(other.absolute) }
     }
 
-    /// The allowed error of a result near `y`.
     fn of(self, y: f64) -> f64 {
         SAFETY * (f64::from(self.ulps) * ulp(y)).min(f64::from(self.absolute))
     }
@@ -429,7 +428,7 @@ mod tests {
     /// An error that stays the same near a zero is recognised.
     // Lesson 165
     #[test]
-    fn a_sine_may_be_off_near_its_zeros_as_elsewhere() {
+    fn a_constant_error_of_sine_near_its_zeros_is_within_the_bound() {
         let mut accuracy = Accuracy::new();
         let off = |x: &f32| (libm::sin(f64::from(*x)) + 1e-6) as f32;
         let results: Vec<f32> = Accuracy::arguments("sin(a)").iter().map(off).collect();
@@ -501,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn words_give_it_back() {
+    fn a_measured_accuracy_is_restored_from_its_words() {
         let accuracy = measured("log(a)", 3.0);
         assert_eq!(Accuracy::from_words(&accuracy.words()), Some(accuracy.clone()));
         assert_eq!(Accuracy::from_words(&accuracy.words()[1..]), None);

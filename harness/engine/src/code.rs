@@ -264,7 +264,6 @@ pub(crate) struct BufferSlot {
 }
 
 impl BufferSlot {
-    /// The workgroup memory that it needs, in bytes.
     pub(crate) fn workgroup_bytes(&self) -> u64 {
         if self.binding == Binding::Workgroup { u64::from(self.least) } else { 0 }
     }
@@ -288,7 +287,6 @@ pub(crate) struct Code {
     pub(crate) tables: Vec<(Vec<Constant>, bool)>,
     pub(crate) images: Vec<ImageOp>,
     pub(crate) subgroups: Vec<SubgroupOp>,
-    /// The source position of the first subgroup operation.
     pub(crate) subgroup: Option<Span>,
     pub(crate) buffers: Vec<BufferSlot>,
     pub(crate) textures: Vec<HandleSlot>,
@@ -344,7 +342,6 @@ pub(crate) struct ImageOp {
     pub(crate) arrayed: bool,
     /// One bit for each integer operand, which is 1 if the operand is signed.
     pub(crate) signed: u32,
-    /// `true` if the texels are signed integers.
     pub(crate) signed_texels: bool,
     pub(crate) outs: [u32; 3],
     pub(crate) ins: [u32; 3],
@@ -403,7 +400,6 @@ impl SubgroupKind {
     }
 }
 
-/// The source of a sample's level of detail.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Detail {
     Zero,

@@ -90,7 +90,6 @@ impl Entry {
 /// The size of a tile in pixels, across and down. Four successive lanes are a quad.
 const TILE: [u32; 3] = [8, 8, 1];
 
-/// The pixel of an invocation in its tile.
 fn place_in_tile(index: u32) -> [u32; 3] {
     let (quad, pixel) = (index / 4, index % 4);
     let across = TILE[0] / 2;
@@ -231,7 +230,6 @@ pub struct Turn {
 
 /// What a run is asked to do in addition to computing results.
 pub(crate) struct Watch<'w> {
-    /// The workgroups to run, or `None` for all workgroups.
     groups: Option<&'w [usize]>,
     explorer: Option<&'w mut Explorer>,
 }

@@ -106,7 +106,6 @@ impl Taken {
     }
 }
 
-/// A point at which an actor was chosen for the next turn.
 #[derive(Debug)]
 struct Node {
     ready: BTreeMap<Actor, Step>,
@@ -133,7 +132,6 @@ pub struct Explorer {
     work: u64,
     /// A clock with all turns before the current dispatch.
     base: Clock,
-    /// For each dispatch, the index of its first turn.
     begins: Vec<usize>,
     last: Actor,
     last_waits: bool,

@@ -272,7 +272,6 @@ impl Interval {
         chain::divide(x, y, Self::outwards(below, above))
     }
 
-    /// The smaller argument, which is exact.
     pub(crate) fn min(self, other: Self) -> Self {
         self.both(other, f32::min)
     }
@@ -307,7 +306,6 @@ impl Interval {
         }
     }
 
-    /// The square root: `1 / inverseSqrt(x)`, and 0 for 0.
     pub(crate) fn sqrt(self) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
         if lo < 0.0 {
@@ -609,7 +607,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_are_the_neighbours_outside() {
+    fn bounds_of_a_number_are_its_neighbouring_floats() {
         for x in [0.0, 1e-60, -1e-60, 1e-45, 1.0, 1.0 + 1e-12, -1.0 - 1e-12, -3.5, 1e38, 0.1] {
             let bounds = Interval::outwards(x, x);
             let (lo, hi) = (f64::from(bounds.lo()), f64::from(bounds.hi()));
@@ -643,7 +641,7 @@ mod tests {
     }
 
     #[test]
-    fn truths_are_those_of_each_way() {
+    fn comparisons_of_overlapping_intervals_are_undecided() {
         use Truth::{False, True, Undecided};
         assert_eq!(
             [Undecided.and(False), Undecided.and(True), True.and(True)],
@@ -659,7 +657,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_that_overflow_are_any_integer() {
+    fn an_overflowing_range_admits_any_integer() {
         assert_eq!(Range::or_full(0, 1 << 31, true), Range::full(true));
         assert_eq!(Range::or_full(-1, 5, false), Range::full(false));
         assert_eq!(Range::or_full(-1, 5, true), Range::between(-1, 5));

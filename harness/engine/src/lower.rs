@@ -122,7 +122,6 @@ pub(crate) struct Lower<'m> {
     constant_values: HashMap<Handle<naga::Constant>, Value>,
     open: Vec<Open>,
     calls: usize,
-    /// The workgroup sizes that are override expressions.
     sizes: Option<[Option<Handle<Expression>>; 3]>,
     /// `true` if the program is an entry point. The invocations of an entry point share memory.
     shared: bool,
@@ -530,7 +529,6 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// The dimension and the scalar kind that a texture's type requires.
 fn image_of(inner: &TypeInner) -> Option<(naga::ImageDimension, naga::ScalarKind)> {
     let TypeInner::Image { dim, class, .. } = *inner else { return None };
     let kind = match class {

@@ -33,7 +33,6 @@ pub(crate) use turns::Done;
 use turns::Late;
 use worlds::Worlds;
 
-/// A loop that ran too long, and a lane in it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spent {
     pub(crate) span: Span,
@@ -43,7 +42,6 @@ pub(crate) struct Spent {
     pub(crate) own: u64,
 }
 
-/// The limit that a loop reached.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Limit {
     Fuel,
@@ -188,7 +186,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         machine
     }
 
-    /// The float for one word of an argument.
     fn argument(scalar: Scalar, word: u32) -> A::Float {
         match scalar {
             Scalar::F16 => {
@@ -688,7 +685,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.floats.get_mut(register).iter_mut().for_each(|x| *x = A::flush(*x));
     }
 
-    /// Notes the cause of results that became unbounded.
     #[inline]
     fn note_unbounded(
         &mut self,
@@ -817,7 +813,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         &self.code.sites[instruction.site as usize]
     }
 
-    /// Reports each lane whose index is outside of its array.
     #[inline]
     fn report<const SEEN: bool>(
         &mut self,
@@ -954,7 +949,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Reports the lanes with a float outside of the range of the integer type.
     fn report_conversion(
         &self,
         observer: &dyn Observer<A>,
@@ -994,7 +988,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Makes the results of lost lanes unbounded.
     fn forget_lost(&mut self) {
         for lane in 0..self.width {
             let Some(site) = self.lost[lane] else { continue };

@@ -137,7 +137,7 @@ impl Reach {
 /// Runs receive the observer as `dyn`. So the machine is compiled in this crate, with the crate's optimisations, and
 /// not in each crate that has an observer.
 pub trait Observer<A: Arithmetic>: Sync {
-    /// Checks if the observer wants calls.
+    /// Checks if the observer wants to receive calls.
     fn is_active(&self) -> bool {
         true
     }

@@ -36,7 +36,6 @@ const _: () = assert!(size_of::<Cell>() == 116);
 /// races are counted separately. A loop over a buffer may have a race for each element, all with the same lines.
 const MOST_RACES: usize = 64;
 
-/// Stands for no invocation.
 const NONE: u32 = u32::MAX;
 
 /// The position of an element in its variable. An element is a scalar or a texel.
@@ -310,7 +309,6 @@ impl Touched {
 #[derive(Debug, Default)]
 struct Shadow {
     written: bool,
-    /// `true` for a variable in workgroup memory.
     own: bool,
     /// `true` for a buffer whose contents are unknown until they are written.
     blank: bool,
@@ -324,7 +322,6 @@ struct Shadow {
     touched: Touched,
 }
 
-/// The state of a detector for one workgroup.
 #[derive(Debug, Default)]
 pub(crate) struct OfGroup {
     first: u32,
@@ -449,7 +446,6 @@ impl Detector {
         self.starts[group as usize] + lane as usize
     }
 
-    /// The number in the whole dispatch of a current lane.
     fn of_lane(&self, lane: usize) -> usize {
         self.invocation(self.first + self.base + lane as u32)
     }
@@ -488,7 +484,6 @@ impl Detector {
         written || own || blank
     }
 
-    /// Checks if accesses to a texture can race.
     pub(crate) fn watches_texture(&self, slot: u32) -> bool {
         self.textures[slot as usize].written
     }
@@ -570,7 +565,6 @@ impl Detector {
         self.atomics.add(self.of_lane(lane), (slot, group, at as u32), kind);
     }
 
-    /// Notes that an index of a lane is outside of its array.
     pub(crate) fn leaves(&mut self, code: &Code, site: u32, lane: usize, beyond: Beyond<'_>) {
         let Beyond { writes, bounds, variable, nested, index } = beyond;
         let invocation = self.of_lane(lane);
@@ -602,7 +596,6 @@ impl Detector {
         self.access(code, (slot, space), accessed, writes)
     }
 
-    /// Notes a read or a write of a texel with these channels.
     pub(crate) fn texture(
         &mut self,
         code: &Code,

@@ -20,7 +20,6 @@ pub enum Scalar {
     Bool,
 }
 
-/// The file of registers that has a scalar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum File {
     Float = 0,
@@ -72,7 +71,6 @@ pub(crate) const MOST_SCALARS: u64 = 1 << 14;
 #[derive(Debug)]
 pub(crate) struct Layouts<'m> {
     pub(crate) module: &'m Module,
-    /// The lengths of arrays that depend on overrides.
     pub(crate) lengths: HashMap<Handle<naga::Override>, u32>,
     cache: RefCell<HashMap<Handle<Type>, Wide>>,
 }
@@ -245,7 +243,6 @@ impl<'m> Layouts<'m> {
     }
 }
 
-/// The distance between neighbouring elements in a buffer, in bytes.
 pub(crate) fn stride_bytes(inner: &TypeInner) -> u32 {
     match *inner {
         TypeInner::Vector { scalar, .. } => u32::from(scalar.width),

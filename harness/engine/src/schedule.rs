@@ -124,7 +124,6 @@ pub(crate) struct ByPriority<'s> {
     /// In an explored order, the actors whose next step changes nothing that others see. Such a step isn't a turn of
     /// that order.
     eager: BTreeSet<Actor>,
-    /// The priorities of units whose priority has changed.
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,
     lowest: i64,
@@ -256,7 +255,6 @@ fn chance(seed: u64, actor: Actor) -> u64 {
     next(&mut state)
 }
 
-/// The next number of `splitmix64`.
 pub(crate) fn next(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

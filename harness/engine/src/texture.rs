@@ -54,7 +54,7 @@ pub enum TextureError {
     /// A mip level has too few or too many texels.
     #[error("level {level} has {found} texels, but its size needs {needed}")]
     Level {
-        /// The level.
+        /// The index of the level.
         level: usize,
         /// The number of texels that it has.
         found: usize,
@@ -133,7 +133,6 @@ impl Texture {
         Self { normalized: true, ..self }
     }
 
-    /// The float of a channel, from its word.
     pub(crate) fn channel<A: crate::arithmetic::sealed::Rules>(&self, word: u32) -> A::Float {
         let x = f32::from_bits(word);
         if self.normalized { A::normalized(x) } else { A::float(x) }
@@ -155,7 +154,6 @@ impl Texture {
         hull
     }
 
-    /// Checks if the texture fits the type of a variable.
     pub(crate) fn is(&self, (dimension, kind): (naga::ImageDimension, naga::ScalarKind)) -> bool {
         let dimension = match dimension {
             naga::ImageDimension::D1 => Dimension::D1,

@@ -1,5 +1,5 @@
-//! The arguments of `karat render` and of galleries: parsed from a command line, and written again for the gallery that
-//! `karat render` runs.
+//! The arguments of `karat render` and of galleries. `karat render` parses them, and writes them again for the gallery
+//! that it runs.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use super::RenderOptions;
 use karat::path::Path;
 
-/// The longest side of a frame in pixels, which is also the limit of images that Karat reads.
+/// The longest side of a frame in pixels. Images that Karat reads have the same limit.
 const LONGEST_SIDE: u32 = 16_384;
 
 /// The frames to render, and the settings.
@@ -95,15 +95,15 @@ pub struct ExposureArguments {
 }
 
 impl RenderArguments {
-    /// Sets the folder to write into, unless it is set already.
+    /// Sets the folder for the images, unless it is already set.
     #[must_use]
     pub fn out_or(mut self, folder: PathBuf) -> Self {
         self.drawn.out.get_or_insert(folder);
         self
     }
 
-    /// Arguments that print values of a frame, with the engine's values at some pixels. Without a value, they list the
-    /// values of the frame.
+    /// Returns arguments that print values of a frame, with the engine's values at some pixels. If there are no values,
+    /// the gallery lists the values of the frame.
     #[must_use]
     pub fn tapping(
         frame: &str,
@@ -115,17 +115,17 @@ impl RenderArguments {
         Self { frames, tap, round, beside, at, drawn, ..Self::default() }
     }
 
-    /// Arguments that trace a pixel of a frame.
+    /// Returns arguments that trace a pixel of a frame.
     #[must_use]
     pub fn tracing(frame: &str, pixel: (u32, u32), layer: u32, drawn: DrawArguments) -> Self {
         let (frames, trace, layer) = (vec![frame.to_owned()], Some(pixel), Some(layer));
         Self { frames, trace, layer, drawn, ..Self::default() }
     }
 
-    /// The same arguments as words of a command line.
+    /// Returns the arguments in the form of a command line.
     #[must_use]
     pub fn words(&self) -> Vec<OsString> {
-        // Names all fields, so that none is forgotten.
+        // This names all fields, so that none is forgotten.
         let Self {
             frames,
             first,
@@ -144,7 +144,7 @@ impl RenderArguments {
         let mut words: Vec<OsString> = Vec::new();
         let flags = [("--first", first), ("--list", list), ("--all", all), ("--beside", beside)];
         words.extend(flags.iter().filter(|(_, on)| **on).map(|(flag, _)| flag.into()));
-        // One word each, so that a value can't be mistaken for an option.
+        // Option and value are one argument, so that a value can't be mistaken for an option.
         let mut option = |name: &str, value: OsString| {
             let mut word = OsString::from(format!("--{name}="));
             word.push(value);
@@ -186,27 +186,26 @@ impl RenderArguments {
         words
     }
 
-    /// The options that a frame gets.
+    /// Returns the options for the frames.
     pub(super) fn options(&self, path: Path) -> RenderOptions {
         let DrawArguments { size, samples, environment, .. } = self.drawn.clone();
         RenderOptions { size, samples, environment, path }
     }
 }
 
-/// Parses a pixel: its column and its row, from 0.
+/// Parses a pixel, such as `120,64`: its column and its row, from 0.
 ///
 /// # Errors
-/// If the text isn't a pixel.
+/// Returns an error if the text isn't a pixel.
 pub fn pixel(text: &str) -> Result<(u32, u32), String> {
     let found = text
         .split_once(',')
         .and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
-    found.ok_or_else(|| format!("`{text}` is no pixel: write its column and its row, as 120,64"))
+    found.ok_or_else(|| format!("`{text}` isn't a pixel: write its column and its row, as 120,64"))
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
-    let form =
-        || format!("`{text}` isn't width x height in pixels; write them as 640x360, each digits");
+    let form = || format!("`{text}` isn't width x height in pixels; write digits, as in 640x360");
     let (width, height) = text.split_once('x').ok_or_else(form)?;
     let side = |digits: &str| {
         if digits.is_empty() || !digits.bytes().all(|digit| digit.is_ascii_digit()) {
@@ -215,7 +214,9 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         // Digits that overflow are out of range, too.
         match digits.parse() {
             Ok(side) if (1..=LONGEST_SIDE).contains(&side) => Ok(side),
-            _ => Err(format!("a side of {digits} pixels; a side has 1 to {LONGEST_SIDE} pixels")),
+            _ => {
+                Err(format!("a side has {digits} pixels, but must have 1 to {LONGEST_SIDE} pixels"))
+            }
         }
     };
     Ok((side(width)?, side(height)?))
@@ -294,10 +295,13 @@ mod tests {
     #[test]
     fn bad_arguments_are_explained() {
         for (words, message) in [
-            (&["--size", "0x5"][..], "a side of 0 pixels; a side has 1 to 16384 pixels"),
-            (&["--size", "5x16385"], "a side of 16385 pixels; a side has"),
-            (&["--size", "5x99999999999"], "a side of 99999999999 pixels"),
-            (&["--size", "640"], "`640` isn't width x height in pixels; write them as 640x360"),
+            (&["--size", "0x5"][..], "a side has 0 pixels, but must have 1 to 16384 pixels"),
+            (&["--size", "5x16385"], "a side has 16385 pixels, but must have"),
+            (&["--size", "5x99999999999"], "a side has 99999999999 pixels"),
+            (
+                &["--size", "640"],
+                "`640` isn't width x height in pixels; write digits, as in 640x360",
+            ),
             (&["--size", "640X360"], "`640X360` isn't width x height"),
             (&["--size", "640x"], "`640x` isn't width x height"),
             (&["--size", "-1x5"], "unexpected argument '-1'"),
@@ -314,7 +318,7 @@ mod tests {
             (&["--environment", "no/sky.exr"], "there is no such file"),
             (&["--environment", "."], "it isn't a file"),
             (&["scene", "--round", "2"], "required arguments were not provided"),
-            (&["--trace", "3"], "`3` is no pixel: write its column and its row, as 120,64"),
+            (&["--trace", "3"], "`3` isn't a pixel: write its column and its row, as 120,64"),
             (&["--path", "vulcan"], "did you mean `vulkan`?"),
             (&["--first", "scene"], "cannot be used with"),
             (&["--first", "--all"], "cannot be used with"),

@@ -1,7 +1,7 @@
 //! Frames of a project by name, and the command line that renders them.
 //!
-//! Frames are described in Rust, so only a binary of the project can know them. Such a binary contains only a
-//! [`Gallery`]; `karat render` builds and runs it. Both take the same arguments, which `arguments.rs` defines once.
+//! Frames are described in Rust, so only a binary of the project can know them. This binary contains only a
+//! [`Gallery`]; `karat render` builds and runs it. Both programs have the same arguments, which `arguments.rs` defines.
 
 mod arguments;
 mod steps;
@@ -42,31 +42,32 @@ const HEAD: Style = Style::HEAD;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RenderOptions {
-    /// Width and height in pixels, each in 1..=16384; `None` for the frame's own size.
+    /// The width and height in pixels, each from 1 to 16384. `None` means the frame's own size.
     pub size: Option<(u32, u32)>,
-    /// The number of samples, per pixel or as the frame defines it, at least 1; `None` for the frame's own number.
+    /// The number of samples per pixel, or another number that the frame defines. It is at least 1. `None` means the
+    /// frame's own number.
     pub samples: Option<u32>,
-    /// A file with the light around the scene, such as an EXR panorama. It existed when the options were read. `None`
-    /// for the frame's own light.
+    /// A file with the light around the scene, such as an EXR panorama. The file existed when the options were read.
+    /// `None` means the frame's own light.
     pub environment: Option<PathBuf>,
-    /// The path to draw the frame on. It is open.
+    /// The path on which the frame is drawn. It is open.
     pub path: Path,
 }
 
 impl RenderOptions {
-    /// Options that set only the path. The frame chooses the rest.
+    /// Returns options that set only the path. The frame chooses all other values.
     #[must_use]
     pub fn new(path: Path) -> Self {
         Self { size: None, samples: None, environment: None, path }
     }
 
-    /// The requested size, or this one if none is.
+    /// Returns the requested size, or this size if none is requested.
     #[must_use]
     pub fn size_or(&self, width: u32, height: u32) -> (u32, u32) {
         self.size.unwrap_or((width, height))
     }
 
-    /// The requested number of samples, or this one if none is.
+    /// Returns the requested number of samples, or this number if none is requested.
     #[must_use]
     pub fn samples_or(&self, samples: u32) -> u32 {
         self.samples.unwrap_or(samples)
@@ -109,7 +110,7 @@ pub struct Gallery {
     entries: Vec<Entry>,
 }
 
-/// The reason why a gallery failed. A single frame that can't be rendered isn't such a reason.
+/// The reason why a gallery failed. If a single frame can't be rendered, the gallery doesn't fail.
 #[derive(Debug, thiserror::Error)]
 enum GalleryError {
     #[error("the gallery has no frame; add one with `.frame(...)`")]
@@ -126,7 +127,7 @@ enum GalleryError {
             |name| format!("; did you mean `{name}`?"),
         ))]
     Unknown { name: String, nearest: Option<String>, names: Vec<String> },
-    #[error("a pixel of one frame is traced: name one")]
+    #[error("only one frame can be traced: name one frame")]
     OneTraced,
     #[error("can't write into `{folder}`: {cause}")]
     Out { folder: String, cause: io::Error },
@@ -138,7 +139,6 @@ enum GalleryError {
     Output(#[from] io::Error),
 }
 
-/// The command line of the gallery.
 #[derive(Parser)]
 #[command(
     name = "gallery",
@@ -151,14 +151,14 @@ struct Standalone {
 }
 
 impl Gallery {
-    /// A gallery without frames.
+    /// Makes a gallery without frames.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds a frame. The first one is the project's scene. `name` becomes the name of its files:
-    /// use letters, digits, `-`, `_` and `/`. `about` says in one line what the frame shows.
-    /// `describe` is called when the frame is rendered.
+    /// Adds a frame. The first frame is the project's scene. `name` becomes the name of its files: use letters, digits,
+    /// `-`, `_` and `/`. `about` says in one line what the frame shows. The gallery calls `describe` when it renders
+    /// the frame.
     pub fn frame(
         mut self,
         name: &str,
@@ -171,7 +171,7 @@ impl Gallery {
     }
 
     /// Does the work that the process's arguments request. Returns 0 if all is well, 1 if a frame can't be rendered or
-    /// has values that are not finite, 2 if the gallery couldn't start.
+    /// has values that are not finite, and 2 if the gallery couldn't start.
     #[must_use = "return it from `main`"]
     pub fn main(self) -> ExitCode {
         let Standalone { arguments } = Standalone::parse();
@@ -182,7 +182,7 @@ impl Gallery {
             Ok(failed) if failed.is_empty() => ExitCode::SUCCESS,
             Ok(_) => ExitCode::from(1),
             Err(error) => {
-                // If stderr is closed, the error can't be reported.
+                // If stderr is closed, nobody can read the error.
                 drop(report(&mut err, "", &error));
                 ExitCode::from(2)
             }
@@ -263,7 +263,7 @@ impl Gallery {
         Ok(failed)
     }
 
-    /// Checks that each name is a valid file name, and names one frame.
+    /// Checks that each name is a valid file name, and that no two frames have the same name.
     fn check_names(&self) -> Result<(), GalleryError> {
         let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
         for (index, Entry { name, .. }) in self.entries.iter().enumerate() {
@@ -277,7 +277,7 @@ impl Gallery {
         if self.entries.is_empty() { Err(GalleryError::Empty) } else { Ok(()) }
     }
 
-    /// One line for each frame.
+    /// Lists the frames, one in each line.
     fn list(&self, style: Style) -> String {
         let width = self.entries.iter().map(|entry| entry.name.len()).max().unwrap_or(0);
         let line = |Entry { name, about, .. }: &Entry| {
@@ -286,7 +286,7 @@ impl Gallery {
         self.entries.iter().map(line).collect()
     }
 
-    /// The requested frames, in the gallery's order. At least one.
+    /// Returns the requested frames in the gallery's order. There is at least one.
     fn select(&self, arguments: &RenderArguments) -> Result<Vec<&Entry>, GalleryError> {
         if arguments.all {
             return Ok(self.entries.iter().collect());
@@ -329,7 +329,7 @@ fn traced<'e>(
         |frame: Frame<'static>| Ok(Traced::from(frame.trace_layer(options.path, pixel, layer)?));
     match entry.described(options, trace) {
         Ok(traced) => {
-            // In one piece, because a reader looks for the last line end.
+            // The line is written in one piece, because the reader searches for the last line end.
             let line = serde_json::json!(traced).to_string() + "\n";
             out.write_all(line.as_bytes())?;
             Ok(Vec::new())
@@ -341,7 +341,7 @@ fn traced<'e>(
     }
 }
 
-/// Prints values of frames. Returns the names of the frames that lack one of them.
+/// Prints values of frames. Returns the names of the frames without such a value.
 fn tapped<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,
@@ -369,7 +369,8 @@ impl Entry {
         options: &RenderOptions,
         make: impl FnOnce(Frame<'static>) -> Result<T, Box<dyn Error>>,
     ) -> Result<T, Box<dyn Error>> {
-        // A panic concerns only this frame: the others are still rendered. The hook has printed its message.
+        // A panic concerns only this frame: the gallery still renders the others. The hook has already printed the
+        // message.
         catch_unwind(AssertUnwindSafe(|| make((self.describe)(options)?)))
             .unwrap_or_else(|_| Err("it panicked, see above".into()))
     }
@@ -379,10 +380,10 @@ impl Entry {
     }
 }
 
-/// The requested path, or the first path that checks run on.
+/// Returns the requested path, or the first path on which checks run.
 ///
 /// # Errors
-/// If it doesn't open.
+/// Returns an error if the path doesn't open.
 pub fn open(asked: Option<Path>) -> Result<Path, PathError> {
     let Some(path) = asked else {
         let selected = path::selected()?;
@@ -391,13 +392,13 @@ pub fn open(asked: Option<Path>) -> Result<Path, PathError> {
     path::required(path).map(|_| path)
 }
 
-/// The default folder for frames: Cargo's target folder, which Cargo excludes from backups, or a folder below the
-/// working directory if Cargo didn't build this program.
+/// Returns the default folder for frames: Cargo's target folder, which Cargo excludes from backups. If Cargo didn't
+/// build this program, returns a folder below the working directory.
 fn output() -> PathBuf {
     build_output().join("karat/frames")
 }
 
-/// Makes the folder and tries to write into it, before minutes go into a frame.
+/// Makes the folder and tries to write into it, before rendering takes minutes.
 fn prepare(folder: &FilePath) -> io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let probe = folder.join(format!(".karat{}", std::process::id()));
@@ -405,7 +406,7 @@ fn prepare(folder: &FilePath) -> io::Result<()> {
     std::fs::remove_file(&probe)
 }
 
-/// Prints an error, with those causes that its text doesn't mention.
+/// Prints an error, and the causes that its text doesn't mention.
 fn report(err: &mut dyn Write, what: &str, error: &dyn Error) -> io::Result<()> {
     let mut text = error.to_string();
     let mut cause = error.source();
@@ -416,7 +417,7 @@ fn report(err: &mut dyn Write, what: &str, error: &dyn Error) -> io::Result<()> 
         }
         cause = error.source();
     }
-    // A diagnostic has its own head, and is printed below.
+    // A diagnostic has its own headline, and is printed below.
     match (what.is_empty(), text.starts_with("error")) {
         (true, true) => writeln!(err, "{text}"),
         (true, false) => writeln!(err, "{BAD}error{BAD:#}: {text}"),

@@ -1,13 +1,13 @@
-//! The steps of a call as a table: a row for each operation, with its values in three arithmetics.
+//! The steps of a call as a table: each row is an operation with its values in `f32`, in `f64` and in intervals.
 
 use karat::unstable::trace::{Step, Value};
 use karat::unstable::value::format_f32;
 use serde::{Deserialize, Serialize};
 
-/// The relative difference from the shadow above which a value has lost half of its digits.
+/// The relative difference between the `f32` and the `f64` value above which a value has lost half of its digits.
 const LOST: f64 = 1.0 / 4096.0;
 
-/// The text for an arithmetic that didn't run the operation, because a condition had another result there.
+/// The text for a value whose calculation didn't run the operation, because a condition had another result there.
 const ELSEWHERE: &str = "another way";
 
 /// An operation of a call.
@@ -15,31 +15,31 @@ const ELSEWHERE: &str = "another way";
 pub struct Row {
     /// The author's file.
     pub file: String,
-    /// The line, from 1.
+    /// The number of the line, from 1.
     pub line: usize,
-    /// The operation in the author's words, with the name of its `let`.
+    /// The operation as the author wrote it, with the name of its `let`.
     pub operation: String,
-    /// Its values in `f32`.
+    /// The values of the operation in `f32`.
     pub single: String,
-    /// Its values in `f64`.
+    /// The values of the operation in `f64`.
     pub double: String,
     /// The range that WGSL allows.
     pub allowed: String,
     /// `true` if an `f32` value isn't finite.
     pub is_strange: bool,
-    /// `true` if half of the digits are lost, or WGSL allows anything.
+    /// `true` if half of the digits are lost, or if WGSL allows any value.
     pub has_lost: bool,
 }
 
 impl Row {
-    /// The file and the line.
+    /// Returns the file and the line.
     #[must_use]
     pub fn place(&self) -> String {
         format!("{}:{}", self.file, self.line)
     }
 }
 
-/// The steps of a call as rows.
+/// Converts the steps of a call into rows.
 #[must_use]
 pub fn rows(steps: &[Step]) -> Vec<Row> {
     let bounded = steps.iter().any(|step| !step.allowed.is_empty());
@@ -69,7 +69,7 @@ fn has_lost(step: &Step) -> bool {
     step.single.iter().zip(&step.double).any(lost)
 }
 
-/// The values of a step in `f32` and in `f64`, and the allowed range.
+/// Returns the values of a step in `f32` and in `f64`, and the allowed range.
 fn columns(step: &Step, bounded: bool) -> [String; 3] {
     let joined = |values: Vec<String>, otherwise: &str| match values.as_slice() {
         [] => otherwise.to_owned(),
@@ -100,13 +100,13 @@ fn format(value: &Value) -> String {
     }
 }
 
-/// The operation in the author's words, with the name of its `let`.
+/// Returns the operation as the author wrote it, with the name of its `let`.
 fn operation(step: &Step) -> String {
     let text = one_line(&step.text);
     step.name.as_ref().map_or_else(|| text.clone(), |name| format!("{name} = {text}"))
 }
 
-/// A number to 12 significant digits: more than half of the digits that `f64` has in excess of `f32`.
+/// Formats a number with 12 significant digits. This is more than `f32` has, by half of the additional digits of `f64`.
 fn format_f64(x: f64) -> String {
     let rounded: f64 = format!("{x:.11e}").parse().unwrap_or(x);
     match rounded.abs() {

@@ -1,4 +1,4 @@
-//! Prints values of a frame or of passes, with the engine's values beside them.
+//! Printing values of a frame or of passes, beside the values of the engine.
 
 use std::error::Error;
 use std::io::Write;
@@ -12,30 +12,30 @@ use karat::{Frame, Path};
 use crate::steps::rows;
 use crate::taps::write_tapped;
 
-/// An owner of values: a frame, or passes.
+/// A frame, or the passes of a test. Its values can be shown.
 pub trait Tappable {
-    /// The values with names, a line each.
+    /// Lists the values that have names, each in one line.
     ///
     /// # Errors
-    /// If it isn't valid.
+    /// Returns an error if the frame or pass isn't valid.
     fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
 
-    /// The places of the lines that print.
+    /// Lists the locations of the lines that print.
     ///
     /// # Errors
-    /// If it isn't valid.
+    /// Returns an error if the frame or pass isn't valid.
     fn prints(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
 
-    /// The requested values.
+    /// Returns the requested values.
     ///
     /// # Errors
-    /// If one of them doesn't exist, or the frame can't run there.
+    /// Returns an error if a value doesn't exist, or if the frame or pass can't run on the path.
     fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, Box<dyn Error>>;
 
-    /// The engine's value at a pixel or an invocation, as text.
+    /// Returns the engine's value at a pixel or an invocation, as text.
     ///
     /// # Errors
-    /// If the engine can't run it.
+    /// Returns an error if the engine can't run the frame or pass.
     fn engine(
         &self,
         path: Path,
@@ -66,7 +66,9 @@ impl Tappable for Frame<'_> {
         at: (u32, u32),
     ) -> Result<String, Box<dyn Error>> {
         if tapped.name.as_ref().is_some_and(|name| name.contains(['.', '['])) {
-            return Ok("the engine shows whole values: name it without its part".to_owned());
+            return Ok(
+                "the engine shows only whole values: name the value without its part".to_owned()
+            );
         }
         let traced = self.trace(path, at)?;
         let steps = traced.steps;
@@ -82,20 +84,20 @@ impl Tappable for Frame<'_> {
             (Some(step), _) => (*step).clone(),
             (None, 0) => {
                 return Ok(
-                    "the engine shows operations, and this is none: a parameter, a call, a constructor, or what the result doesn't need"
+                    "the engine shows only operations, and this is a parameter, a call, a constructor, or a value that the result doesn't need"
                         .to_owned(),
                 );
             }
             (None, shown) => {
                 return Ok(format!(
-                    "of its {times} times the engine shows the first {shown}: choose one of them by --round"
+                    "the pixel computes the value {times} times, and the engine shows the first {shown}: select one of them with --round"
                 ));
             }
         };
-        // Skip steps with another number of components than the result.
+        // Steps with another number of components than the result are skipped.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
-                "the engine computes {} of its components: see `karat trace`",
+                "the engine computes {} of the value's components: see `karat trace`",
                 step.single.len()
             ));
         }
@@ -136,11 +138,11 @@ impl Tappable for Compute<'_> {
     }
 }
 
-/// Writes values of a frame or of passes, each with the engine's value at some pixels or invocations, or lists the
-/// values.
+/// Writes values of a frame or of passes, each with the engine's value at some pixels or invocations. If no values are
+/// requested, lists the values.
 ///
 /// # Errors
-/// If a value doesn't exist, it can't run, or an image can't be written.
+/// Returns an error if a value doesn't exist, if the frame or pass can't run, or if an image can't be written.
 pub fn tap(
     subject: &dyn Tappable,
     name: &str,
@@ -153,7 +155,7 @@ pub fn tap(
     for tap in taps {
         let places = if tap.is_of_prints() { subject.prints(path)? } else { Vec::new() };
         match (tap.is_of_prints(), places.is_empty()) {
-            (true, true) => return Err("no line of it prints: write `//karat: print x`".into()),
+            (true, true) => return Err("no line prints: write `//karat: print x`".into()),
             (true, false) => all.extend(places.iter().map(|place| tap.of(place))),
             (false, _) => all.push(tap.clone()),
         }
@@ -164,7 +166,7 @@ pub fn tap(
             writeln!(out, "{line}")?;
         }
         if values.is_empty() {
-            writeln!(out, "it has no `let` and no parameter; name another expression")?;
+            writeln!(out, "there is no `let` and no parameter; name another expression")?;
         }
     }
     for (tap, tapped) in all.iter().zip(subject.taps(path, &all)?) {
@@ -177,7 +179,7 @@ pub fn tap(
             let driver = value(&tapped, *pixel);
             let engine = match tapped.told[index(&tapped, *pixel)] {
                 true => subject.engine(path, tap, &tapped, *pixel)?,
-                false => "so it has no value in the engine".to_owned(),
+                false => "so the engine has no value".to_owned(),
             };
             writeln!(out, "    at ({x}, {y}): {driver} on {path}; {engine}")?;
         }
@@ -190,7 +192,7 @@ fn index(tapped: &Tapped, (x, y): (u32, u32)) -> usize {
     (y * tapped.size.0 + x) as usize
 }
 
-/// A value at a pixel or an invocation, as text.
+/// Formats the value at a pixel or an invocation.
 fn value(tapped: &Tapped, at: (u32, u32)) -> String {
     let (index, width) = (index(tapped, at), tapped.shape.lanes().len());
     match tapped.told.get(index) {

@@ -1,4 +1,4 @@
-//! Writes values of frames as images: EXR with the numbers, PNG to look at, and a summary in words.
+//! Writing values of frames as images: EXR with the numbers, PNG to look at, and a summary as text.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -14,32 +14,33 @@ use karat::unstable::metric::ErrorMap;
 use karat::unstable::output::{Style, counted};
 use karat::unstable::value::{Scalar, Shape, format_f32, format_lane};
 
-/// The colour of NaN and infinities, as in previews of frames.
+/// The colour of NaN and infinities. Previews of frames have the same colour.
 const NAN: [u8; 4] = [255, 0, 255, 255];
 const INFINITE: [u8; 4] = [255, 255, 0, 255];
 
-/// The largest distance from 1 of a direction's squared length: `normalize` may be off by some steps of `f32`, and
+/// The largest deviation from 1 of a direction's squared length. `normalize` may be off by some steps of `f32`, and
 /// `f16` has three digits.
 const UNIT: f64 = 4e-3;
 
 /// The mapping from numbers to colours.
 enum Mapping {
-    /// Black is false, white is true.
+    /// Black means false, white means true.
     Truth,
-    /// One number: the colours of magma, from the least to the largest.
+    /// One number. The colours of magma go from the smallest to the largest value.
     Range([f64; 2]),
-    /// One number of both signs: blue below 0, black at 0, red above. The brightest is the largest of either sign.
+    /// One number of both signs. Blue is below 0, black is 0, red is above 0. The brightest colour is the largest
+    /// absolute value.
     Signed(f64),
-    /// Three numbers of length 1: red, green and blue are half of 1 + x, 1 + y and 1 + z.
+    /// Three numbers that form a unit vector. Red, green and blue are half of 1 + x, 1 + y and 1 + z.
     Direction,
-    /// Two to four numbers: red, green, blue, from the least to the largest of all.
+    /// Two to four numbers as red, green, blue, from the smallest to the largest of all numbers.
     Channels([f64; 2]),
 }
 
 /// Writes the images of a value into a folder, as `<frame>.<value>.exr` and `.png`, and describes them.
 ///
 /// # Errors
-/// If a file can't be written.
+/// Returns an error if a file can't be written.
 pub(crate) fn write_tapped(
     folder: &FilePath,
     frame: &str,
@@ -61,12 +62,12 @@ pub(crate) fn write_tapped(
         writeln!(out, "    {note}")?;
     }
     if tapped.told.iter().all(|told| !told) {
-        writeln!(out, "    no {} has it: there is no picture", tapped.of)?;
+        writeln!(out, "    no {} computes the value, so there is no image", tapped.of)?;
         return Ok(());
     }
     if let Some(part) = part_of(&tapped.shape) {
         let one = format!("{title}{part}");
-        writeln!(out, "    it is no picture, and its parts are: `{one}` is one of them")?;
+        writeln!(out, "    the value can't be an image, but its parts can, such as `{one}`")?;
         return Ok(());
     }
     let mut named = tapped.name.as_ref().map(|name| format!("{of}::{name}"));
@@ -97,7 +98,7 @@ pub(crate) fn write_tapped(
     Ok(())
 }
 
-/// The part of a value to ask for, if the value can't be an image; `None` if it can.
+/// Returns the name of a part that can be an image, or `None` if the whole value can be an image.
 fn part_of(shape: &Shape) -> Option<String> {
     match shape {
         Shape::Scalar(_) | Shape::Vector { .. } => None,
@@ -115,20 +116,20 @@ fn with_ending(stem: &FilePath, ending: &str) -> PathBuf {
     name.into()
 }
 
-/// A number to the six digits of an `f32`.
+/// Formats a number with the six digits of an `f32`.
 fn digits(x: f64) -> String {
     let rounded: f64 = format!("{x:.5e}").parse().unwrap_or(x);
     format_f32(to_f32(rounded))
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "images and what is said of them are of f32")]
+#[expect(clippy::cast_possible_truncation, reason = "images and their descriptions use f32")]
 fn to_f32(x: f64) -> f32 {
     x as f32
 }
 
-/// A name for files, from letters and digits.
+/// Returns a name for files, of letters and digits.
 fn file_name(title: &str) -> String {
-    /// The longest name.
+    /// The largest number of characters in a name.
     const MOST: usize = 48;
     let mut name = String::new();
     for c in title.chars().take(MOST) {
@@ -141,7 +142,7 @@ fn file_name(title: &str) -> String {
     name.trim_matches('-').to_owned()
 }
 
-/// The values as a table; empty if they don't fit into one.
+/// Returns the values as a table, or an empty text if they don't fit into a table.
 fn table(tapped: &Tapped, width: usize) -> String {
     let mut text = String::from("invocation,times");
     let names = tapped.shape.lane_names();
@@ -163,13 +164,14 @@ fn table(tapped: &Tapped, width: usize) -> String {
     text
 }
 
-/// The values of a lane with their pixels.
+/// Returns the values of a lane with their pixels.
 fn lane_of(tapped: &Tapped, width: usize, lane: usize) -> impl Iterator<Item = (usize, u32)> {
     let rows = tapped.lanes.chunks_exact(width).zip(&tapped.told).enumerate();
     rows.filter(|(_, (_, told))| **told).map(move |(pixel, (lanes, _))| (pixel, lanes[lane]))
 }
 
-/// The least and the largest value of a lane with their pixels, the mean, and the values that aren't finite.
+/// Formats the smallest and the largest value of a lane with their pixels, the mean, and the number of values that
+/// aren't finite.
 fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> String {
     let scalar = scalars[lane];
     let of_lane = || lane_of(tapped, scalars.len(), lane);
@@ -179,14 +181,14 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     };
     let mut text = if name.is_empty() { String::new() } else { format!("{name}: ") };
     let finite = || of_lane().filter(|(_, word)| scalar.decode(*word).is_finite());
-    // Of equal values, the first pixel.
+    // Of equal values, the text names the first pixel.
     let by = |a: &(usize, u32), b: &(usize, u32)| scalar.decode(a.1).total_cmp(&scalar.decode(b.1));
     match (finite().min_by(by), finite().max_by(|a, b| by(a, b).then(b.0.cmp(&a.0)))) {
         (Some(least), Some(most)) => {
             let shown = |(pixel, word): (usize, u32)| {
                 format!("{} at {}", format_lane(scalar, word), at(pixel))
             };
-            // Each sum has as many terms as an image has pixels, which keeps 9 digits in `f64`.
+            // Each sum has as many terms as an image has pixels. So the sum in `f64` keeps 9 digits.
             #[expect(
                 clippy::cast_precision_loss,
                 reason = "an image has far fewer pixels than 2^53"
@@ -195,7 +197,7 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
                 / finite().count() as f64;
             let _ = write!(text, "{} to {}, mean {}", shown(least), shown(most), digits(mean));
         }
-        _ => text += "nothing finite",
+        _ => text += "no value is finite",
     }
     let mut strange = |what: &str, is: fn(f64) -> bool| {
         let mut all = of_lane().filter(|(_, word)| is(scalar.decode(*word))).peekable();
@@ -213,19 +215,19 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     text
 }
 
-/// Notes on pixels without a value, and on colours that changed.
+/// Returns notes on pixels without a value, and on changed colours.
 fn notes(tapped: &Tapped) -> Vec<String> {
     let all = tapped.told.len();
     let undrawn = tapped.times.iter().filter(|times| times.is_none()).count();
     let told = tapped.told.iter().filter(|told| **told).count();
     let mut notes = Vec::new();
     if told < all {
-        let mut parts = vec![format!("{told} of {} have it", counted(all, tapped.of))];
+        let mut parts = vec![format!("{told} of {} compute it", counted(all, tapped.of))];
         if undrawn > 0 {
             parts.push(format!("{undrawn} aren't drawn or are discarded"));
         }
         if all - told - undrawn > 0 {
-            parts.push(format!("{} don't come there", all - told - undrawn));
+            parts.push(format!("{} don't reach it", all - told - undrawn));
         }
         notes.push(parts.join(", "));
     }
@@ -234,21 +236,21 @@ fn notes(tapped: &Tapped) -> Vec<String> {
         notes.push(format!("computed up to {most} times: this is the time {round}"));
     } else if most > 1 {
         notes.push(format!(
-            "computed up to {most} times: this is the last, and --round says another"
+            "computed up to {most} times: this is the last time, and --round selects another"
         ));
     }
     match tapped.changed {
         None => {}
-        Some(0) => notes.push("the frame's own colours are the same beside it".to_owned()),
+        Some(0) => notes.push("the frame has the same colours while the value is shown".to_owned()),
         Some(pixels) => notes.push(format!(
-            "the driver compiles another program to tell it: {} of the frame have another colour then",
+            "the driver compiles another program to show the value: {} of the frame then have another colour",
             counted(pixels, "pixel")
         )),
     }
     notes
 }
 
-/// The numbers as an image, transparent where there is no value.
+/// Returns the numbers as an image. Pixels without a value are transparent.
 fn image(tapped: &Tapped, scalars: &[Scalar]) -> Image {
     let rows = tapped.lanes.chunks_exact(scalars.len()).zip(&tapped.told);
     let pixel = |(lanes, told): (&[u32], &bool)| {
@@ -264,7 +266,7 @@ fn image(tapped: &Tapped, scalars: &[Scalar]) -> Image {
     Image::new(tapped.size.0, tapped.size.1, rows.map(pixel).collect())
 }
 
-/// The numbers of each pixel with the value.
+/// Returns the numbers of each pixel with a value.
 fn numbers<'t>(tapped: &'t Tapped, scalars: &'t [Scalar]) -> impl Iterator<Item = Vec<f64>> + 't {
     let rows = tapped.lanes.chunks_exact(scalars.len()).zip(&tapped.told);
     let told = rows.filter(|(_, told)| **told);
@@ -292,7 +294,7 @@ fn mapping(tapped: &Tapped, scalars: &[Scalar]) -> Mapping {
 }
 
 impl Mapping {
-    /// The mapping in words.
+    /// Describes the mapping.
     fn told(&self) -> String {
         match self {
             Self::Truth => "white is true".to_owned(),

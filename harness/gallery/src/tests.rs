@@ -31,7 +31,7 @@ fn arguments(words: &[&str]) -> RenderArguments {
     Standalone::try_parse_from(words).expect("good").arguments
 }
 
-/// The result of a run, and both outputs without colours.
+/// Runs the gallery. Returns the result, and both outputs without colours.
 fn run(gallery: &Gallery, words: &[&str]) -> (Result<Vec<String>, String>, String, String) {
     let text = |bytes: Vec<u8>| {
         let plain = anstream::adapter::strip_bytes(&bytes).into_vec();
@@ -45,7 +45,7 @@ fn run(gallery: &Gallery, words: &[&str]) -> (Result<Vec<String>, String>, Strin
 }
 
 #[test]
-fn whatever_becomes_of_one_frame_the_others_are_rendered() {
+fn a_failing_frame_does_not_stop_the_other_frames() {
     let gallery = Gallery::new()
         .frame("missing", "", |_| draw("gray"))
         .frame("sky", "", |_| Err(Sky { source: io::Error::other("it is dark") }.into()))

@@ -1,4 +1,4 @@
-//! A traced pixel as text, for another process.
+//! A traced pixel as JSON. One process writes it, and another process reads it.
 
 use karat::unstable::frame::TracedPixel;
 use karat::unstable::value::format_f32;
@@ -6,18 +6,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::steps::{Row, rows};
 
-/// A pixel, its inputs and its steps.
+/// A pixel with its inputs and its steps.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Traced {
-    /// The fragment function of the draw that shows there.
+    /// The fragment function of the draw that is visible at the pixel.
     pub function: String,
-    /// Its arguments.
+    /// The names and values of the function's arguments.
     pub arguments: Vec<(String, String)>,
-    /// Its operations.
+    /// The operations of the function.
     pub steps: Vec<Row>,
-    /// Its result in the engine.
+    /// The result of the function in the engine.
     pub engine: String,
-    /// The driver's pixel.
+    /// The pixel that the driver drew.
     pub driver: String,
     /// Notes on the values.
     pub notes: Vec<String>,

@@ -1,13 +1,13 @@
 //! Compares every function of a package before and after an edit, without any test.
 //!
-//! Functions and entry points whose linked text is the same aren't run. Other functions are called with arguments of
-//! their types: three in four lie in the range that their names suggest, one in four anywhere. Both sides get the same
-//! inputs: an entry point's inputs are matched by their attributes, resources by their names or bindings. Compute
-//! passes are dispatched over generated resources. The comparison is bit by bit; all NaNs are one value. A function
-//! without a result isn't judged. If all results are the same, the comparison lists lines of the edit that no input
-//! covers: their results are unknown.
+//! A function or entry point whose linked text didn't change isn't run. Karat calls each changed function with
+//! generated arguments, before and after the edit. Three in four arguments are in the range that their name suggests;
+//! one in four has any value of its type. Both versions get the same inputs: Karat matches entry points' inputs by
+//! their attributes, and resources by their names or bindings. Compute passes are dispatched over generated resources.
+//! The comparison is bit by bit, and all NaNs count as equal. A function without a result has no verdict. If all
+//! results are equal, the comparison lists the edited lines that no input covers, because their results are unknown.
 //!
-//! Code that conditions leave out is compared under the fewest features that include it.
+//! Code that a condition excludes is compared with the fewest features that include it.
 //!
 //! ```no_run
 //! use karat::Package;
@@ -54,10 +54,10 @@ use rayon::prelude::*;
 
 pub use karat::unstable::interpret::{Missed, Uncovered};
 
-/// Inputs of each function: they run within a moment on any path.
+/// The number of inputs for each function. They run in a moment on any path.
 const CASES: usize = 4096;
 
-/// Two packages. One is an edited version of the other.
+/// A comparison of a package with an edited version of it.
 ///
 /// ```
 /// use karat::Package;
@@ -81,37 +81,37 @@ pub struct Request {
     overrides: Overrides,
 }
 
-/// A function of either package.
+/// The comparison of one function.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
-    /// `fresnel::schlick`
+    /// The function's path: `fresnel::schlick`.
     pub function: String,
-    /// `file:line:column`, after the edit if the function still exists.
+    /// The function's position, `file:line:column`. It refers to the edited package if that contains the function.
     pub location: String,
-    /// Features that are off by default and that include the edit: both sides have them on.
+    /// The features that are off by default and without which the edit has no effect. They are on in both packages.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub under: Vec<String>,
     /// The effect of the edit.
     #[serde(flatten)]
     pub change: Change,
-    /// Resources that a host has to supply differently, a sentence each: another `@binding`, another offset of a
-    /// buffer's member.
+    /// The resources that a host must supply differently, each in a sentence: for example another `@binding`, or
+    /// another offset of a buffer's member.
     pub interface: Vec<String>,
-    /// The ranges that arguments and members were sampled from; empty if nothing ran.
+    /// The ranges from which arguments and members were sampled; empty if nothing ran.
     pub drawn: Drawn,
-    /// Inputs that weren't run because they cost too much.
+    /// The number of inputs that didn't run because they cost too much work.
     pub cut: usize,
-    /// The workgroup size of a compute pass. Its cases are the words that it leaves.
+    /// The workgroup size of a compute pass. The pass's cases are the 32-bit values that it writes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispatched: Option<[u32; 3]>,
-    /// Violations of a compute pass, or of the pixels of a draw that write storage, that exist only after the edit.
+    /// Violations that exist only after the edit, in a compute pass, or between pixels that write storage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
     /// Violations that exist only before the edit.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mended: Vec<Violation>,
-    /// If nothing changed: lines of the edit, old or new, that no input reached, and conditions that each input decided
-    /// alike. The results there are unknown.
+    /// Edited lines, old or new, that no input reached, and conditions that had the same value for all inputs. Their
+    /// results are unknown. Empty if results changed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uncovered: Vec<Uncovered>,
 }
@@ -121,19 +121,19 @@ pub struct Compared {
 #[serde(tag = "change", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Change {
-    /// Neither the function nor anything that it uses was edited, except comments and blanks.
+    /// Neither the function nor code that it uses changed, except for comments and blanks.
     Untouched,
-    /// The function was edited, and each result has the same bits.
+    /// The edit changed the function's code, but all results have the same bits.
     Same {
-        /// Inputs tried on each path.
+        /// The number of inputs that ran on each path.
         cases: usize,
     },
     /// Some results changed.
     Changed {
-        /// Each path with a change.
+        /// The paths on which results changed.
         paths: Vec<PathChange>,
     },
-    /// The types of its parameters or of its result changed.
+    /// The types of the function's parameters or of its result changed.
     Signature {
         /// The old signature.
         before: String,
@@ -151,43 +151,45 @@ pub enum Change {
     },
 }
 
-/// The change of results on one path.
+/// The changed results on one path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PathChange {
-    /// The path.
+    /// The path's name.
     pub path: String,
-    /// The number of inputs whose results changed, and the number of inputs.
+    /// The number of inputs with changed results, and the number of all inputs.
     pub cases: (usize, usize),
-    /// The largest change in `f32` steps; `None` if a value became NaN, was NaN, or isn't a float.
+    /// The largest change in steps of an `f32`; `None` if a changed value is or was NaN, or isn't a float.
     pub ulp: Option<u64>,
-    /// The largest change relative to the value before; `None` in the same cases.
+    /// The largest change relative to the old value; `None` in the same cases as `ulp`.
     pub relative: Option<f64>,
-    /// The simplest arguments found that show the change: preferably with plain numbers that differ by at least a
-    /// thousandth, otherwise with a NaN, otherwise with a last digit. Then the members of buffers that aren't elements
-    /// of arrays. Leaves out arguments and members that don't affect the change.
+    /// The simplest arguments that show the change, followed by the members of buffers that aren't array elements.
+    /// Karat prefers arguments whose results are plain numbers that differ by at least 0.001, then arguments with NaN,
+    /// then arguments whose results differ in the last digit. Arguments and members that don't affect the change are
+    /// left out.
     pub arguments: Vec<(String, String)>,
-    /// All arguments of that case, for a function.
+    /// All arguments of the shown case, if the function isn't a compute pass.
     #[serde(skip)]
     pub given: Vec<(String, String)>,
-    /// The result of that case before the edit.
+    /// The result of the shown case before the edit.
     pub before: String,
-    /// The result after the edit.
+    /// The result of the shown case after the edit.
     pub after: String,
     #[serde(skip)]
     clarity: Clarity,
-    /// For a compute pass: the first changed word of each resource, beginning with the one of `before` and `after`.
+    /// For a compute pass: the first changed value of each resource. The first resource is the one in `before` and
+    /// `after`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub words: Vec<WordChange>,
 }
 
-/// A word of a resource that a compute pass leaves with another value.
+/// A 32-bit value of a resource that a compute pass writes differently after an edit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WordChange {
     /// The resource's name.
     pub resource: String,
-    /// The word and its value before the edit: `counts[3] = 1`.
+    /// The element with its value before the edit: `counts[3] = 1`.
     pub before: String,
-    /// The value after the edit.
+    /// The element's value after the edit.
     pub after: String,
 }
 
@@ -213,43 +215,43 @@ impl Compared {
 }
 
 impl Request {
-    /// Compares a package with an edited one, on the path `cpu` unless you name others.
+    /// Compares a package with its edited version, on the path `cpu` unless [`paths`](Self::paths) sets others.
     pub fn new(before: Package, after: Package) -> Self {
         let (only, paths, overrides) = (Vec::new(), vec![Path::CPU], Overrides::new());
         Self { before, after, only, cases: CASES, paths, overrides }
     }
 
-    /// Restricts the comparison to functions whose name contains one of these.
+    /// Selects the functions with one of these strings in their names.
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
-    /// Sets the number of inputs of each function, 4,096 by default.
+    /// Sets the number of inputs for each function. The default is 4,096.
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
     }
 
-    /// Runs functions on these paths.
+    /// Sets the paths on which functions run.
     pub fn paths(self, paths: Vec<Path>) -> Self {
         Self { paths, ..self }
     }
 
-    /// Gives an `override` a value on both sides, by its name or its `@id`, in each function that has one.
+    /// Sets the value of an `override`, by its name or its `@id`, in both packages.
     pub fn set_override(mut self, name: &str, value: f64) -> Self {
         self.overrides.insert(name.to_owned(), value);
         self
     }
 
-    /// Compares all functions, in the order of their names.
+    /// Compares the selected functions, in the order of their names.
     ///
     /// # Errors
-    /// If a package can't be read, or an override is declared that neither side has.
+    /// If a package can't be read, or an override has a value in `karat.toml` but exists in neither package.
     pub fn run(&self) -> Result<Vec<Compared>, PackageError> {
         self.run_with(&|_, _, _| {})
     }
 
-    /// Does the same as [`run`](Self::run), and reports each verdict as soon as all before it exist, with its number
-    /// and the total.
+    /// Does the same as [`run`](Self::run). Calls `told` with each verdict, its number and the number of all verdicts,
+    /// in the order of the functions' names.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -262,7 +264,8 @@ impl Request {
             let reason = format!("{wrong}{}", place_of_override(&self.after, &name));
             return Err(PackageError::Manifest { file: "karat.toml".to_owned(), reason });
         }
-        // A feature that conditions compare with a number gets one on both sides; otherwise nothing could be read.
+        // If a condition compares a feature with a number, both packages need a number for this feature. Without a
+        // number, Karat couldn't read the module.
         let values = [&self.before, &self.after].map(values_of);
         let mut both = values[0].clone();
         for (name, own) in &values[1] {
@@ -275,7 +278,7 @@ impl Request {
             known.map(|(name, all)| format!("{name}={}", all[0])).collect()
         };
         let (before, after) = (featured(&self.before, &first(0)), featured(&self.after, &first(1)));
-        // A declared override is fixed, like one given to the request.
+        // An override with a value in `karat.toml` is fixed, like one that the request sets.
         let overrides = declared.into_iter().chain(self.overrides.clone()).collect();
         let shown: BTreeSet<String> = first(0).into_iter().chain(first(1)).collect();
         let valued = Self { before, after, overrides, ..self.clone() };
@@ -287,7 +290,7 @@ impl Request {
         let compared = all.into_par_iter().map(|(at, (name, pair))| {
             let one = panics::caught(|| valued.verdict_under(&name, pair, (&others, &values)));
             let mut one = one.unwrap_or_else(|panicked| {
-                let reason = format!("Karat panics at it: {panicked}");
+                let reason = format!("Karat panics while it compares the function: {panicked}");
                 Compared::of(&name, Change::Unjudged { reason })
             });
             if one.change != Change::Untouched {
@@ -297,7 +300,7 @@ impl Request {
                 let open: Vec<String> = open.cloned().collect();
                 one.under.extend(open);
             }
-            // Sorted by name, so that equal verdicts are equal texts.
+            // The verdicts are sorted by name, so that equal verdicts make equal output.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
             let (next, waiting) = &mut *done;
             waiting.insert(at, one.clone());
@@ -310,7 +313,7 @@ impl Request {
         Ok(compared.collect())
     }
 
-    /// All functions of both sides, by name. A module that can't be read on a side stands for its functions.
+    /// All functions of both packages, by name. A module that can't be read replaces its functions.
     fn pairs(
         &self,
         values: &[Values; 2],
@@ -327,7 +330,7 @@ impl Request {
         for module in modules {
             let has = [before.contains(module), after.contains(module)];
             let texts = [0, 1].map(|side| words_of(sides[side], module));
-            // Files that can't be read don't count as the same.
+            // Files that can't be read don't count as equal.
             let is_same = match &texts {
                 [Some(before), Some(after)] => before.0 == after.0,
                 _ => false,
@@ -359,17 +362,17 @@ impl Request {
                 let there = Pair::There(old.get(name).copied(), new.get(name).copied());
                 all.insert(name.clone(), there);
             }
-            // Code that a condition leaves out belongs to no function.
+            // Code that a condition excludes belongs to no function.
             if is_same {
                 continue;
             }
-            // A module that was added or removed shows by its functions.
+            // The functions of an added or removed module show the change.
             let overrides =
                 if has == [true; 2] { self.overrides_of(module) } else { Ok(Vec::new()) };
             match overrides {
                 Ok(overrides) if overrides.is_empty() => {}
                 Ok(overrides) => drop(all.insert(name_of(module), Pair::Overrides(overrides))),
-                // The functions of an invalid module are compared all the same, but not its interface to the host.
+                // If a module is invalid, its functions are compared, but not its interface with the host.
                 Err(reasons) => {
                     if overrides_in(&words[0].0) != overrides_in(&words[1].0) {
                         let [was, is] = reasons;
@@ -381,12 +384,12 @@ impl Request {
             let open: Vec<String> = open.into_iter().chain(others).cloned().collect();
             let mut edited = BTreeSet::new();
             for features in subsets(&open) {
-                // Each side gets the features that it knows.
+                // Each package gets only the features that its conditions use.
                 let of = |side: usize| asked(&features, &values[side], &words[side].1);
                 let own = [of(0), of(1)];
                 let (old, new) = match (items(0, &own[0]), items(1, &own[1])) {
                     (Ok(old), Ok(new)) => (old, new),
-                    // Skip features that exclude each other.
+                    // Features that exclude each other are skipped.
                     (Err(_), Err(_)) => continue,
                     _ if own[0] != own[1] => continue,
                     (old, new) => {
@@ -422,7 +425,7 @@ impl Request {
         Ok(all)
     }
 
-    /// Returns `true` if a function's text is the same on both sides with these features on.
+    /// Checks if a function's linked text is equal in both packages with these features on.
     fn is_untouched_under(&self, name: &str, features: &[Vec<String>; 2]) -> bool {
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = |side: &Package, features: &[String]| {
@@ -430,13 +433,14 @@ impl Request {
         };
         match (linked(&self.before, &features[0]), linked(&self.after, &features[1])) {
             (Some(before), Some(after)) => before.normalized_text() == after.normalized_text(),
-            // Skip features that exclude each other.
+            // Features that exclude each other are skipped.
             (None, None) => features.iter().any(|own| !own.is_empty()),
             _ => false,
         }
     }
 
-    /// The overrides of a module that no function uses, as a host sees them; or the reason why a side is invalid.
+    /// The changes of a module's overrides that no function uses; an error if the module is invalid before or after the
+    /// edit.
     fn overrides_of(&self, module: &str) -> Result<Vec<String>, [Option<String>; 2]> {
         let whole = |side| Program::of_module(side, module);
         let (before, after) = match (whole(&self.before), whole(&self.after)) {
@@ -467,8 +471,8 @@ impl Request {
         Ok(all.into_iter().filter(is_open).collect())
     }
 
-    /// The verdict on a function. If its results are the same, the verdict under another value of a feature under which
-    /// they differ.
+    /// The verdict on a function. If its results are the same, the verdict with another value of a feature with which
+    /// the results differ.
     fn verdict_under(
         &self,
         name: &str,
@@ -529,13 +533,12 @@ impl Request {
             Pair::Broken(_, Some(is)) => unjudged(format!("after: {is}")),
             Pair::Broken(was, None) => unjudged(format!("before: {}", was.unwrap_or_default())),
             Pair::Hidden(open) => unjudged(format!(
-                "no function differs with none, one, two or all of its {} features on: name those of the edit with --feature",
+                "no function differs with none, one, two or all of its {} features on: set the edit's features with --feature",
                 open.len()
             )),
         }
     }
 
-    /// The declared ranges, and the values of overrides.
     fn ranges(&self) -> Result<Ranges, String> {
         let mut ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
         self.overrides.iter().for_each(|(name, value)| ranges.set_override(name, *value));
@@ -544,7 +547,7 @@ impl Request {
 
     fn compare(&self, name: &str, stage: Option<Stage>) -> Compared {
         let compared = |change| Compared::of(name, change);
-        // A function that can't be called may still be untouched.
+        // A function that can't be called may still be unchanged.
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = |package: &Package| Program::of_items(package, module, &[own]);
         let (mut host, mut settings) = (Vec::new(), vec![BTreeMap::new()]);
@@ -587,7 +590,8 @@ impl Request {
                 paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
             }
             match &mut one {
-                // Private variables that can't be set leave the verdict open: other overrides may have been wrong.
+                // If private variables can't be set, there is no verdict: other values of overrides may have been the
+                // cause.
                 Some(one)
                     if matches!(next.change, Change::Unjudged { .. }) && !state[0].is_empty() =>
                 {
@@ -603,16 +607,16 @@ impl Request {
         let mut one = one.expect("there is one setting, at least");
         if let (Change::Same { .. }, Some((path, lanes))) = (&one.change, stateful.large) {
             let reason =
-                format!("the same but for `{path}`: {lanes} numbers are too many to be compared");
+                format!("the same, except for `{path}`: {lanes} numbers are too many to compare");
             one.change = Change::Unjudged { reason };
         }
         one.interface.splice(0..0, host);
         one
     }
 
-    /// The private variables of each side through which a function receives values from others, or passes values to
-    /// them: those that both sides declare, and those that the edit renamed. No other function sees those that only one
-    /// side has.
+    /// The private variables through which a function receives values from other functions or passes values to them.
+    /// Private variables of both packages and renamed variables count. If only one package has a variable, no other
+    /// function uses it.
     fn state_of(&self, name: &str) -> Stateful {
         let sides = [&self.before, &self.after];
         let programs = sides.map(|side| Program::of_function(side, name).ok());
@@ -641,7 +645,7 @@ impl Request {
                 }),
             }
         }
-        // Renamed variables have the same position among all.
+        // A renamed variable has the same position among all variables.
         let gone: Vec<_> = old.iter().filter(|(path, _)| declared(1, path).is_none()).collect();
         let came: Vec<_> = new.iter().filter(|(path, _)| declared(0, path).is_none()).collect();
         if let ([(was, variable)], [(is, other)]) = (&*gone, &*came)
@@ -655,8 +659,8 @@ impl Request {
         all
     }
 
-    /// Values for the overrides that the request leaves open, as a host might give them. The first setting has a value
-    /// for each override without a default; each further one changes one override that both sides have.
+    /// The settings of overrides that neither the request nor `karat.toml` sets. The first setting has a value for each
+    /// override without a default. Each further setting changes one override that both packages have.
     fn settings(&self, before: &Program, after: &Program) -> Vec<BTreeMap<String, f64>> {
         let declared = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
         let is_bool = |side: &Program, name: &str| side.override_type(name) == Some(Scalar::Bool);
@@ -680,7 +684,7 @@ impl Request {
         all
     }
 
-    /// Compares an edited function. `attributes` are those of both sides.
+    /// Compares an edited function. `attributes` has the attributes of both versions.
     fn compare_linked(
         &self,
         name: &str,
@@ -710,7 +714,7 @@ impl Request {
             (Err(error), _) => return unjudged(&format!("before: {error}")),
             (_, Err(error)) => return unjudged(&format!("after: {error}")),
         };
-        // An edit may have added derivatives, or removed them.
+        // An edit may add derivatives or remove them.
         let (before, after) = match (before.takes_derivatives(), after.takes_derivatives()) {
             (true, false) => (before, after.varying()),
             (false, true) => (before.varying(), after),
@@ -730,7 +734,7 @@ impl Request {
             let renamed = renamed(Side::of(&before), Side::of(&after));
             match self.brought_to_pixels(name, &renamed) {
                 Ok(brought) => (violations, mended) = brought,
-                // A change says more than a note that pixels couldn't run beside each other.
+                // A changed result matters more than a note that pixels couldn't run side by side.
                 Err(reason) if matches!(change, Change::Same { .. }) => change = unseen(reason),
                 Err(_) => {}
             }
@@ -754,63 +758,63 @@ impl Request {
 }
 
 impl Compared {
-    /// Returns `true` if the results are the same so far: another setting may show more.
+    /// Checks if the results are the same so far, so that another setting may show a change.
     fn is_open(&self) -> bool {
         matches!(self.change, Change::Same { .. }) && self.violations.is_empty()
     }
 
-    /// Takes the verdict of another setting if it shows more. If both are the same, a line counts as covered if either
-    /// covers it.
+    /// Replaces the verdict by another setting's verdict if that shows a change. If both are the same, a line that
+    /// either setting covers counts as covered.
     fn take(&mut self, next: Self) {
         match next.change {
             Change::Same { .. } if next.violations.is_empty() => {
                 self.uncovered.retain(|line| next.uncovered.contains(line));
             }
             Change::Same { .. } | Change::Changed { .. } => *self = next,
-            // A value that the text doesn't accept proves nothing.
+            // The verdict of a setting that the shader doesn't accept proves nothing.
             _ => {}
         }
     }
 }
 
-/// The private variables of a function, as inputs and results.
+/// The private variables of a function, which count as inputs and results.
 #[derive(Default)]
 struct Stateful {
     sides: [State; 2],
-    /// `true` if on some side they are the function's only visible effect.
+    /// `true` if these variables are the only visible effect of the function, before or after the edit.
     is_needed: bool,
     /// A variable that is too large to compare, with the number of its scalars.
     large: Option<(String, usize)>,
 }
 
-/// The two sides of a name.
+/// What a name refers to, before and after the edit.
 #[derive(Debug)]
 enum Pair {
-    /// A function on each side, with its stage.
+    /// A function with its stage, before and after the edit.
     There(Option<Option<Stage>>, Option<Option<Stage>>),
-    /// A function under some features that the edit needs.
+    /// A function that exists only with some features on.
     Under(Under, Option<Option<Stage>>, Option<Option<Stage>>),
-    /// Overrides that no function uses, as a host sees them.
+    /// Changed overrides that no function uses.
     Overrides(Vec<String>),
-    /// A module that can't be read, with the reason on either side.
+    /// A module that can't be read, with the reason before the edit and after it.
     Broken(Option<String>, Option<String>),
-    /// A module that can't be read, with the same text on both sides.
+    /// A module that can't be read and whose text didn't change.
     Same,
-    /// A module whose edit none of the tried features include; these are its features.
+    /// A module whose edited code is excluded in all tested sets of features. Holds the module's features.
     Hidden(Vec<String>),
 }
 
-/// Features that an edit needs, and those of them that each side's conditions use.
+/// The features that an edit needs, and those of them that each package's conditions use.
 #[derive(Debug)]
 struct Under {
     features: Vec<String>,
     own: [Vec<String>; 2],
 }
 
-/// The values of features that conditions compare with a number.
+/// The numbers with which conditions compare each feature.
 type Values = BTreeMap<String, Vec<Feature>>;
 
-/// All values of each such feature, except its first.
+/// All numbers of each feature except the first.
 fn other_values(values: &Values) -> Vec<String> {
     let of = |(name, all): (&String, &Vec<Feature>)| {
         all[1..].iter().map(|value| format!("{name}={value}")).collect::<Vec<_>>()
@@ -818,12 +822,11 @@ fn other_values(values: &Values) -> Vec<String> {
     values.iter().flat_map(of).collect()
 }
 
-/// The name of a feature, without its value.
 fn name_of(feature: &str) -> &str {
     feature.split_once('=').map_or(feature, |(name, _)| name)
 }
 
-/// The features that a side's conditions use, as values or as names.
+/// The features that a package's conditions use, with or without values.
 fn asked(features: &[String], values: &Values, conditions: &[String]) -> Vec<String> {
     let asks = |name: &&String| match name.split_once('=') {
         Some((name, _)) => values.contains_key(name),
@@ -832,7 +835,7 @@ fn asked(features: &[String], values: &Values, conditions: &[String]) -> Vec<Str
     features.iter().filter(asks).cloned().collect()
 }
 
-/// A package with some features on. A feature may have a value after its name.
+/// Turns features on in a package. A feature may have a value: `NAME=VALUE`.
 fn featured(package: &Package, features: &[String]) -> Package {
     features.iter().fold(package.clone(), |package, feature| match feature.split_once('=') {
         Some((name, value)) => match value.parse::<i64>() {
@@ -843,9 +846,9 @@ fn featured(package: &Package, features: &[String]) -> Package {
     })
 }
 
-/// Sets of features, the smaller ones first. No set gives one name two values. Of few features, all sets. Of more: the
-/// empty set, each feature, each pair, all features with the first other value of each, and all with the second. Of
-/// many features, no pairs.
+/// Sets of features, smaller sets first. No set has two values for one feature. For few features, these are all sets.
+/// For more features: the empty set, each feature, each pair, and for each n, all features with their n-th value. For
+/// many features, there are no pairs.
 fn subsets(all: &[String]) -> Vec<Vec<String>> {
     let chosen = |at: Vec<usize>| at.into_iter().map(|at| all[at].clone()).collect::<Vec<_>>();
     let of_mask = |mask: usize| chosen((0..all.len()).filter(|at| mask >> at & 1 == 1).collect());
@@ -858,7 +861,7 @@ fn subsets(all: &[String]) -> Vec<Vec<String>> {
         let pairs =
             (0..all.len()).flat_map(|at| (at + 1..all.len()).map(move |other| vec![at, other]));
         let pairs = pairs.filter(|_| all.len() <= PAIRED_FEATURES);
-        // The other values of one name are neighbours.
+        // The values of one feature are neighbours in the list.
         let number =
             |at: usize| (0..at).filter(|one| name_of(&all[*one]) == name_of(&all[at])).count();
         let most = (0..all.len()).map(number).max().unwrap_or_default();
@@ -874,39 +877,39 @@ fn subsets(all: &[String]) -> Vec<Vec<String>> {
     sets
 }
 
-/// The first line of an error with its place, and the remedy if a feature has no value.
+/// The first line of an error with its position. If a feature has no value, also the option that sets it.
 fn with_place(error: &str) -> String {
     let place = error.lines().find_map(|line| line.trim_start().strip_prefix("┌─ "));
     let place = place.map_or_else(String::new, |place| format!(" ({})", place.trim()));
     let line = first_line(error);
-    let hint =
-        if line.ends_with("has no value") { ": --feature NAME=VALUE gives it one" } else { "" };
+    let hint = if line.ends_with("has no value") { ": --feature NAME=VALUE sets it" } else { "" };
     format!("{line}{place}{hint}")
 }
 
-/// The first line of an error, without the word `error`.
+/// Returns the first line of an error, without the word `error`.
 fn first_line(error: &str) -> String {
     let reason = error.replacen("error: ", "", 1);
     reason.lines().next().unwrap_or_default().to_owned()
 }
 
-/// The coverage of both sides of an edit.
+/// The coverage of a function before and after an edit.
 #[derive(Default)]
 struct Both {
     sides: [Coverage; 2],
-    /// `true` if a result depends on an index outside after the edit, and doesn't before it.
+    /// `true` if the results depend on an index outside of an array after the edit, but not before it.
     strays: bool,
-    /// The first run of each side in the engine, or the reason why it failed; later runs may have values.
+    /// The first run in the engine before and after the edit, or the reason why it failed. A later run that succeeds
+    /// replaces the reason.
     measured: [Option<Result<(), String>>; 2],
-    /// The reason why it is unknown whether results depend on an index outside.
+    /// The reason why Karat doesn't know if results depend on an index outside of an array.
     unknown: Option<String>,
 }
 
-/// The declarations of overrides among the words of a module.
+/// The declarations of overrides in a module's tokens.
 fn overrides_in(words: &[String]) -> Vec<&[String]> {
     let begins = (0..words.len()).filter(|at| words[*at] == "override");
     let whole = |at: usize| {
-        // Attributes such as `@id(7)` precede the keyword.
+        // An attribute such as `@id(7)` precedes the keyword.
         let before = words[..at].iter().rposition(|word| word == ";" || word == "}");
         let behind = words[at..].iter().position(|word| word == ";");
         &words[before.map_or(0, |before| before + 1)..at + behind.unwrap_or(words.len() - at)]
@@ -914,7 +917,7 @@ fn overrides_in(words: &[String]) -> Vec<&[String]> {
     begins.map(whole).collect()
 }
 
-/// Notes a measurement, or otherwise the first reason why there is none.
+/// Records a successful run, or otherwise the first reason why a run failed.
 fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
     if one.is_ok() || measured.is_none() {
         *measured = Some(one);
@@ -922,7 +925,7 @@ fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
 }
 
 impl Both {
-    /// Adds calls of both sides.
+    /// Adds calls of both versions of a function.
     fn add_calls(
         &mut self,
         sides: [&Probed; 2],
@@ -944,7 +947,8 @@ impl Both {
             (Ok(before), Ok(after)) => {
                 self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
             }
-            // It ran with the usual values: values read outside now decide whether one of its loops ends.
+            // The function ended with the usual values. With other values outside of the array, one of its loops
+            // doesn't end.
             (Ok(_), Err(ProbeError::Rounds { .. })) if ran[1] => self.strays = true,
             (Err(error), _) | (_, Err(error)) => self.unknown = Some(error.to_string()),
         }
@@ -957,7 +961,7 @@ impl Both {
         }
     }
 
-    /// The lines of an edit that no input covers. `place` is the place of the function.
+    /// The edited lines that no input covers. `place` is the function's position.
     fn uncovered(&self, place: &str) -> Vec<Uncovered> {
         let stopped = self.measured.iter().flatten().find_map(|one| one.as_ref().err());
         if let Some(reason) = stopped.or(self.unknown.as_ref()) {
@@ -968,14 +972,14 @@ impl Both {
         [after.uncovered_beside(before), before.uncovered_beside(after)].concat()
     }
 
-    /// An index outside that an edit adds to a function, if the results depend on it.
+    /// An index outside of an array that the edit adds, if the results depend on it.
     fn outside(&self, function: &str) -> Option<Violation> {
         let [before, after] = &self.sides;
         let place = after.outside_beside(before).into_iter().next().filter(|_| self.strays)?;
         let headline = format!(
-            "`{function}` has an index outside of an array or a texture, and its results depend on it"
+            "`{function}` has an index outside of an array or a texture, and its results depend on the value there"
         );
-        let does = "has an index beyond the array, or its texture's edge".to_owned();
+        let does = "uses an index outside of the array or texture".to_owned();
         let (place, invocation) = (place.to_string(), "a call".to_owned());
         let access = ViolationAccess { place, invocation, does };
         Some(Violation::new(function, Kind::OutOfRange, (headline, 1), vec![access]))
@@ -983,12 +987,12 @@ impl Both {
 }
 
 impl PathChange {
-    /// How clearly it shows the edit. The largest one is shown.
+    /// Ranks how clearly a case shows the edit. Karat shows the case with the highest rank.
     fn shows(&self) -> (Clarity, u64) {
         (self.clarity, self.ulp.unwrap_or(u64::MAX))
     }
 
-    /// Adds the effect of the same edit over other contents of buffers. Shows the clearer of the two.
+    /// Adds the change over other contents of buffers, and keeps the clearer case.
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
         let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
@@ -999,7 +1003,7 @@ impl PathChange {
         self.cases.0 = cases;
         self.ulp = ulp.map(|(one, other)| one.max(other));
         self.relative = relative.map(|(one, other)| one.max(other));
-        // Other contents may change another resource.
+        // With other contents, another resource may change.
         for one in less.words {
             if self.words.iter().all(|known| known.resource != one.resource) {
                 self.words.push(one);
@@ -1014,7 +1018,8 @@ mod tests {
 
     fn changes(before: &str, after: &str) -> Vec<(String, Change)> {
         let package = |text: &str| Package::from_source("p", text);
-        let compared = Request::new(package(before), package(after)).run().expect("it reads");
+        let compared =
+            Request::new(package(before), package(after)).run().expect("the packages can be read");
         compared.into_iter().map(|one| (one.function, one.change)).collect()
     }
 
@@ -1029,17 +1034,17 @@ mod tests {
         let all = changes(before, after);
         let of = |name: &str| {
             let found = all.iter().find(|(function, _)| function == name);
-            found.map(|(_, change)| change.clone()).expect("it is compared")
+            found.map(|(_, change)| change.clone()).expect("a verdict")
         };
         assert!(matches!(of("half"), Change::Same { cases: CASES, .. }), "{:?}", of("half"));
-        assert!(matches!(of("user"), Change::Same { .. }), "it calls what was edited");
+        assert!(matches!(of("user"), Change::Same { .. }), "`user` calls the edited function");
         assert_eq!((of("gone"), of("more")), (Change::Removed, Change::Added));
         assert!(matches!(of("other"), Change::Signature { .. }));
         let untouched = changes(before, &before.replace("// old", "// a comment"));
         assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
     }
 
-    /// Coverage of a function, and of one that writes memory.
+    /// Tests the coverage of a function without side effects, and of one that writes memory.
     #[test]
     fn lines_that_no_argument_reaches_are_listed() {
         let before = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
@@ -1055,7 +1060,7 @@ mod tests {
             }";
         let after = before.replace("2.0", "3.0").replace("x + 1.0", "1.0 + x");
         let [before, after] = [before, &after].map(|text| Package::from_source("p", text));
-        let all = Request::new(before, after).run().expect("they read");
+        let all = Request::new(before, after).run().expect("the packages can be read");
         assert!(all.iter().all(|one| matches!(one.change, Change::Same { .. })), "{all:?}");
         let lines =
             |one: &Compared| one.uncovered.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
@@ -1066,11 +1071,11 @@ mod tests {
 
     fn compared(before: &str, after: &str) -> Compared {
         let [before, after] = [before, after].map(|text| Package::from_source("p", text));
-        let mut all = Request::new(before, after).run().expect("they read");
+        let mut all = Request::new(before, after).run().expect("compared");
         all.pop().expect("a function")
     }
 
-    /// If each input decides a condition alike, its other way isn't covered.
+    /// If a condition has the same value for all inputs, its other branch isn't covered.
     #[test]
     fn conditions_with_one_outcome_are_listed() {
         let text = "fn key(x: u32, y: u32) -> u32 {
@@ -1088,8 +1093,8 @@ mod tests {
         assert_eq!(ways("x > 3u", "3u < x"), []);
     }
 
-    /// With an index outside its array, the engine reads what drivers may read: for example the last element, which a
-    /// guard would have chosen, too.
+    /// With an index outside of an array, the engine may read what drivers read, for example the last element. A guard
+    /// would choose the last element, too, so both versions would return the same.
     #[test]
     fn a_new_index_out_of_bounds_is_reported() {
         let of = |value: &str| {
@@ -1105,8 +1110,11 @@ mod tests {
         let [brought] = &one.violations[..] else { panic!("{one:?}") };
         assert_eq!(brought.kind, Kind::OutOfRange);
         assert_eq!(brought.accesses[0].place, "<p>:3:28", "{brought:?}");
-        assert!(compared(&bare, &guarded).violations.is_empty(), "an edit may mend it");
-        // If the element outside is dropped, no result depends on it.
+        assert!(
+            compared(&bare, &guarded).violations.is_empty(),
+            "an edit that fixes the index brings no violation"
+        );
+        // If the function ignores the value outside of the array, no result depends on it.
         let given_up = compared(
             &of("select(0.0, all[min(i, 3u)], i < 4u)"),
             &of("select(0.0, all[i], i < 4u)"),
@@ -1114,7 +1122,7 @@ mod tests {
         assert!(given_up.violations.is_empty(), "{given_up:?}");
     }
 
-    /// A length that a result shows is that of one buffer, even if only one side writes the buffer.
+    /// Both versions see the same length of a buffer, even if only one version writes the buffer.
     #[test]
     fn a_buffer_that_one_side_may_write_is_as_long_on_both() {
         let of = |access: &str| {
@@ -1133,12 +1141,12 @@ mod tests {
             assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
             assert_eq!(one.interface, [told]);
         }
-        // Buffers that both sides read have different lengths, so exchanging two of them shows.
+        // Two buffers that are only read have different lengths, so the results differ if an edit exchanges them.
         let one = compared(&read, &read.replace("arrayLength(&other)", "64u"));
         assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
     }
 
-    /// A function that writes runs case by case, and each case covers its own lines.
+    /// Karat runs a function that writes memory separately for each case. Each case covers its own lines.
     #[test]
     fn lines_that_any_case_comes_to_are_covered() {
         let text = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
@@ -1155,9 +1163,10 @@ mod tests {
         }
     }
 
-    /// Over several contents, the largest change is shown, each resource shows its first word, and cases add up.
+    /// Over several contents, Karat shows the largest change and the first value of each resource, and adds the numbers
+    /// of cases.
     #[test]
-    fn changes_over_several_contents_add_up() {
+    fn changes_over_several_inputs_are_summed() {
         let change = |ulp: Option<u64>, resource: &str, after: &str| {
             let word = WordChange {
                 resource: resource.to_owned(),
@@ -1196,7 +1205,7 @@ mod tests {
         assert_eq!((sum.cases.0, words), (10, vec!["c", "b", "a"]));
     }
 
-    /// The comparison reports each input and output whose attribute changed, and no other.
+    /// The comparison reports only the inputs and outputs whose attributes changed.
     #[test]
     fn each_changed_attribute_is_reported() {
         let of = |all: &[(&str, &str)]| {
@@ -1214,7 +1223,7 @@ mod tests {
         assert_eq!(attributes(&before, &before), [""; 0]);
     }
 
-    /// A quad has more corners than a triangle.
+    /// The comparison covers all vertices of a quad, which has more vertices than a triangle.
     #[test]
     fn each_corner_of_a_quad_is_compared() {
         let text = "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
@@ -1239,7 +1248,11 @@ mod tests {
         assert_eq!((&shown[..], &*path.before, &*path.after), (&["1", "1"][..], "2", "0"));
         assert!(path.ulp.is_some_and(|ulp| ulp > 1000) && path.cases.0 < path.cases.1);
         let Change::Changed { paths } = &all[1].1 else { panic!("{all:?}") };
-        assert_eq!((paths[0].ulp, &*paths[0].after), (None, "NaN"), "NaN is no distance");
+        assert_eq!(
+            (paths[0].ulp, &*paths[0].after),
+            (None, "NaN"),
+            "the distance to NaN isn't a number"
+        );
     }
 
     // Lesson 106
@@ -1265,7 +1278,11 @@ mod tests {
         let edited = changes(before, &before.replace("1.0", "2.0"));
         for (name, change) in &edited {
             let Change::Unjudged { reason } = change else { panic!("{name}: {change:?}") };
-            let why = if name == "nothing" { "it writes nothing" } else { "it was edited, and " };
+            let why = if name == "nothing" {
+                "the pass writes no resource"
+            } else {
+                "it was edited, and "
+            };
             assert!(reason.starts_with(why), "{reason}");
         }
     }
@@ -1280,12 +1297,12 @@ mod tests {
             let Change::Changed { paths } = change else { panic!("{name}: {change:?}") };
             assert!(paths[0].after.contains("discarded: true"), "{name}: {paths:?}");
         }
-        // The value of a discarded pixel doesn't count.
+        // The value of a discarded pixel isn't a result.
         let dead = before.replace("return vec4f(x);", "return vec4f(select(x, 7.0, x < 0.5));");
         let all = changes(before, &dead);
-        let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("it was edited");
+        let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("a verdict");
         assert!(matches!(fs.1, Change::Same { .. }), "{all:?}");
-        // A write before the statement counts.
+        // Writes before a `discard` count.
         let writes = "@group(0) @binding(0) var<storage, read_write> n: atomic<u32>;\n\
                       @fragment fn fs(@location(0) x: f32) { if x < 0.5 { discard; } atomicAdd(&n, 1u); }\n";
         let edited =
@@ -1304,7 +1321,7 @@ mod tests {
 
     // Lesson 132
     #[test]
-    fn derivatives_have_something_to_differentiate() {
+    fn a_changed_derivative_is_found() {
         let before = "struct Point { uv: vec2f, id: u32 }\n\
                       fn edge(d: f32) -> f32 { return d / max(fwidth(d), 1e-3); }\n\
                       fn slope(p: Point) -> f32 { return dpdx(p.uv.y) + f32(p.id); }\n\
@@ -1325,7 +1342,7 @@ mod tests {
         }
     }
 
-    /// The results are the same, but the host has to supply resources differently.
+    /// The results are the same, but the host must supply resources differently.
     // Lesson 152
     // Lesson 200
     #[test]
@@ -1333,7 +1350,7 @@ mod tests {
         let package = |text: &str| Package::from_source("p", text);
         let interface = |before: &str, from: &str, to: &str| {
             let request = Request::new(package(before), package(&before.replace(from, to)));
-            let all = request.run().expect("it reads");
+            let all = request.run().expect("compared");
             let one = all.into_iter().next_back().expect("a function");
             assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
             one.interface
@@ -1356,19 +1373,19 @@ mod tests {
         let moved = interface(aligned, "y: f32", "@align(16) y: f32");
         assert_eq!(
             moved,
-            ["`p` takes 32 bytes now, and took 8 before", "`p.y` lies at byte 16, and was at 4"]
+            ["`p` takes 32 bytes now, and took 8 before", "`p.y` is at byte 16, and was at 4"]
         );
         let space = interface(buffer, "var<storage>", "var<storage, read_write>");
         assert_eq!(space.len(), 1, "{space:?}");
-        // A new name doesn't concern the host, and the resource has the same contents.
+        // A new name of a resource doesn't affect the host, and the resource keeps its contents.
         let renamed = buffer.replace("d: array", "data: array").replace("d[i]", "data[i]");
         assert_eq!(interface(buffer, buffer, &renamed), [""; 0]);
         let renamed = aligned.replace("> p:", "> params:").replace("p.y", "params.y");
         assert_eq!(interface(aligned, aligned, &renamed), [""; 0]);
     }
 
-    /// Textures differ in size and levels, numbers have the ranges declared in `karat.toml`, and cosines round to a
-    /// little above 1.
+    /// Generated textures differ in size and number of levels. Numbers have the ranges in `karat.toml`. A cosine may
+    /// round to slightly above 1.
     // Lesson 153
     #[test]
     fn generated_resources_reveal_edits() {
@@ -1412,7 +1429,7 @@ mod tests {
         }
         let folder = |text: &str| {
             let folder = tempfile::tempdir().expect("a folder");
-            std::fs::write(folder.path().join("m.wgsl"), text).expect("it is ours");
+            std::fs::write(folder.path().join("m.wgsl"), text).expect("the file is written");
             std::fs::write(folder.path().join("karat.toml"), "[inputs]\nx = [1, 2]\n")
                 .expect("ours");
             folder
@@ -1420,18 +1437,19 @@ mod tests {
         let text = "fn f(x: f32) -> f32 { return x; }";
         let (before, after) =
             (folder(text), folder(&text.replace("return x", "return max(x, 1.0)")));
-        let open = |folder: &tempfile::TempDir| Package::open(folder.path()).expect("it is there");
-        let compared = Request::new(open(&before), open(&after)).run().expect("it reads").remove(0);
+        let open =
+            |folder: &tempfile::TempDir| Package::open(folder.path()).expect("the package opens");
+        let compared = Request::new(open(&before), open(&after)).run().expect("compared").remove(0);
         assert!(matches!(compared.change, Change::Same { .. }), "{compared:?}");
         assert_eq!(compared.drawn.to_string(), "from 1 to 2: x");
-        // The declared value of an override is kept. An override that neither side has is an error.
+        // An override keeps its value from `karat.toml`. A value for an override that neither package has is an error.
         let text = "override GAIN: f32 = 1.0;\nfn f(x: f32) -> f32 { return x * GAIN; }";
         let (before, after) = (folder(text), folder(&text.replace("return x", "return 2.0 * x")));
         for (declared, is_same) in
             [("GAIN = 0", Some(true)), ("GAIN = 1", Some(false)), ("GAYN = 1", None)]
         {
             let declared = format!("[overrides]\n{declared}\n");
-            std::fs::write(after.path().join("karat.toml"), declared).expect("it is ours");
+            std::fs::write(after.path().join("karat.toml"), declared).expect("the file is written");
             let all = Request::new(open(&before), open(&after)).run();
             let same = all.as_ref().ok().map(|all| matches!(all[0].change, Change::Same { .. }));
             assert_eq!(same, is_same, "{all:?}");
@@ -1447,8 +1465,8 @@ mod tests {
         assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
     }
 
-    /// Nested loops cost more than the work allowed to a function: fewer inputs run, evenly sampled, and the comparison
-    /// counts those left out.
+    /// Nested loops may need more work than a function may use. Then Karat runs an even sample of the inputs, and
+    /// counts the others.
     #[test]
     fn the_work_of_a_function_is_bounded() {
         let text = |rounds: &str, step: &str| {
@@ -1460,7 +1478,7 @@ mod tests {
                 }}"
             )
         };
-        // The same number of rounds before and after the edit.
+        // The number of rounds doesn't change.
         let one = compared(&text("64u", "x * f32(j)"), &text("64u", "f32(j) * x"));
         assert!(
             matches!(one.change, Change::Same { cases } if (64..1024).contains(&cases)),
@@ -1471,22 +1489,22 @@ mod tests {
         let changed = compared(&text("64u", "x * f32(j)"), &text("64u", "x * f32(j + 1u)"));
         let Change::Changed { paths } = &changed.change else { panic!("{changed:?}") };
         assert_eq!(paths[0].cases.1 + changed.cut, CASES);
-        // A short loop runs with all inputs.
+        // All inputs run if the loop is short.
         let short = compared(&text("2u", "x * f32(j)"), &text("2u", "f32(j) * x"));
         assert_eq!((short.change, short.cut), (Change::Same { cases: CASES }, 0));
-        // Too few inputs ran for the verdict "same". A change among them still counts.
+        // If too few inputs ran, there is no verdict "same". A change among them still counts.
         let one = compared(&text("900u", "x * f32(j)"), &text("900u", "f32(j) * x"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
-        assert!(reason.starts_with("not looked at whole: "), "{reason}");
+        assert!(reason.starts_with("not compared completely: "), "{reason}");
         assert!(reason.contains(" inputs of 4096 give the same results"), "{reason}");
         let changed = compared(&text("900u", "x * f32(j)"), &text("900u", "x + f32(j)"));
         assert!(matches!(changed.change, Change::Changed { .. }) && changed.cut > 0, "{changed:?}");
-        // A loop that no longer ends after the edit is reported as before.
+        // If a loop no longer ends after the edit, the comparison reports it.
         let endless = compared(&text("2u", "x"), &text("2u", "x").replace("i++", "i += 0u"));
         let Change::Unjudged { reason } = &endless.change else { panic!("{endless:?}") };
         assert_eq!(
             reason,
-            "after the edit a loop of it goes round too often to compare it, or doesn't end"
+            "after the edit, one of its loops has too many rounds to compare, or doesn't end"
         );
     }
 
@@ -1501,7 +1519,7 @@ mod tests {
             .run_with(&|one, done, of| {
                 told.lock().expect("whole").push((one.function.clone(), done, of));
             })
-            .expect("they read");
+            .expect("compared");
         let mut told = told.into_inner().expect("whole");
         let counts: Vec<_> = told.iter().map(|(_, done, of)| (*done, *of)).collect();
         assert_eq!(counts, (1..=9).map(|done| (done, 9)).collect::<Vec<_>>());
@@ -1525,9 +1543,9 @@ mod tests {
         }
     }
 
-    /// A parameter with a signed type may be negative, whatever its name says, and a colour may be above 1.
+    /// A signed parameter may be negative, whatever its name is. A colour may be above 1.
     #[test]
-    fn no_name_narrows_what_is_compared() {
+    fn a_parameter_name_does_not_narrow_the_compared_values() {
         for (text, from, to) in [
             (
                 "fn f(i: i32, n: i32) -> i32 { return ((i % n) + n) % n; }",
@@ -1558,9 +1576,9 @@ mod tests {
         }
     }
 
-    /// Code under a condition is compared under the fewest features that include it.
+    /// Code under a condition is compared with the fewest features that include it.
     #[test]
-    fn edits_under_a_condition_are_compared_under_it() {
+    fn edits_under_a_condition_are_compared_with_its_features_set() {
         let text = "@if(A) fn f(x: f32) -> f32 { return x; }
             fn g(x: f32) -> f32 {
                 @if(B && C) { return 2.0 * x; }
@@ -1570,7 +1588,7 @@ mod tests {
         let under = |from: &str, to: &str| {
             let [before, after] =
                 [text, &text.replace(from, to)].map(|text| Package::from_source("p", text));
-            let all = Request::new(before, after).run().expect("they read");
+            let all = Request::new(before, after).run().expect("compared");
             let of = |one: &Compared| (one.function.clone(), one.under.join(" "));
             let changed = all.iter().filter(|one| matches!(one.change, Change::Changed { .. }));
             let changed: Vec<_> = changed.map(of).collect();
@@ -1600,7 +1618,7 @@ mod tests {
             (vec![of("f", "A")], 2)
         );
         assert_eq!(under("2.0 * x", "3.0 * x"), (vec![of("g", "B C")], 1));
-        // A reversed condition isn't an edit of the code; a condition that only one side has is one.
+        // A reversed condition with exchanged branches isn't an edit. A condition that only one package has is an edit.
         let swap =
             "fn f(x: f32) -> f32 {\n#ifdef A\n return 2.0 * x;\n#else\n return 3.0 * x;\n#endif\n}";
         let other = "fn f(x: f32) -> f32 {\n#ifndef A\n return 3.0 * x;\n#else\n return 2.0 * x;\n#endif\n}";
@@ -1612,16 +1630,17 @@ mod tests {
             assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
             assert_eq!(one.under, ["NEW"]);
         }
-        // If no tried set of many features includes an edit, the comparison says so.
+        // If none of the tested sets of features includes an edit, the comparison reports this.
         let never = "@if(A && B && C && D && !E && !F) fn f(x: f32) -> f32 { return x; }\nfn g() -> f32 { return 1.0; }";
         let [before, after] = [never, &never.replace("return x", "return 2.0 * x")]
             .map(|text| Package::from_source("p", text));
-        let all = Request::new(before, after).run().expect("they read");
+        let all = Request::new(before, after).run().expect("compared");
         let hidden = all.iter().find(|one| one.function == "p").expect("the module is told");
         assert!(matches!(hidden.change, Change::Unjudged { .. }), "{all:?}");
     }
 
-    /// Inputs of entry points are matched by attributes, and the comparison names each part that a host supplies.
+    /// The comparison matches the inputs of entry points by their attributes, and reports each changed part of the
+    /// interface with the host.
     #[test]
     fn entry_points_are_compared_by_their_attributes() {
         let text = "struct I { @location(0) uv: vec2f, @location(1) n: vec3f }
@@ -1648,10 +1667,10 @@ mod tests {
         let uses = bound.replace("i.n.x", "i.n.x + 0.0 * q");
         assert_eq!(compared(&bound, &uses).interface, ["`q` at @group(0) @binding(3) is new"]);
         let lost = compared(&uses, &bound).interface;
-        assert_eq!(lost, ["`q` at @group(0) @binding(3) isn't used any more"]);
+        assert_eq!(lost, ["`q` at @group(0) @binding(3) is no longer used"]);
     }
 
-    /// A structure and its members may be renamed, and the members may change their order.
+    /// An edit may rename a structure and its members, and reorder the members.
     #[test]
     fn structures_are_compared_by_their_members() {
         let text = "struct Tmp { a: f32, b: vec2f }
@@ -1678,7 +1697,8 @@ mod tests {
         assert!(matches!(typed[0].1, Change::Signature { .. }), "{typed:?}");
     }
 
-    /// A count below the elements, a state with an initial value, an override that nothing uses.
+    /// An edit changes a condition on a count, a private variable's initial value, or an override that no function
+    /// uses.
     #[test]
     fn rare_edits_of_guards_states_and_overrides_are_reported() {
         let guard = "@group(0) @binding(0) var<uniform> count: u32;
@@ -1703,7 +1723,7 @@ mod tests {
             let one = compared(texels, &texels.replace(from, to));
             assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
         }
-        // Each call of an entry point starts anew.
+        // Private variables have their initial values at each call of an entry point.
         let entry = "var<private> n: u32;
             @fragment fn f() -> @location(0) vec4f { n += 1u; return vec4f(f32(n)); }";
         let one = compared(entry, &entry.replace("n += 1u", "n = 1u"));
@@ -1711,7 +1731,7 @@ mod tests {
         let unused = "override LOD: f32 = 1.0;\nfn f() -> f32 { return 1.0; }";
         let [before, after] =
             [unused, &unused.replace("LOD", "BIAS")].map(|text| Package::from_source("p", text));
-        let all = Request::new(before, after).run().expect("they read");
+        let all = Request::new(before, after).run().expect("compared");
         assert!(all.iter().any(|one| one.interface.len() == 2), "{all:?}");
         let wanted = "override N: u32;
             @group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -1720,7 +1740,7 @@ mod tests {
             }";
         let one = compared(wanted, &wanted.replace("= N;", "= N + 1u;"));
         assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
-        // A call of a function with a `return` after a discard is reached.
+        // Control flow reaches a call of a function with a `return`, also after a conditional `discard`.
         let call = "fn a_pick(p: f32) -> f32 { if p > 0.0 { return 1.0; } return p; }
             @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f {
                 if x < 0.5 { discard; }
@@ -1731,7 +1751,7 @@ mod tests {
         assert!(matches!(one.change, Change::Same { .. }) && one.uncovered.is_empty(), "{one:?}");
     }
 
-    /// The comparison shows overrides as hosts see them, and runs them with values besides their defaults.
+    /// The comparison reports changed overrides, and runs functions with other values than the defaults.
     #[test]
     fn overrides_are_compared() {
         let text = "@id(3) override A: f32 = 1.0;\nfn f(x: f32) -> f32 { return A * x; }";
@@ -1741,7 +1761,7 @@ mod tests {
             ["the override `A` is @id(4) f32 = 1.0, and was @id(3) f32 = 1.0"]
         );
         assert_eq!(told("= 1.0", "= 2.0").len(), 1);
-        assert_eq!(told("@id(3) override", "const").len(), 1, "it is gone");
+        assert_eq!(told("@id(3) override", "const").len(), 1, "the override no longer exists");
         let renamed = text.replace("A:", "B:").replace("A *", "B *");
         assert_eq!(compared(text, &renamed).interface.len(), 2);
         for text in [text, &text.replace(" = 1.0", "")] {
@@ -1753,13 +1773,13 @@ mod tests {
         let [before, after] =
             [&given, &given.replace("2.0", "3.0")].map(|text| Package::from_source("p", text));
         let request = Request::new(before, after);
-        let all = request.clone().run().expect("they read");
+        let all = request.clone().run().expect("compared");
         assert!(!matches!(all[0].change, Change::Changed { .. }), "{all:?}");
-        let all = request.set_override("A", 7.0).run().expect("they read");
+        let all = request.set_override("A", 7.0).run().expect("compared");
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
-    /// The other modules keep their verdicts if one can't be read.
+    /// If one module can't be read, other modules still have verdicts.
     #[test]
     fn a_broken_module_is_reported_and_the_others_are_compared() {
         let package =
@@ -1773,21 +1793,22 @@ mod tests {
         ] {
             let all = Request::new(package(old, good), package(new, &edited))
                 .run()
-                .expect("they are there");
+                .expect("the packages can be read");
             let Change::Unjudged { reason } = &all[0].change else { panic!("{all:?}") };
             assert!(all[0].function == "bad" && reason.starts_with(side), "{all:?}");
             assert!(matches!(all[1].change, Change::Changed { .. }), "{all:?}");
         }
-        // A module that can't be read or linked, and has the same text on both sides, isn't an edit.
-        let all = Request::new(package(bad, good), package(bad, good)).run().expect("they read");
+        // A module that can't be read or linked, but has the same text in both packages, isn't an edit.
+        let all = Request::new(package(bad, good), package(bad, good)).run().expect("compared");
         assert!(all.iter().all(|one| one.change == Change::Untouched), "{all:?}");
         let lacks = "fn f() -> f32 { return missing(); }";
         let all =
-            Request::new(package(lacks, good), package(lacks, &edited)).run().expect("they read");
+            Request::new(package(lacks, good), package(lacks, &edited)).run().expect("compared");
         assert_eq!(all[0].change, Change::Untouched, "{all:?}");
     }
 
-    /// The values that functions leave in private variables are inputs of other functions, and results of this one.
+    /// The value of a private variable is an input of the functions that read it, and a result of the functions that
+    /// write it.
     #[test]
     fn private_state_is_an_input_and_a_result() {
         let left = "var<private> n: u32;\nvar<private> all: array<f32, 2>;
@@ -1798,14 +1819,15 @@ mod tests {
         {
             let found = changes(left, &left.replace(from, to));
             for name in ["put", "user"] {
-                let (_, change) = found.iter().find(|(own, _)| own == name).expect("it was edited");
+                let (_, change) = found.iter().find(|(own, _)| own == name).expect("a verdict");
                 let Change::Changed { paths } = change else { panic!("{name}, {to}: {change:?}") };
                 assert!(paths[0].before.contains(shown), "{name}, {to}: {paths:?}");
             }
         }
         let same = changes(left, &left.replace("n = 1u", "n = 3u - 2u"));
         assert!(same.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{same:?}");
-        // A variable that nothing writes keeps its first value, and a first call reads that value, too.
+        // A private variable that no function writes keeps its initial value. A first call also reads the initial value
+        // of others.
         let table = "var<private> table: array<f32, 3> = array(1.0, 2.0, 4.0);
             fn at(i: u32) -> f32 { return table[i % 3u]; }";
         let one = compared(table, &table.replace("4.0", "5.0"));
@@ -1815,7 +1837,7 @@ mod tests {
         let one = compared(seed, &seed.replace("7u", "8u"));
         let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
         assert_eq!((&*paths[0].before, &*paths[0].after), ("36", "41"));
-        // An override decides one branch, a private variable the other: both branches are covered.
+        // The override and the private variable decide about different branches. The tests cover both branches.
         let both =
             "var<private> on: bool;\nfn f(x: f32) -> f32 { if on { return x; } return x + 1.0; }";
         let one = compared(both, &both.replace("return x; }", "return 1.0 * x; }"));
@@ -1838,9 +1860,10 @@ mod tests {
         ));
     }
 
-    /// A feature that conditions compare with a number gets that number, and if the edit needs them, its neighbours.
+    /// A feature that a condition compares with a number gets this number. If the edit needs other numbers, it gets the
+    /// numbers next to it.
     #[test]
-    fn features_without_a_value_get_one() {
+    fn features_without_a_value_get_a_value_from_their_conditions() {
         let text = "#if LIGHTS > 2\nfn f(x: f32) -> f32 { return x + 1.0; }\n#else\n\
                     fn f(x: f32) -> f32 { return x; }\n#endif\n\
                     fn g(x: f32) -> f32 { return x * #{COUNT}.0; }\n";
@@ -1851,7 +1874,7 @@ mod tests {
         ] {
             let package = |text: &str| Package::from_source("p", text);
             let all = Request::new(package(text), package(&text.replace(from, to)));
-            let all = all.run().expect("it reads");
+            let all = all.run().expect("compared");
             let told: Vec<_> = all.iter().filter(|one| one.change != Change::Untouched).collect();
             let [one] = &*told else { panic!("{to}: {all:?}") };
             assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
@@ -1865,9 +1888,9 @@ mod tests {
         assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
     }
 
-    /// A setting that can't be judged covers no line. If a setting finds a violation, that is the verdict.
+    /// A setting without a verdict covers no line. If a setting finds a violation, its verdict wins.
     #[test]
-    fn other_settings_hide_no_line() {
+    fn a_setting_that_cannot_be_judged_covers_no_line() {
         let line = || Uncovered {
             place: "f.wgsl:1:1".to_owned(),
             text: "return 1.0;".to_owned(),
@@ -1887,9 +1910,10 @@ mod tests {
         assert!(one.is_open() && one.uncovered.is_empty());
     }
 
-    /// Edits under several conditions that need different numbers are found; a name has the same value on both sides.
+    /// The comparison finds edits under several conditions with different numbers. A feature has the same value in both
+    /// packages.
     #[test]
-    fn conditions_with_several_numbers_are_met_together() {
+    fn edits_under_several_numeric_conditions_are_compared() {
         let package =
             |text: &str| Package::from_source("p", format!("#define_import_path p\n{text}"));
         let body = "fn f(x: f32) -> f32 {\nOPEN\nreturn x + 1.0;\nCLOSE\nreturn x;\n}\n";
@@ -1903,24 +1927,24 @@ mod tests {
             let close = vec!["#endif"; conditions.len()].join("\n");
             let text = body.replace("OPEN", &conditions.join("\n")).replace("CLOSE", &close);
             let all = Request::new(package(&text), package(&text.replace("+ 1.0", "+ 2.0")));
-            let all = all.run().expect("it reads");
+            let all = all.run().expect("compared");
             assert!(matches!(all[0].change, Change::Changed { .. }), "{conditions:?}: {all:?}");
         }
         let chain =
             "fn f(x: f32) -> f32 {\n#if N > 2\nreturn x + 1.0;\n#else\nreturn x;\n#endif\n}\n";
         let longer = chain.replace("#if N > 2", "#if N == 200\nreturn x;\n#else if N > 2");
-        let all = Request::new(package(chain), package(&longer)).run().expect("it reads");
+        let all = Request::new(package(chain), package(&longer)).run().expect("compared");
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
         assert_eq!(all[0].under, ["N=200"]);
         let divided = "fn f(i: u32) -> u32 { return i / #{N}u; }";
         let all = Request::new(package(divided), package(&divided.replace("/ #{N}u", ">> 2u")));
-        let all = all.run().expect("it reads");
+        let all = all.run().expect("compared");
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
-    /// Private variables that only one side declares, that were renamed, or that are too large.
+    /// Private variables that only one package declares, that an edit renamed, or that are too large.
     #[test]
-    fn private_variables_come_go_and_are_large() {
+    fn added_removed_and_large_private_variables_are_compared() {
         let scratch = "var<private> t: f32;\nfn f(x: f32) -> f32 { t = x * 2.0; return t + 1.0; }";
         let without = "fn f(x: f32) -> f32 { let t = x * 2.0; return t + 1.0; }";
         for [before, after] in [[scratch, without], [without, scratch]] {
@@ -1944,14 +1968,14 @@ mod tests {
         let one = compared(large, &large.replace("i %", "(i + 9u) %"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
         assert!(reason.contains("`a`: 5000 numbers are too many"), "{reason}");
-        // If two have the same name, each is known by its path.
+        // If two variables have the same name, the comparison uses their paths.
         let modules = |a: &str| {
             let b = "var<private> s: u32;\nfn g() -> u32 { s = s + 1u; return s; }";
             Package::from_modules("p", [("a", a), ("b", b)])
         };
         let a = "import package::b::g;\nvar<private> s: u32;\nfn f() -> u32 { s = s + 2u; return s + g(); }";
         let all =
-            Request::new(modules(a), modules(&a.replace("2u", "3u"))).run().expect("it reads");
+            Request::new(modules(a), modules(&a.replace("2u", "3u"))).run().expect("compared");
         let Change::Changed { paths } = &all[0].change else { panic!("{all:?}") };
         let named: Vec<&str> = paths[0].arguments.iter().map(|(name, _)| &**name).collect();
         assert!(named.iter().all(|name| name.starts_with("private ")), "{named:?}");
@@ -1960,12 +1984,12 @@ mod tests {
         assert!(matches!(one.change, Change::Signature { .. }), "{one:?}");
     }
 
-    /// If the engine runs nothing, coverage is unknown, and the comparison says so.
+    /// If the engine couldn't run the function, the comparison reports that coverage is unknown.
     // Lesson 88
     #[test]
     fn unmeasured_coverage_is_reported() {
         let mut both = Both::default();
-        assert!(both.uncovered("f.wgsl:1:1").is_empty(), "nothing was asked");
+        assert!(both.uncovered("f.wgsl:1:1").is_empty(), "no run was measured");
         let [before, after] = [0, 1];
         note(&mut both.measured[after], Err("no rule for it\nmore".to_owned()));
         note(&mut both.measured[before], Ok(()));
@@ -1974,19 +1998,19 @@ mod tests {
         assert_eq!(told[0].missed, Missed::Unmeasured);
         note(&mut both.measured[after], Ok(()));
         note(&mut both.measured[after], Err("another content".to_owned()));
-        assert!(both.uncovered("f.wgsl:1:1").is_empty(), "some of each side was");
-        // The engine stopped early, so an index outside may still occur.
+        assert!(both.uncovered("f.wgsl:1:1").is_empty(), "one run of each version was measured");
+        // The engine stopped early, so later code may still use an index outside of an array.
         both.unknown = Some("it ran too long".to_owned());
         assert_eq!(both.uncovered("f.wgsl:1:1")[0].missed, Missed::Unmeasured);
     }
 
-    /// Text that can't be read, under a condition or in an invalid module, must not count as unchanged.
+    /// Code that can't be read must not count as unchanged, neither under a condition nor in an invalid module.
     // Lesson 88
     #[test]
     fn edits_that_cannot_be_read_are_unjudged() {
         let of = |before: &str, after: &str| {
             let package = |text: &str| Package::from_modules("p", [("m", text)]);
-            let all = Request::new(package(before), package(after)).run().expect("it reads");
+            let all = Request::new(package(before), package(after)).run().expect("compared");
             let unjudged = |one: &Compared| matches!(one.change, Change::Unjudged { .. });
             let found = all.iter().find(|one| unjudged(one)).unwrap_or_else(|| panic!("{all:?}"));
             format!("{}: {:?}", found.function, found.change)
@@ -1994,7 +2018,7 @@ mod tests {
         let sound = "fn f(x: f32) -> f32 { return x; }\n#ifdef SHADOWS\nfn g() -> f32 { return 1.0; }\n#endif\n";
         let told = of(sound, &sound.replace("1.0; }", "1.0;"));
         assert!(told.contains("m: ") && told.contains("after: with SHADOWS: "), "{told}");
-        // An invalid function hides the module's interface to the host.
+        // In an invalid module, Karat can't compare the interface with the host.
         let invalid = "@id(3) override size: u32 = 4u;\nfn broken() -> f32 { return missing; }\n";
         for (from, to) in [("4u", "8u"), ("@id(3)", "@id(4)")] {
             let told = of(invalid, &invalid.replace(from, to));
@@ -2002,7 +2026,7 @@ mod tests {
         }
     }
 
-    /// A discarded pixel reaches no later statement with a visible effect.
+    /// After a `discard`, no statement has a visible effect.
     #[test]
     fn lines_behind_a_discard_are_not_reached() {
         let text = "fn cut(x: f32) { if x * x >= 0.0 { discard; } }
@@ -2022,9 +2046,9 @@ mod tests {
         );
     }
 
-    /// Shows plain numbers, and no input that has no effect.
+    /// The shown case has plain numbers, and only inputs that affect the change.
     #[test]
-    fn the_evidence_is_what_people_would_look_at() {
+    fn a_change_is_shown_with_plain_numbers_and_relevant_inputs() {
         let text = "struct P { scale: f32, unused: f32 }
             @group(0) @binding(0) var<uniform> p: P;
             fn f(roughness: f32, k: f32, other: f32) -> f32 { return p.scale * roughness / k + 0.0 * p.unused; }";
@@ -2037,8 +2061,11 @@ mod tests {
             shown(&paths[0].before).is_finite() && shown(&paths[0].after).is_finite(),
             "{paths:?}"
         );
-        let value =
-            paths[0].arguments.iter().find(|(name, _)| name == "roughness").expect("it matters");
-        assert!((0.0..=1.0).contains(&shown(&value.1)), "within what its name says: {paths:?}");
+        let value = paths[0]
+            .arguments
+            .iter()
+            .find(|(name, _)| name == "roughness")
+            .expect("`roughness` affects the results");
+        assert!((0.0..=1.0).contains(&shown(&value.1)), "within the range of its name: {paths:?}");
     }
 }

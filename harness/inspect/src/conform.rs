@@ -1,7 +1,7 @@
-//! Runs jobs with known answers, for authors of programs that run jobs.
+//! Runs jobs with known results, so that authors of executors can test their programs.
 //!
-//! Each question checks one rule of the protocol, so that a failure names the part to fix. Karat asks a path's program
-//! through [`Executor::run`], as tests do. It can also ask drivers, and the engine of this process.
+//! Each question tests one rule of the protocol, so a wrong answer shows which part to fix. Karat runs the jobs through
+//! [`Executor::run`], as in tests. The questions also work with drivers and with Karat's own engine.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -22,7 +22,7 @@ use karat::unstable::settings;
 use karat::{Package, Path, Sampler, Storage, Texture, Uniform};
 use serde::Serialize;
 
-/// The answers of a path's program.
+/// The answers of an executor to all questions.
 ///
 /// ```
 /// use karat::Path;
@@ -34,30 +34,30 @@ use serde::Serialize;
 /// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// The adapter behind the path, from its greeting.
+    /// The executor's adapter, from the executor's greeting.
     pub adapter: Adapter,
-    /// Every question, in order.
+    /// All questions with their answers, in order.
     pub answers: Vec<Answered>,
 }
 
 impl Report {
-    /// The number of questions with this answer.
+    /// Counts the questions with this result.
     #[must_use]
     pub fn count(&self, answer: Answer) -> usize {
         self.answers.iter().filter(|one| one.answer == answer).count()
     }
 }
 
-/// A question and its answer.
+/// A question with its result.
 #[derive(Clone, Debug, Serialize)]
 pub struct Answered {
-    /// A word for the question: `untouched`.
+    /// The question's name, one word: `untouched`.
     pub name: &'static str,
-    /// The rule that it checks.
+    /// The protocol rule that the question tests.
     pub rule: &'static str,
-    /// The result.
+    /// The question's result.
     pub answer: Answer,
-    /// The reason, unless the answer is right.
+    /// The reason why the answer isn't right; empty for a right answer.
     pub why: String,
 }
 
@@ -65,19 +65,20 @@ pub struct Answered {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
-    /// As expected.
+    /// The executor gave the expected answer.
     Right,
-    /// Another answer than expected, or none.
+    /// The executor gave another answer, or no answer.
     Wrong,
-    /// The program doesn't support such a shader, and says so. A test with such a shader needs `refused_on`.
+    /// The executor refused the shader, because it doesn't support such shaders. A test with such a shader needs
+    /// `refused_on`.
     Refused,
-    /// The greeting lacks the ability, or the program hung before.
+    /// The greeting lacks the ability that the question needs, or the executor hung in earlier questions.
     NotAsked,
 }
 
-/// The reason why a question has no right answer.
+/// The reason why the answer to a question isn't right.
 enum Stop {
-    /// The program refuses the shader.
+    /// The executor refused the shader.
     Refused(String),
     Wrong(String),
 }
@@ -88,19 +89,19 @@ impl<T: Into<String>> From<T> for Stop {
     }
 }
 
-/// The most questions that may time out. After that, the program isn't asked again.
+/// The maximum number of questions that may time out. After that, Karat asks no more questions.
 const MOST_HUNG: usize = 2;
 
-/// Asks the path's program every question, and reports each answer as soon as it arrives.
+/// Asks an executor all questions. Calls `tell` with each answer as soon as it arrives.
 ///
 /// # Errors
-/// If the path doesn't open: then no question was asked.
+/// If the path doesn't open, so that no question was asked.
 pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, PathError> {
     let executor = executor::of(path)?;
     let (mut answers, mut hung) = (Vec::new(), 0);
     for (name, needs, rule, ask) in &QUESTIONS {
         let lacks = needs.filter(|ability| !executor.can(*ability)).map(|ability| {
-            let name = serde_json::to_value(ability).expect("it is plain data");
+            let name = serde_json::to_value(ability).expect("an ability serializes to JSON");
             format!("its greeting has no `{}`", name.as_str().unwrap_or_default())
         });
         let over = (hung >= MOST_HUNG).then(|| format!("it hung {hung} times"));
@@ -113,38 +114,43 @@ pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, Pa
                 match (asked, needs) {
                     (Ok(()), _) => (Answer::Right, String::new()),
                     (Err(Stop::Refused(why)), Some(_)) => (Answer::Refused, why),
-                    // Every program has to run passes over buffers.
+                    // Executors must support passes over buffers, so a refusal is wrong here.
                     (Err(Stop::Refused(why) | Stop::Wrong(why)), _) => (Answer::Wrong, why),
                 }
             }
         };
         answers.push(Answered { name, rule, answer, why });
-        tell(answers.last().expect("it was added"));
+        tell(answers.last().expect("the answer was added"));
     }
     Ok(Report { adapter: executor.adapter(), answers })
 }
 
-/// A question: its name, the ability that it needs, the rule that it checks, and the function that asks it.
+/// A question: its name, the ability that it needs, the rule that it tests, and the function that asks it.
 type Question =
     (&'static str, Option<Ability>, &'static str, fn(&dyn Executor) -> Result<(), Stop>);
 
 const QUESTIONS: [Question; 21] = [
-    ("bits", None, "words are bits: NaN, -0 and subnormal numbers come back as they were", bits),
+    (
+        "bits",
+        None,
+        "a buffer's bits don't change: NaN, -0 and subnormal numbers come back unchanged",
+        bits,
+    ),
     (
         "untouched",
         None,
-        "a buffer holds the job's words, and those that no shader writes stay",
+        "a buffer begins with the job's words, and words that no shader writes keep their values",
         untouched,
     ),
     (
         "outputs",
         None,
-        "a reply has the wanted resources alone, in the job's order, as long as in the job",
+        "a reply has only the requested resources, in the job's order and with the job's lengths",
         outputs,
     ),
     ("grid", None, "`workgroups` counts workgroups in each direction", grid),
     ("workgroup", None, "workgroup memory begins as zeros, and barriers order it", workgroup),
-    ("atomics", None, "atomic operations of all workgroups meet in one buffer", atomics),
+    ("atomics", None, "atomic operations of all workgroups use the same buffer", atomics),
     ("passes", None, "passes run one after the other, over the same resources", passes),
     (
         "layout",
@@ -153,7 +159,7 @@ const QUESTIONS: [Question; 21] = [
         layout,
     ),
     ("overrides", None, "overrides are found by their `@id`, or by their names", overrides),
-    ("long", None, "a line of some megabytes is read and written whole", long),
+    ("long", None, "lines of several megabytes are read and written completely", long),
     ("function", None, "a function's kernel runs for each case", function),
     (
         "refusal",
@@ -167,7 +173,7 @@ const QUESTIONS: [Question; 21] = [
     (
         "stored",
         Some(Ability::Textures),
-        "a storage texture comes back as four words a texel",
+        "a storage texture comes back with four words for each texel",
         stored,
     ),
     ("halves", Some(Ability::F16), "`enable f16;` runs", halves),
@@ -181,13 +187,13 @@ const QUESTIONS: [Question; 21] = [
     (
         "pixels",
         Some(Ability::Frames),
-        "an image has its top row first, and pixels no fragment colours are clear",
+        "an image has its top row first, and pixels without a fragment are transparent black",
         pixels,
     ),
-    ("nearest", Some(Ability::Frames), "of two draws the nearer one is seen", nearest),
+    ("nearest", Some(Ability::Frames), "the nearer one of two draws is visible", nearest),
 ];
 
-/// Passes, with the expected words of `out`.
+/// Passes over a buffer `out`, with the values that they must write.
 struct Passes<'a> {
     wgsl: &'a str,
     with: Vec<(&'a str, Fixture)>,
@@ -196,7 +202,7 @@ struct Passes<'a> {
 }
 
 impl<'a> Passes<'a> {
-    /// Passes over `out`, which begins with these words.
+    /// Makes passes over a buffer `out` with these initial values.
     fn over(wgsl: &'a str, out: Vec<u32>, dispatches: &'a [(&'a str, [u32; 3])]) -> Self {
         Self { wgsl, with: vec![("out", Storage::new(out).into())], overrides: &[], dispatches }
     }
@@ -229,10 +235,14 @@ impl<'a> Passes<'a> {
     }
 }
 
-/// Compares words, and reports the first difference.
+/// Compares two lists, and reports the first difference.
 fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
     if words.len() != expected.len() {
-        return Err(format!("{} {what}s came back, not {}", words.len(), expected.len()));
+        return Err(format!(
+            "{} {what}s came back, and {} were expected",
+            words.len(),
+            expected.len()
+        ));
     }
     let differing: Vec<usize> = (0..words.len()).filter(|at| words[*at] != expected[*at]).collect();
     let Some(at) = differing.first() else { return Ok(()) };
@@ -242,7 +252,7 @@ fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
 }
 
 fn bits(executor: &dyn Executor) -> Result<(), Stop> {
-    // Quiet and signalling NaN with a payload, -0, the least subnormal number, infinity, all ones.
+    // Quiet and signalling NaN with a payload, -0, the smallest subnormal number, infinity, and a word of ones.
     let words = vec![0x7fc0_1234, 0x7f80_0001, 0x8000_0000, 1, 0x7f80_0000, u32::MAX];
     let wgsl = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;
         @compute @workgroup_size(1) fn swap() { let first = out[0]; out[0] = out[5]; out[5] = first; }";
@@ -309,7 +319,8 @@ fn layout(executor: &dyn Executor) -> Result<(), Stop> {
             out[0] = u32(given.a); out[1] = u32(given.b.z); out[2] = u32(given.c[1].x); out[3] = given.d;
             out[4] = more[1].y; out[5] = arrayLength(&more);
         }";
-    // `a` at 0, `b` at 16, `c` at 32 with columns of 16, `d` at 64; the structure has 80 bytes (WGSL 14.4.1).
+    // The offsets are: `a` 0, `b` 16, `c` 32 (its columns have 16 bytes), `d` 64. The structure has 80 bytes (WGSL
+    // 14.4.1).
     let mut given = [0_u32; 20];
     for (at, value) in [(0, 2.0_f32), (6, 3.0), (12, 5.0)] {
         given[at] = value.to_bits();
@@ -338,7 +349,7 @@ fn long(executor: &dyn Executor) -> Result<(), Stop> {
         @compute @workgroup_size(256) fn invert(@builtin(global_invocation_id) at: vec3u) {
             out[at.x] = ~out[at.x];
         }";
-    // A quarter of a million words of ten digits each are 2.6 MB.
+    // A quarter of a million words with ten digits each take 2.6 MB.
     let words: Vec<u32> = (0..1 << 18).collect();
     let expected: Vec<u32> = words.iter().map(|word| !word).collect();
     Passes::over(wgsl, words, &[("invert", [1 << 10, 1, 1])]).leave(executor, &expected)
@@ -356,7 +367,7 @@ fn function(executor: &dyn Executor) -> Result<(), Stop> {
     Ok(same("lane", &rows, &(0..1000_u16).flat_map(pair).collect::<Vec<_>>())?)
 }
 
-/// A job of the given passes, each with the same bindings.
+/// A job with a pass for each text. All passes have the same bindings.
 fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     let shader = |wgsl: &str| Shader {
         wgsl: wgsl.to_owned(),
@@ -375,9 +386,9 @@ fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     Job::new(Work::Passes(passes), held, outputs.to_vec())
 }
 
-/// A reply, as its program wrote it.
+/// A reply as JSON.
 fn shown(reply: &Reply) -> String {
-    serde_json::to_string(reply).expect("it is plain data")
+    serde_json::to_string(reply).expect("a reply serializes to JSON")
 }
 
 fn outputs(executor: &dyn Executor) -> Result<(), Stop> {
@@ -390,7 +401,7 @@ fn outputs(executor: &dyn Executor) -> Result<(), Stop> {
     match executor.run(&job).map_err(|error| error.to_string())? {
         reply if reply == wanted => Ok(()),
         reply => Err(format!(
-            "of outputs 2 and 0 its reply is {}, not {}",
+            "the reply with outputs 2 and 0 is {}, and {} was expected",
             shown(&reply),
             shown(&wanted)
         )
@@ -422,12 +433,13 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
     match ask(&[valid])? {
         Reply::Done(words) if words == [[1]] => Ok(()),
         reply => {
-            Err(format!("behind a job that it refused a valid one gets {}", shown(&reply)).into())
+            Err(format!("after a refused job, the reply to a valid job is {}", shown(&reply))
+                .into())
         }
     }
 }
 
-/// A texture of 4 x 2 texels, numbered from the top left.
+/// A texture of 4 x 2 texels, with their numbers as values, from the top left.
 fn numbered() -> Texture {
     Texture::from_fn(4, 2, |x, y| (x + 4 * y) as f32)
 }
@@ -449,7 +461,7 @@ fn levels(executor: &dyn Executor) -> Result<(), Stop> {
 fn sampling(executor: &dyn Executor) -> Result<(), Stop> {
     let wgsl = "@group(0) @binding(0) var image: texture_2d<f32>;
         @group(0) @binding(1) var linear: sampler;
-        @group(0) @binding(2) var same: texture_2d<f32>; // GL has one sampler for a texture
+        @group(0) @binding(2) var same: texture_2d<f32>; // GL uses only one sampler with each texture
         @group(0) @binding(3) var nearest: sampler;
         @group(0) @binding(4) var<storage, read_write> out: array<u32>;
         @compute @workgroup_size(1) fn look() {
@@ -457,7 +469,8 @@ fn sampling(executor: &dyn Executor) -> Result<(), Stop> {
             out[1] = u32(2.0 * textureSampleLevel(image, linear, vec2f(2.0, 0.25), 0.0).x);
             out[2] = u32(2.0 * textureSampleLevel(same, nearest, vec2f(2.0, 0.75), 0.0).x);
         }";
-    // Halfway between texels 1 and 2; between 3 and 0, as the image repeats; the texel at the edge of the second row.
+    // The samples lie halfway between texels 1 and 2, halfway between 3 and 0 of the repeated image, and at the edge of
+    // the second row.
     Passes::over(wgsl, vec![0; 3], &[("look", [1, 1, 1])])
         .with("image", numbered())
         .with("linear", Sampler::LINEAR.repeat())
@@ -521,14 +534,14 @@ fn immediates(executor: &dyn Executor) -> Result<(), Stop> {
     copy.with("given", Uniform::new(glam::UVec2::new(3, 5))).leave(executor, &[3, 5])
 }
 
-/// A triangle over the whole frame, at a depth.
+/// WGSL for a triangle that covers the whole frame, at depth `z`.
 const CORNERS: &str = "fn corner(i: u32, z: f32) -> vec4f {
         return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, z, 1.0);
     }
     @vertex fn near(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.25); }
     @vertex fn far(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.75); }";
 
-/// The bits of the pixels of a frame.
+/// The bits of a frame's pixels.
 fn image(frame: &karat::Frame<'_>, executor: &dyn Executor) -> Result<Vec<u32>, Stop> {
     let image = frame.render(executor.path()).map_err(|error| match &error {
         FrameError::Draw(DrawError::Path(PathError::Refused { message, .. })) => {

@@ -1,14 +1,15 @@
-//! Finds hazards inside functions without a test: values that become NaN or infinite, lost digits, indices outside
-//! their array, and operations that WGSL doesn't bound.
+//! Finds hazards in functions without a test: values that become NaN or infinite, lost digits, indices outside of
+//! arrays, and operations for which WGSL bounds no error.
 //!
-//! Karat's engine runs each function of a package in `f32`, in `f64` and in intervals, over arguments that
-//! declarations, names and types suggest (see [`made_up`](mod@crate::made_up)). A finding is reported where it begins:
-//! at the operation whose operands were still good.
+//! Karat's engine runs each function of a package in `f32`, in `f64` and in intervals. The arguments follow from
+//! declarations, names and types (see [`made_up`](mod@crate::made_up)). Karat reports each finding at its origin: the
+//! operation whose operands were still good.
 //!
-//! Karat classifies a finding by running the function again. It keeps the declared inputs of a failing case, and
-//! samples the free ones anew. If the operation goes wrong in every sample that reaches it, the finding is a *fault*;
-//! if some sample averts it, it is a *requirement*. Declared inputs are those in `[inputs]` of `karat.toml`; in
-//! functions without callers, also those whose names suggest a range. A function with callers is judged through them.
+//! To classify a finding, Karat runs the function again, with the declared inputs of a failing case and new samples of
+//! the free inputs. If the operation goes wrong in every sample that reaches it, the finding is a *fault*. If it
+//! doesn't go wrong in some sample, the finding is a *requirement*. Declared inputs are those in `[inputs]` of
+//! `karat.toml`. In a function without callers, inputs whose names suggest a range are declared, too. Karat judges a
+//! function that has callers through its callers.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -54,7 +55,7 @@ use rayon::prelude::*;
 
 pub use karat::unstable::interpret::hazards::Kind;
 
-/// A search for hazards, with its settings.
+/// A search for hazards and its settings.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -73,27 +74,27 @@ pub struct Request {
     with_accepted: bool,
 }
 
-/// The class of a finding: a fault of the shader, or a requirement on its inputs.
+/// The class of a finding: a fault of the shader, a requirement on its inputs, or neither.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Class {
-    /// It goes wrong in every sample of the free inputs that reaches the operation.
+    /// The operation goes wrong in every sample of the free inputs that reaches it.
     Fault,
-    /// Some sample averts it, or too few samples reached the operation.
+    /// The operation doesn't go wrong in some sample, or too few samples reached it.
     Requirement,
-    /// The function's callers keep the requirement: in at least 256 of their calls the operation ran without an error.
+    /// The function's callers meet the requirement: in at least 256 of their calls, the operation ran without an error.
     Met,
-    /// The function's callers ran the operation in fewer calls.
+    /// The function's callers ran the operation in fewer than 256 calls.
     NotReached,
-    /// In every case a `select`, a branch or a bound of an infinity drops the value.
+    /// In every case, a `select`, a branch, or an operation that bounds infinities drops the wrong value.
     Dropped,
 }
 
 impl Class {
-    /// Its name in reports.
+    /// The class's name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -106,106 +107,108 @@ impl Class {
     }
 }
 
-/// An operation at which something goes wrong.
+/// An operation that goes wrong.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hazard {
-    /// Fault, requirement, or neither.
+    /// The finding's class.
     pub class: Class,
-    /// The worst kind of error.
+    /// The worst kind of error that occurs.
     pub kind: Kind,
-    /// The other kinds of error that the same number has for other inputs.
+    /// The other kinds of error that the same value has for other inputs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub kinds: Vec<Kind>,
-    /// The place of the operation in the author's file.
+    /// The operation's position in the author's file.
     pub location: String,
-    /// Its text.
+    /// The operation's text.
     pub text: String,
-    /// The function that was called.
+    /// The function that Karat called.
     pub function: String,
-    /// Its arguments in the simplest case.
+    /// The arguments in the simplest case.
     pub arguments: Vec<(String, String)>,
-    /// The number of cases in which it goes wrong, and of cases that reached it; for a pass, of contents of its
-    /// resources.
+    /// The number of cases in which the operation goes wrong, and the number of cases that reached it. For a pass,
+    /// these are numbers of contents of its resources.
     pub cases: (usize, usize),
-    /// For a requirement, the inputs of which each alone can avert it in that case.
+    /// For a requirement: the inputs of the simplest case that can avert the error. A change of any one of them
+    /// suffices.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub needs: Vec<String>,
-    /// The condition under which it goes wrong, if it is a simple property of the inputs: `where k is 0, and nowhere
-    /// else`.
+    /// The condition under which the operation goes wrong, if it is a simple property of the inputs: `where k is 0, and
+    /// nowhere else`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fails: Option<String>,
-    /// For lost digits, in that case: the values in `f32` and in `f64`.
+    /// For lost digits: the values in the simplest case, in `f32` and in `f64`.
     pub values: Option<(String, String)>,
-    /// The operands in that case, in `f32`; empty if they aren't floats, or don't fit into a line.
+    /// The operands in the simplest case, in `f32`. Empty if they aren't floats, or too many to show.
     pub operands: Vec<String>,
-    /// The reason why `karat.toml` accepts it, if accepted findings were requested.
+    /// The reason why `karat.toml` accepts the finding, if accepted findings were requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted: Option<String>,
-    /// Other functions in which the same operation goes wrong.
+    /// The other functions in which the same operation goes wrong.
     pub also: Vec<String>,
     /// The sanitizer's finding in a compute pass, or the pixel that doesn't reach a derivative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violation: Option<Violation>,
 }
 
-/// A function that was checked, while others still run.
+/// The progress of a search: a function was checked.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'p> {
-    /// Its name.
+    /// The function's name.
     pub function: &'p str,
-    /// Findings in it, before its callers judge them.
+    /// The number of findings in the function, before Karat judges them through callers.
     pub found: usize,
-    /// The number of functions that are done.
+    /// The number of checked functions so far.
     pub done: usize,
-    /// The number of functions.
+    /// The number of all functions.
     pub of: usize,
 }
 
-/// The hazards of a package.
+/// The result of a search for hazards in a package.
 #[derive(Clone, Debug, Serialize)]
 pub struct Hazards {
-    /// The version of this data. Since version 2 each finding has a class.
+    /// The version of this data format. Since version 2, each finding has a class.
     pub schema: u32,
-    /// The package.
+    /// The package's name.
     pub package: String,
-    /// Functions that were checked.
+    /// The number of checked functions.
     pub functions: usize,
-    /// Functions that weren't checked, and modules that can't be read, each with the reason.
+    /// The functions that weren't checked and the modules that can't be read, each with the reason.
     pub skipped: Vec<(String, String)>,
-    /// Modules that can't be read. Their functions are unknown.
+    /// The number of modules that can't be read. Their functions are unknown.
     pub unread: usize,
-    /// Functions that aren't valid WGSL, or use something invalid.
+    /// The number of functions that aren't valid WGSL, or use invalid code.
     pub invalid: usize,
-    /// Faults and requirements: faults first, then by kind, the worst first. One for each line and kind.
+    /// Faults and requirements, one for each line and kind. Faults come first, and worse kinds before others.
     pub found: Vec<Hazard>,
-    /// Findings that callers meet or don't reach, and findings whose value is dropped.
+    /// Findings that the callers meet or don't reach, and findings whose wrong value is dropped.
     pub others: Vec<Hazard>,
-    /// The functions of acceptances in `karat.toml` that cover no fault, so that you can remove them.
+    /// The functions of acceptances in `karat.toml` that cover no fault. You can remove these acceptances.
     pub needless: Vec<String>,
-    /// The number of findings left out because `karat.toml` accepts them with a reason.
+    /// The number of findings that are left out because `karat.toml` accepts them.
     pub accepted: usize,
-    /// The ranges that arguments and members were sampled from.
+    /// The ranges from which arguments and members were sampled.
     pub drawn: Drawn,
-    /// The parts of these functions that weren't checked.
+    /// The parts of the checked functions that weren't checked.
     pub unseen: Unseen,
-    /// Lines with operations that no input reached, as `file:line`.
+    /// The lines with operations that no input reached, as `file:line`.
     pub unreached: Vec<String>,
 }
 
-/// Parts of functions that weren't checked.
+/// The parts of functions that weren't checked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Unseen {
-    /// Inputs that cost too much: loops of more than some thousand rounds, or many operations.
+    /// The number of inputs that cost too much work, because of long loops or many operations.
     pub inputs: usize,
-    /// Functions that have such inputs.
+    /// The number of functions with such inputs.
     pub functions: usize,
-    /// Functions with more operations than Karat records: 4,096 for 256 inputs together.
+    /// The number of functions with more operations than Karat records: 4,096 for 256 inputs together.
     pub in_part: usize,
-    /// Functions that read private variables of more than 256 numbers. These keep their first values.
+    /// The number of functions that read a private variable with more than 256 numbers. Such a variable keeps its
+    /// initial value.
     pub of_state: usize,
 }
 
-/// The reason why the search failed.
+/// The reason why a search has no result.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HazardError {
@@ -213,27 +216,27 @@ pub enum HazardError {
     #[error(transparent)]
     Package(#[from] PackageError),
     /// No function was checked, so there is no verdict.
-    #[error("no function of package `{package}` can be looked at{}", first(skipped))]
+    #[error("Karat can't check any function of package `{package}`{}", first(skipped))]
     Nothing {
         /// The package.
         package: String,
-        /// Each function, with the reason.
+        /// The functions, each with the reason.
         skipped: Vec<(String, String)>,
     },
-    /// An input is declared that no function has.
+    /// The range of an input is declared, but no function has this input.
     #[error(
-        "the input `{name}` is declared, and no function that is looked at has such an argument or reads \
+        "the input `{name}` is declared, and no checked function has such an argument or reads \
          such a member{}{place}", nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
     )]
     UnknownInput {
-        /// Its name.
+        /// The input's name.
         name: String,
-        /// The closest name of an input.
+        /// The input with the most similar name.
         nearest: Option<String>,
-        /// ` (karat.toml:3:1)`, if a file declares it.
+        /// The declaration's position, ` (karat.toml:3:1)`, if it is in a file.
         place: String,
     },
-    /// A declaration is impossible.
+    /// A declaration contradicts itself or the package.
     #[error("{0}")]
     Declaration(String),
 }
@@ -242,7 +245,7 @@ fn first(skipped: &[(String, String)]) -> String {
     skipped.first().map_or_else(String::new, |(name, why)| format!(": `{name}`: {why}"))
 }
 
-/// Looks for hazards in all functions that can be called alone.
+/// Makes a search for hazards in all functions that Karat can call directly.
 ///
 /// ```no_run
 /// use karat::Package;
@@ -267,25 +270,25 @@ pub fn hazards(package: &Package) -> Request {
 }
 
 impl Request {
-    /// Restricts the search to functions whose name contains one of these.
+    /// Selects the functions with one of these strings in their names.
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
-    /// Sets the number of inputs of each function, 1,024 by default.
+    /// Sets the number of inputs for each function. The default is 1,024.
     #[must_use]
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
     }
 
-    /// Also reports the findings that `karat.toml` accepts.
+    /// Includes the findings that `karat.toml` accepts.
     #[must_use]
     pub fn with_accepted(self) -> Self {
         Self { with_accepted: true, ..self }
     }
 
-    /// Declares the range of arguments and members with this name, in every function.
+    /// Declares the range of all arguments and members with this name.
     #[must_use]
     pub fn input(mut self, name: &str, range: std::ops::RangeInclusive<f64>) -> Self {
         let (least, most) = range.into_inner();
@@ -293,7 +296,7 @@ impl Request {
         self
     }
 
-    /// Gives an `override` a value, by its name or its `@id`, in each function that has one.
+    /// Sets the value of an `override`, by its name or its `@id`, in each function that uses it.
     #[must_use]
     pub fn with_override(mut self, name: &str, value: f64) -> Self {
         self.overrides.insert(name.to_owned(), value);
@@ -303,12 +306,12 @@ impl Request {
     /// Runs the search.
     ///
     /// # Errors
-    /// If the package can't be read, no function can be checked, or a declaration is wrong.
+    /// If the package can't be read, Karat can check no function, or a declaration is wrong.
     pub fn run(&self) -> Result<Hazards, HazardError> {
         self.run_with(&|_| {})
     }
 
-    /// Does the same as [`run`](Self::run), and reports each function that is done, with its number and the total.
+    /// Does the same as [`run`](Self::run), and calls `progress` after each checked function.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -356,7 +359,7 @@ impl Request {
                 let look = || self.look(item, &own);
                 let seen = panics::caught(look)
                     .unwrap_or_else(|panicked| Err(format!("Karat panics at it: {panicked}")));
-                // Report a count before another thread counts, so that reports stay in order.
+                // The lock stays until the report, so that the counts are reported in order.
                 let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
                 *done += 1;
                 let found = seen.as_ref().map_or(0, |seen| seen.hazards.len());
@@ -431,7 +434,7 @@ impl Request {
             order.then_with(|| a.location.cmp(&b.location))
         });
         let (mut found, others): (Vec<Hazard>, Vec<Hazard>) = all.into_iter().partition(is_told);
-        // Finding the inputs that avert a finding takes runs, so do it only for printed findings.
+        // Searching for inputs that avert a finding takes many runs, so only reported findings get them.
         found.par_iter_mut().filter(|one| one.class == Class::Requirement).for_each(|hazard| {
             if let Some(needs) = looked.get(&hazard.function).and_then(|seen| seen.needs(hazard)) {
                 hazard.needs = needs;
@@ -455,7 +458,7 @@ impl Request {
         })
     }
 
-    /// Checks that each declaration applies to something.
+    /// Checks that each declaration applies to an input.
     fn expect_names(
         &self,
         inputs: &Ranges,
@@ -472,8 +475,8 @@ impl Request {
         };
         let Some(name) = inputs.names().find(|name| !is_met(name)) else { return Ok(()) };
         let place = place_of_input(&self.package, name);
-        // It may apply to a function where no value fits: without it, that function isn't skipped, or has another
-        // reason.
+        // The declared range may fit no value of an input, so that its function is skipped. Then, without the
+        // declaration, the function isn't skipped, or for another reason.
         let without = inputs.without(name);
         let blamed = names.iter().find_map(|item| {
             let (_, why) = skipped.iter().find(|(name, _)| *name == item.name)?;
@@ -485,12 +488,12 @@ impl Request {
         }
         let (_, own) = scope(name);
         let none = match own.split_once('(') {
-            Some(("length", _)) => "no array without a length that a function uses",
-            Some(("workgroups", _)) => "no compute pass that is looked at",
+            Some(("length", _)) => "no runtime-sized array that a function uses",
+            Some(("workgroups", _)) => "no checked compute pass",
             _ => "",
         };
         if !none.is_empty() {
-            let why = format!("`{name}` is declared, and it is of {none}{place}");
+            let why = format!("`{name}` is declared, but it belongs to {none}{place}");
             return Err(HazardError::Declaration(why));
         }
         let known = used.iter().copied().chain(looked.keys().map(String::as_str));
@@ -498,8 +501,8 @@ impl Request {
         Err(HazardError::UnknownInput { name: name.clone(), nearest, place })
     }
 
-    /// The reason and the place if naga rejects a function, or something that it uses. A crate may need abilities of
-    /// its own renderer.
+    /// The reason and the position if naga rejects a function or code that it uses. A crate's shaders may need
+    /// abilities of its renderer.
     fn invalid(&self, name: &str) -> Option<String> {
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = || Program::of_items(&self.package, module, &[own]);
@@ -530,41 +533,42 @@ impl Request {
             return passes::look_at_pixels(&self.package, name, ranges);
         }
         if form.alone {
-            return Err("it writes what others would see: hazards are looked for in functions \
-                        that only return"
-                .to_owned());
+            return Err(
+                "it writes memory that other calls can read: Karat looks for hazards in functions \
+                        that only return a value"
+                    .to_owned(),
+            );
         }
         let seen = Trial::of(name, probed, ranges.clone(), self.cases)?.seen();
         Ok(Seen { of_state: large > 0, ..seen })
     }
 }
 
-/// The findings in a function.
 #[derive(Default)]
 struct Seen {
     hazards: Vec<Hazard>,
-    /// By place of an operation: the number of cases that reached it with good operands, which may be 0.
+    /// For each position of an operation: the number of cases that reached it with good operands. It may be 0.
     reached: BTreeMap<String, usize>,
     drawn: Drawn,
-    /// Inputs whose loops were too long to run.
+    /// The number of inputs that didn't run because their loops were too long.
     cut: usize,
-    /// `true` if it has more operations than Karat records.
+    /// `true` if the function has more operations than Karat records.
     in_part: bool,
-    /// `true` if it has private variables that keep their first values.
+    /// `true` if the function has private variables that keep their initial values.
     of_state: bool,
-    /// The trial of a function, and the keys of its findings.
+    /// The function's trial, and the keys of its findings.
     trial: Option<(Box<Trial>, Vec<function::Key>)>,
 }
 
 impl Seen {
-    /// Classifies findings in a function as faults or requirements.
+    /// Classifies the findings as faults or requirements.
     fn judge(&mut self) {
         if let Some((trial, keys)) = &self.trial {
             trial.judge(&mut self.hazards, keys);
         }
     }
 
-    /// The inputs that avert a finding in a function.
+    /// The inputs that avert a finding.
     fn needs(&self, hazard: &Hazard) -> Option<Vec<String>> {
         let (trial, keys) = self.trial.as_ref()?;
         let is_it = |one: &Hazard| {
@@ -574,7 +578,7 @@ impl Seen {
     }
 }
 
-/// Lines that no input of any function reached.
+/// The lines that no input of any function reached.
 fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
     let mut lines: BTreeMap<(&str, usize), usize> = BTreeMap::new();
     for (place, cases) in looked.flat_map(|seen| &seen.reached) {
@@ -588,7 +592,7 @@ fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
     none.map(|((file, line), _)| format!("{file}:{line}")).collect()
 }
 
-/// Findings, judged through the callers that have no callers themselves: `roots` has these for each function.
+/// The findings, judged through callers. `roots` has the callers of each function that have no callers themselves.
 fn judged(
     roots: &BTreeMap<String, BTreeSet<String>>,
     looked: &BTreeMap<String, Seen>,
@@ -624,13 +628,12 @@ fn judged(
     found.into_values().chain(others.into_values()).collect()
 }
 
-/// Findings by the place of their operation, its text (`1.0 / a` begins where `1.0 / a / b` does), and their kind.
+/// The findings by position, text and kind. The text is necessary because `1.0 / a` begins where `1.0 / a / b` begins.
 type ByPlace = BTreeMap<OfPlace, Hazard>;
 
-/// The place of a finding, its text and its kind.
 type OfPlace = (String, String, Kind);
 
-/// The key of a finding. A number that is NaN for some inputs, and infinite or unbounded for others, is one finding.
+/// The key of a finding. A value that is NaN for some inputs, and infinite or unbounded for others, has one key.
 fn key_of(hazard: &Hazard) -> OfPlace {
     let kind = match hazard.kind {
         Kind::Infinite | Kind::Unbounded => Kind::Nan,
@@ -639,8 +642,8 @@ fn key_of(hazard: &Hazard) -> OfPlace {
     (hazard.location.clone(), hazard.text.clone(), kind)
 }
 
-/// Adds a finding to those of other functions. A fault comes first, then the finding with fewer arguments, which is
-/// closer to the operation.
+/// Adds a finding to those of other functions. A fault replaces other classes. Otherwise the finding with fewer
+/// arguments is kept, because it is closer to the operation.
 fn add(found: &mut ByPlace, hazard: Hazard) {
     match found.entry(key_of(&hazard)) {
         std::collections::btree_map::Entry::Vacant(place) => {
@@ -680,15 +683,15 @@ fn first_line(text: &str) -> String {
     karat_core::output::headline(text).to_owned()
 }
 
-/// The operands of an operation, as text.
+/// The operands of an operation as text; empty if there are too many.
 fn operands(found: &Found) -> Vec<String> {
-    /// The most operands shown: two vectors of four.
+    /// The largest number of operands that are shown: two vectors of four components.
     const MOST: usize = 8;
     let all = Some(&found.operands).filter(|all| all.len() <= MOST);
     all.into_iter().flatten().map(|x| format_f32(*x)).collect()
 }
 
-/// The pixel that takes a derivative and the one that doesn't, with the condition at which they parted.
+/// The violation if one pixel reaches a derivative and another doesn't, with the condition at which they diverged.
 fn parted(function: &str, found: &Found) -> Option<Violation> {
     let Missing { reached, missing, parted } = found.missing.as_ref()?;
     let access = |span: &Span, invocation: &str, does: &str| ViolationAccess {
@@ -697,7 +700,7 @@ fn parted(function: &str, found: &Found) -> Option<Violation> {
         does: does.to_owned(),
     };
     let other = match parted {
-        Some(parted) => access(parted, missing, "goes another way here"),
+        Some(parted) => access(parted, missing, "takes another branch here"),
         None => access(&found.span, missing, "doesn't"),
     };
     let accesses = vec![access(&found.span, reached, "reaches it"), other];
@@ -709,10 +712,11 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// The findings that `[[hazard]]` accepts.
 trait Acceptance {
     fn covers(&self, hazard: &Hazard) -> bool;
 
+    /// Checks that each named function has a finding that this acceptance covers.
+    ///
     /// # Errors
     /// If a named function has no such finding.
     fn expect_current(&self, all: &[Hazard]) -> Result<(), HazardError>;
@@ -720,7 +724,7 @@ trait Acceptance {
 
 impl Acceptance for AcceptedHazard {
     fn covers(&self, hazard: &Hazard) -> bool {
-        // `module::*` covers a module and those below it.
+        // `module::*` covers the module and its submodules.
         let is = |name: &str, function: &str| match name.strip_suffix('*') {
             Some(module) => module.ends_with("::") && function.starts_with(module),
             None => name == function,
@@ -729,7 +733,6 @@ impl Acceptance for AcceptedHazard {
             && self.text.as_ref().is_none_or(|text| *text == hazard.text)
     }
 
-    /// Checks that each named function has such a finding, of any class.
     fn expect_current(&self, all: &[Hazard]) -> Result<(), HazardError> {
         let has = |name: &&String| {
             let alone = Self { functions: vec![(*name).clone()], ..self.clone() };
@@ -749,18 +752,18 @@ impl Acceptance for AcceptedHazard {
             _ => "delete it".to_owned(),
         };
         Err(HazardError::Declaration(format!(
-            "`karat.toml` accepts a hazard of `{idle}`{of}, and there is none: {hint}"
+            "`karat.toml` accepts a hazard of `{idle}`{of}, but there is none: {hint}"
         )))
     }
 }
 
 impl Hazard {
-    /// All functions in which the operation goes wrong.
+    /// Lists all functions in which the operation goes wrong.
     pub(super) fn functions(&self) -> impl Iterator<Item = &str> {
         std::iter::once(&self.function).chain(&self.also).map(String::as_str)
     }
 
-    /// The lines below the first: the origin, the meaning, and other functions that show it.
+    /// The lines after the first: the inputs, the explanation, and the other functions that the finding concerns.
     pub fn details(&self) -> impl fmt::Display + '_ {
         fmt::from_fn(move |f| self.write_details(f))
     }
@@ -771,7 +774,7 @@ impl Hazard {
         let with = if named.is_empty() { "no argument".to_owned() } else { named.join("; ") };
         let (cases, of) = self.cases;
         let is_pass = self.arguments.first().is_some_and(|(name, _)| name == passes::INVOCATION);
-        let what = if is_pass { "contents" } else { "inputs that come to it" };
+        let what = if is_pass { "contents" } else { "inputs that reach it" };
         let counted = format!("{cases} of {of} {what}");
         writeln!(f, "    {} with {with}  ({counted})", self.function)?;
         if let Some(violation) = &self.violation {
@@ -792,7 +795,7 @@ impl Hazard {
             let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
             write!(f, "; for other inputs {}", kinds.join(", "))?;
         }
-        // A number of workgroups has no name in the source.
+        // The number of workgroups has no name in the shader.
         let named = |name: &String| match name.contains(' ') {
             true => name.clone(),
             false => format!("another `{name}`"),
@@ -804,7 +807,7 @@ impl Hazard {
                 Some("needs other inputs".to_owned())
             }
             (Class::Requirement, []) => {
-                Some("needs other inputs: no single one that was tried averts it".to_owned())
+                Some("needs other inputs: Karat tried to change one input at a time, and no change averts it".to_owned())
             }
             (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,
@@ -842,26 +845,26 @@ impl fmt::Display for Hazard {
 }
 
 impl Hazards {
-    /// The version of the data. Version 1 had hazards and *rarer* ones, some of them lowered.
+    /// The current version of the data format. Version 1 had no classes.
     pub const SCHEMA: u32 = 2;
 
-    /// The faults without an acceptance: these fail a run.
+    /// The faults that `karat.toml` doesn't accept. They fail a run.
     pub fn faults(&self) -> impl Iterator<Item = &Hazard> {
         self.of(Class::Fault)
     }
 
-    /// The requirements without an acceptance.
+    /// The requirements that `karat.toml` doesn't accept.
     pub fn requirements(&self) -> impl Iterator<Item = &Hazard> {
         self.of(Class::Requirement)
     }
 
-    /// The findings of a class without an acceptance.
+    /// The findings of a class that `karat.toml` doesn't accept.
     pub fn of(&self, class: Class) -> impl Iterator<Item = &Hazard> {
         let all = self.found.iter().chain(&self.others);
         all.filter(move |one| one.class == class && one.accepted.is_none())
     }
 
-    /// The counts of the last line: `1 fault and 2 requirements in 7 functions, 3 met`.
+    /// The counts in the last line of a report: `1 fault and 2 requirements in 7 functions, 3 met`.
     #[must_use]
     pub fn counts(&self) -> String {
         let mut text = format!(

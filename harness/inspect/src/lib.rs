@@ -2,11 +2,11 @@
 //!
 //! | question | answer |
 //! |---|---|
-//! | what goes wrong inside of these functions and passes? | [`hazards()`] |
-//! | what does this edit change? | [`compare`] |
-//! | do naga's translations say the same, here and on other drivers? | [`matrix()`] |
+//! | which operations go wrong in functions and passes? | [`hazards()`] |
+//! | which results does an edit change? | [`compare`] |
+//! | do naga's translations give the same results, here and on other drivers? | [`matrix()`] |
 //!
-//! All three run the shader over inputs that [`made_up`] generates from declarations, from the text and from types.
+//! All three run shaders over inputs that [`made_up`] generates from declarations, source text and types.
 //!
 //! ```
 //! use karat::Package;
@@ -17,7 +17,7 @@
 //! # Ok::<(), karat_inspect::hazards::HazardError>(())
 //! ```
 //!
-//! Names and meanings may change in any release.
+//! This crate's API may change in any release.
 
 pub mod compare;
 pub mod conform;

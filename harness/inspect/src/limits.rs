@@ -1,131 +1,137 @@
-//! The numbers that decide the results of `hazards`, `compare` and `matrix`, each with its reason. The ranges that
-//! names suggest have their own table: `made_up/meaning.rs`.
+//! The constants that determine the results of `hazards`, `compare` and `matrix`, each with the reason for its value.
+//! The ranges that names suggest are in `made_up/meaning.rs`.
 
-/// Inputs of each function. With three arguments of six edges each, 800 of them are random samples.
+/// The number of inputs for each function. For three arguments with six edges each, 800 inputs are random samples.
 pub(crate) const CASES: usize = 1024;
 
-/// The seed: functions with the same signature get the same rows, on every machine.
+/// The seed of the inputs. Functions with the same signature get the same inputs on every machine.
 pub(crate) const SEED: u64 = 0x6861_7a61_7264; // "hazard"
 
-/// The least number of samples that reach an operation and all go wrong. An input that averts one sample in ten is then
-/// missed once in 800 times.
+/// The number of samples that must reach an operation, and all go wrong, for a fault. If an input averts one sample in
+/// ten, 64 samples miss it once in 800 times.
 pub(crate) const DRAWS: usize = 64;
 
-/// The least number of contents of resources, in place of such samples. Each is of another kind, for example zeros, or
-/// numbers in order.
+/// The number of contents that must reach an operation of a pass, and all go wrong, for a fault. It is smaller than
+/// [`DRAWS`] because the contents are of different kinds, for example zeros, or numbers in order.
 pub(crate) const CONTENTS: usize = 6;
 
-/// Rows that are sampled again over the first content, and over each other one: twice as many as have to reach an
-/// operation, as some go another way, or arrive with bad operands.
+/// The number of new samples over the first content, and over each further content. It is twice [`DRAWS`], because some
+/// samples take other branches or reach the operation with bad operands.
 pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 
-/// Failing cases whose known inputs are held, one after the other. An end of a range is among the first.
+/// The number of failing cases whose declared inputs are held, one case after the other. The first cases include an end
+/// of a range.
 pub(crate) const HOLDS: usize = 4;
 
-/// Such cases for all findings of a function together: each costs a twentieth of its trial.
+/// The number of held cases for all findings of a function together. Each costs a twentieth of the function's trial.
 pub(crate) const ALL_HOLDS: usize = 8;
 
-/// Failing cases that are kept of a finding, to choose those from.
+/// The number of failing cases that are kept for each finding. The held cases come from these.
 pub(crate) const KEPT: usize = 64;
 
-/// Other values of an input that may avert a finding: all of its edges, and as many samples.
+/// The number of other values of an input that are tried to avert a finding: all edges, and as many samples.
 pub(crate) const VARIED: usize = 32;
 
-/// Members of buffers, arrays and textures that are varied on their own: each costs a run over each content.
+/// The number of buffer members, arrays and textures that are varied separately. Each costs a run over each content.
 pub(crate) const INPUTS_TRIED: usize = 16;
 
-/// The least number of calls in which callers run an operation before a finding in it counts as met. Edges of the
-/// callers' inputs are among the first hundred.
+/// The number of calls in which callers must run an operation without an error before a requirement counts as met. The
+/// first hundred calls include the edges of the callers' inputs.
 pub(crate) const MET: usize = 256;
 
-/// The most operations that the inputs of a function reach over one content of its resources: some seconds of one core,
-/// as each arithmetic runs four times, and all results are compared.
+/// The maximum number of operations that all inputs of a function execute over one content. They take some seconds on
+/// one core, because the engine computes each operation four times and compares all results.
 pub(crate) const WORK: u64 = 1 << 21;
 
-/// Long loops to run on in search of an endless one. Each takes some tenths of a second.
+/// The number of long loops that continue to run in the search for an endless one. Each takes some tenths of a second.
 pub(crate) const LONG_CASES: usize = 3;
 
-/// Members of buffers that are shown with the arguments.
+/// The number of buffer members that are shown beside the arguments.
 pub(crate) const MEMBERS: usize = 6;
 
-/// Inputs that measure the work. They always run.
+/// The number of inputs that measure the work of a function. They always run.
 pub(crate) const SAMPLE: usize = 16;
 
-// Compare.
+// Limits of `compare`.
 
-/// The last vertex of the twelve triangles of a box.
+/// The number of the last vertex of a box, which has twelve triangles.
 pub(crate) const LAST_VERTEX: f64 = 35.0;
 
-/// The most operations that the inputs of a function reach over one content of its resources: a second or two of one
+/// The maximum number of operations that all inputs of a function execute over one content: one or two seconds on one
 /// core.
 pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 
-/// The same once a change is known: the other contents show its extent, in a tenth of a second each.
+/// The maximum number of operations once a change is known. The further contents only show its extent, and take a tenth
+/// of a second each.
 pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
 
-/// The least number of inputs with equal results that count as a verdict, if not all could run: as many as the samples
-/// that make a fault.
+/// If not all inputs could run: the number of inputs with equal results that is enough for a verdict. It equals
+/// [`DRAWS`].
 pub(crate) const LEAST_EQUAL: usize = 64;
 
-/// Rounds of simplifying a changed input: more than one for each bit of a number.
+/// The number of rounds that simplify a changed input: more than one round for each bit of a number.
 pub(crate) const SIMPLER: usize = 64;
 
-/// Rows to take another word from, evenly spread: edges and random samples.
+/// The number of rows from which a lane's other values come. They are evenly spread over edges and samples.
 pub(crate) const OTHER_WORDS: usize = 16;
 
-/// The most features of which each set is tried: 32 sets, and each links the module twice.
+/// The largest number of features for which each set is tested: 32 sets, each of which links the module twice.
 pub(crate) const WHOLE_FEATURES: usize = 5;
 
-/// The most features of which each pair is tried: 28 pairs.
+/// The largest number of features for which each pair is tested: 28 pairs.
 pub(crate) const PAIRED_FEATURES: usize = 8;
 
-/// Other values of features to run a function with if its results are the same. Each costs as much as the first.
+/// The number of other values of features with which a function runs if its results are the same. Each value costs
+/// another full run.
 pub(crate) const OTHER_VALUES: usize = 4;
 
-/// The most numbers of a private variable that is an input and a result. A kernel with more takes seconds to compile.
+/// The largest number of scalars in a private variable that is compared. With more scalars, a kernel takes seconds to
+/// compile.
 pub(crate) const MOST_STATE: usize = 256;
 
-/// The value of an override without a default: a side of a small texture, a number of samples.
+/// The value of an override without a default. It can be the size of a small texture, or a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 
-/// Another value for an override: not 0, 1 or a usual size, and valid for each type of number.
+/// Another value for an override. It isn't 0, 1 or a usual size, and is valid for each number type.
 pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 
-/// Workgroups of a pass that is usually dispatched as one, but may take more.
+/// The number of workgroups of a pass that usually runs one workgroup, but may run more.
 pub(crate) const SEVERAL_WORKGROUPS: u32 = 3;
 
-/// Random orders for passes over generated resources. Each costs as much as a plain run, over each content.
+/// The number of random orders for passes over generated resources. Each order costs as much as a plain run over each
+/// content.
 pub(crate) const ORDERS: u64 = 6;
 
-/// The least visible difference between two images side by side, relative to the larger number: a quarter of an 8-bit
+/// The smallest visible difference between two images side by side, relative to the larger value: a quarter of an 8-bit
 /// step.
 pub(crate) const VISIBLE: f32 = 1e-3;
 
-// The matrix.
+// Limits of `matrix`.
 
-/// The largest floats of cases with samplers that repeat or mirror. WebGPU doesn't bound the error of a coordinate, and
-/// a weight has 8 bits: at 2^10 times 16 texels, a float has 10 bits behind the point.
+/// The largest float argument in functions with samplers that repeat or mirror. WebGPU doesn't bound the error of a
+/// texture coordinate, and a filter weight has 8 bits. At 2^10 times 16 texels, a float still has 10 bits after the
+/// point.
 pub(crate) const REPEATED: f64 = 1024.0;
 
-/// The least magnitude that a component counts with, relative to the largest one. With the usual tolerance of 1e-3 that
-/// allows an error of 1e-6 of the largest, some 8 steps of `f32`.
+/// The smallest magnitude of a component in comparisons, relative to the largest component. With the default tolerance
+/// of 1e-3, the allowed error is 1e-6 of the largest component, or about 8 steps of an `f32`.
 pub(crate) const CANCELLED: f64 = 1e-3;
 
 // Sizes of generated resources.
 
-/// The most bytes of a buffer of an entry point. Mesa's GL takes minutes to compile a shader whose arrays have a
+/// The largest buffer of an entry point, in bytes. Mesa's GL takes minutes to compile a shader with an array of a
 /// million elements.
 pub(crate) const MOST_BYTES: usize = 1 << 20;
 
-/// The most texels along a side of a texture that each device supports (WebGPU, 3.6.2: `maxTextureDimension1D` is
+/// The largest size of a texture that each device supports, in texels (WebGPU, 3.6.2: `maxTextureDimension1D` is
 /// 8,192).
 pub(crate) const MOST_SIDE: u32 = 8192;
 
-/// The most texels along a side of a cube's face: a cube has six faces, with levels.
+/// The largest size of a cube's face, in texels. A cube has six faces with mip levels.
 pub(crate) const MOST_FACE: u32 = 64;
 
-/// The elements of an array for which the shader gives no length.
+/// The number of elements in a runtime-sized array.
 pub(crate) const ELEMENTS: usize = 64;
 
-/// The least number of invocations of a pass.
+/// The minimum number of invocations of a pass.
 pub(crate) const LEAST_INVOCATIONS: u32 = 64;

@@ -1,10 +1,10 @@
-//! Checks the translations of a package's shaders, for each function and entry point on every route.
+//! Checks naga's translations of a package's functions and entry points, on every route.
 //!
-//! A cell of the matrix is a row (a function or an entry point) on a column (an execution path, or a language that
-//! nothing here runs). Its status says how far the row gets: [`Status::Translated`] by naga, [`Status::Valid`] for
-//! every installed validator of the language, [`Status::Executed`] on inputs sampled for its signature, and
-//! [`Status::Agrees`] with another route. If it gets no further, [`Stop`] gives the reason, in naga's or the tool's own
-//! words. A row is valid only if a validator says so, and executed only if a driver ran it.
+//! A *row* of the matrix is a function or an entry point. A *column* is a path, or a language that no path here runs.
+//! A *cell* is a row on a column. Its status is how far the row gets: [`Status::Translated`] by naga, [`Status::Valid`]
+//! for every installed validator of the language, [`Status::Executed`] on sampled inputs, and [`Status::Agrees`] with
+//! another route. If the row gets no further, [`Stop`] has the reason, in naga's or the tool's own words. A row is
+//! valid only if a validator accepts it, and executed only if a driver ran it.
 
 mod allowed;
 mod column;
@@ -47,25 +47,25 @@ pub use known::{Finding, Known};
 pub use reference::Reference;
 pub use table::{Head, Matrix, MatrixError, Missed};
 
-/// The status of a row on a column.
+/// The last step that a row reached on a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// naga writes it in the column's language.
+    /// naga translates the row into the column's language.
     Translated,
-    /// Every installed validator of the language accepts naga's output; there is at least one.
+    /// At least one validator of the language is installed, and all installed ones accept naga's output.
     Valid,
-    /// It ran on each of the inputs, and wrote each result.
+    /// The row ran on all inputs and wrote all results.
     Executed,
-    /// Its results equal those of another column.
+    /// The row's results equal those of another column.
     Agrees,
 }
 
 impl Status {
-    /// All statuses, from the least to the most.
+    /// All statuses, in ascending order.
     pub const ALL: [Self; 4] = [Self::Translated, Self::Valid, Self::Executed, Self::Agrees];
 
-    /// The name in tables and on the command line.
+    /// The status's name in tables and on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -83,7 +83,7 @@ impl std::str::FromStr for Status {
     fn from_str(name: &str) -> Result<Self, String> {
         let known = Self::ALL.into_iter().find(|status| status.name() == name);
         let names = Self::ALL.map(Self::name).join(", ");
-        known.ok_or_else(|| format!("`{name}` is no status; they are {names}"))
+        known.ok_or_else(|| format!("`{name}` isn't a status; the statuses are {names}"))
     }
 }
 
@@ -93,34 +93,34 @@ impl fmt::Display for Status {
     }
 }
 
-/// The reason why a row gets no further.
+/// The reason why a row gets no further on a column.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "why", content = "says")]
 pub enum Stop {
-    /// naga can't write it. Holds naga's words.
+    /// naga can't translate the row. Holds naga's message.
     Unsupported(String),
-    /// naga panics while writing it. Holds the panic's words.
+    /// naga panics while translating the row. Holds the panic's message.
     Panicked(String),
-    /// A validator rejects it. Holds the validator's name and its words.
+    /// A validator rejects the translation. Holds the validator's name and message.
     Rejected(String),
-    /// A validator or a driver gives no verdict: it crashed, didn't end or can't be run.
+    /// A validator or a driver gives no verdict, because it crashed, took too long or didn't start.
     Broke(String),
-    /// The installed validators of the language don't support all of it. Holds the missing part and their words.
+    /// The installed validators don't support a part of the language. Holds this part and their messages.
     Unable(String),
     /// No validator of the language is installed.
     NoValidator(String),
-    /// The column's path isn't available here, or nothing here runs its language.
+    /// The column's path isn't available on this machine, or no path runs its language.
     Unavailable(String),
-    /// It can't be run here, or running it failed.
+    /// The row can't run here, or failed while running.
     NotRun(String),
-    /// Its results differ.
+    /// The row's results differ from another column's.
     Differs(String),
-    /// No other column ran it, or no case has a finite result.
+    /// No other column ran the row, or no case has a finite result.
     NothingToCompare(String),
 }
 
 impl Stop {
-    /// The reason in words.
+    /// The reason as text.
     #[must_use]
     pub fn text(&self) -> &str {
         match self {
@@ -137,8 +137,8 @@ impl Stop {
         }
     }
 
-    /// Returns `true` if something is wrong: with the translation, with the path that runs it, or with a validator.
-    /// Other reasons only say that something isn't available or possible here.
+    /// Checks if the translation, the path that runs it, or a validator has a fault. All other reasons mean that
+    /// something isn't available or possible here.
     #[must_use]
     pub fn is_wrong(&self) -> bool {
         use Stop::{Broke, Differs, Panicked, Rejected};
@@ -146,104 +146,106 @@ impl Stop {
     }
 }
 
-/// A row on a column.
+/// A row on one column.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cell {
-    /// Its status; `None` if not even the translation exists.
+    /// The cell's status; `None` if the translation failed.
     pub status: Option<Status>,
-    /// The reason why it got no further; `None` if it reached the end.
+    /// The reason why the row got no further; `None` if it reached the last status.
     pub stopped: Option<Stop>,
-    /// naga's options, in words.
+    /// A description of naga's options.
     pub options: String,
     /// The validators' verdicts.
     pub validators: Vec<Said>,
-    /// The column that it was compared with.
+    /// The column with which this cell was compared.
     pub against: Option<String>,
-    /// The number of cases that were compared with another column; for an entry point, of words of its buffers.
+    /// The number of cases that were compared with another column. For an entry point: the number of words of its
+    /// buffers.
     pub compared: usize,
-    /// The number of cases in which the results differ by more than the tolerance, although WGSL doesn't leave them
-    /// open; for an entry point, of words.
+    /// The number of cases whose results differ by more than the tolerance, although WGSL defines them. For an entry
+    /// point: the number of words.
     pub differing: usize,
-    /// The number of cases, or words of an entry point, that differ where WGSL leaves the result open: after an index
-    /// outside its array, or with a float that isn't finite.
+    /// The number of cases, or of an entry point's words, that differ where WGSL leaves the result open: after an index
+    /// outside of an array, or with a float that isn't finite.
     pub open: usize,
-    /// The largest distance between compared components, in `f32` steps.
+    /// The largest distance between compared components, in steps of an `f32`.
     pub worst_ulp: Option<u64>,
-    /// If the results differ, the simplest input and the first value that differs.
+    /// If the results differ: the simplest input, and the first value that differs.
     pub divergence: Option<Divergence>,
-    /// The column that is alone with its result, while at least two others agree against it.
+    /// The suspect: a column with another result than at least two columns that agree.
     pub suspect: Option<String>,
-    /// The results within what WGSL allows, if Karat's engine knows that.
+    /// The number of results that WGSL's bounds allow, if Karat's engine knows the bounds.
     pub allowed: Option<Allowed>,
-    /// The verdicts of the function's own tests on this path; see [`Matrix::judge_by`].
+    /// The verdicts of the function's own tests on the column's path; see [`Matrix::judge_by`].
     pub reference: Option<Reference>,
-    /// The declaration that it doesn't work.
+    /// The declaration that the row doesn't work on this column.
     pub known: Option<Known>,
     /// The translation.
     #[serde(skip)]
     pub code: Option<Arc<Code>>,
-    /// The lines of the function or entry point in that text, counted from 1, ends included.
+    /// The first and the last line of the function or entry point in the translation, counted from 1.
     #[serde(skip)]
     pub text_lines: Option<(usize, usize)>,
 }
 
 impl Cell {
-    /// The translation, if it is a text.
+    /// The translation as text; `None` for SPIR-V.
     #[must_use]
     pub fn text(&self) -> Option<&str> {
         self.code.as_ref()?.text()
     }
 
-    /// Returns `true` if its results differ from those of the column that it is compared with.
+    /// Checks if the results differ from those of the compared column.
     #[must_use]
     pub fn differs(&self) -> bool {
         matches!(self.stopped, Some(Stop::Differs(_)))
     }
 }
 
-/// The author's text.
+/// The source text of a function or entry point, as its author wrote it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Source {
-    /// The file.
+    /// The path of the author's file.
     pub file: String,
-    /// The line of its first character, counted from 1.
+    /// The line of the text's first character, counted from 1.
     pub line: usize,
-    /// The function or entry point, with its attributes.
+    /// The text of the function or entry point, with its attributes.
     pub text: String,
 }
 
-/// A buffer that an entry point was run with.
+/// A buffer with which an entry point ran.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Buffer {
-    /// Its group.
+    /// The buffer's group.
     pub group: u32,
-    /// Its binding.
+    /// The buffer's binding.
     pub binding: u32,
-    /// Its bytes before the run.
+    /// The buffer's bytes before the run.
     pub bytes: Vec<u8>,
 }
 
-/// A function or an entry point on every column.
+/// A row: a function or an entry point on every column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// `module::name`
+    /// The name: `module::name`.
     pub name: String,
-    /// `function`, `vertex`, `fragment` or `compute`; `not callable`, or `module`, if there is an error.
+    /// `function`, `vertex`, `fragment` or `compute`. With an error: `not callable` or `module`.
     pub kind: String,
-    /// The place in the author's file.
+    /// The position in the author's file.
     pub location: String,
-    /// The author's text.
+    /// The row as its author wrote it.
     #[serde(skip)]
     pub source: Source,
-    /// The text that is translated: with everything that it uses, and for a function with the kernel that calls it.
+    /// The text that is translated: the author's text with everything that it uses, and a kernel that calls the
+    /// function.
     #[serde(skip)]
     pub text: Arc<str>,
-    /// The buffers of an entry point whose results differ.
+    /// The initial buffers of an entry point, if its results differ.
     #[serde(skip)]
     pub buffers: Vec<Buffer>,
-    /// The reason why no column has it: a kernel can't call it, or it is invalid.
+    /// The reason why the row has no cells: a kernel can't call the function, or the code is invalid.
     pub error: Option<String>,
-    /// The cells, in the order of the columns; empty if there is an error.
+    /// One cell for each column, in the order of the columns; empty if [`error`](Self::error) is set.
     pub cells: Vec<Cell>,
 }
 
@@ -269,14 +271,15 @@ pub struct Request {
     journal: Option<PathBuf>,
 }
 
-/// The cases of each function. They have to tell translations apart, not to find the worst error.
+/// The number of cases of each function. It suffices to find differences between translations. Finding the largest
+/// error would need more.
 const CASES: usize = 512;
 
-/// The largest allowed difference between two columns. WGSL allows a driver's sine and cosine an error of 2^-11, so a
-/// smaller tolerance would report differences of drivers rather than of translations.
+/// The largest difference between two columns that counts as equal. WGSL allows an error of 2^-11 for sine and cosine,
+/// so a smaller tolerance would report differences between drivers, not between translations.
 const WITHIN: f64 = 1e-3;
 
-/// A matrix of the package's functions and entry points on every column; see [`matrix`](self).
+/// Makes a request for the matrix of a package; see [`matrix`](self).
 ///
 /// ```no_run
 /// use karat::Package;
@@ -302,7 +305,7 @@ pub fn matrix(package: &Package) -> Request {
 }
 
 impl Request {
-    /// Restricts the matrix to these columns.
+    /// Selects the columns.
     #[must_use]
     pub fn columns(self, columns: impl IntoIterator<Item = Column>) -> Self {
         Self { columns: columns.into_iter().collect(), ..self }
@@ -314,32 +317,32 @@ impl Request {
         Self { cases, ..self }
     }
 
-    /// Sets the largest allowed difference between two columns.
+    /// Sets the largest difference between two columns that counts as equal.
     #[must_use]
     pub fn within(self, tolerance: impl Into<Tolerance>) -> Self {
         Self { within: tolerance.into(), ..self }
     }
 
-    /// Restricts the matrix to rows whose name contains one of these.
+    /// Selects the rows with one of these strings in their names.
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
-    /// Gives an `override` a value, by its name or its `@id`, in each row that has one.
+    /// Sets the value of an `override`, by its name or its `@id`, in each row that uses it.
     #[must_use]
     pub fn with_override(mut self, name: &str, value: f64) -> Self {
         self.overrides.insert(name.to_owned(), value);
         self
     }
 
-    /// The values of the overrides that a program has.
+    /// The values of the overrides that a program uses.
     fn overrides_of(&self, program: &Program) -> BTreeMap<String, f64> {
         let own = self.overrides.iter().filter(|(name, _)| program.has_override(name));
         own.map(|(name, value)| (name.clone(), *value)).collect()
     }
 
-    /// A function with these values.
+    /// A function with the overrides' values.
     fn probed(&self, name: &str) -> Result<Probed, ProbeError> {
         let own = match self.overrides.is_empty() {
             true => BTreeMap::new(),
@@ -348,8 +351,9 @@ impl Request {
         Probed::with_overrides(&self.package, name, &own).and_then(made_up::fitted)
     }
 
-    /// Declares that a row doesn't reach a status on a column, or on the paths of a selector (`:hlsl`, `@swiftshader`).
-    /// If the row does reach it, that is a [finding](Matrix::findings). `[[matrix]]` in `karat.toml` declares the same.
+    /// Declares that a row doesn't reach a status on a column, or on all paths of a selector (`:hlsl`, `@swiftshader`).
+    /// If the row does reach the status, the matrix has a [finding](Matrix::findings). `[[matrix]]` in `karat.toml`
+    /// declares the same.
     #[must_use]
     pub fn fails_on(mut self, column: &str, row: &str, status: Status, reason: &str) -> Self {
         let [row, column, reason] = [row, column, reason].map(str::to_owned);
@@ -357,9 +361,10 @@ impl Request {
         self
     }
 
-    /// Records in a file which row runs where: after a driver hangs or crashes, the only remedy is to start again. A
-    /// row that was running then runs alone; if it ends the process again, it is skipped, and its cells give the
-    /// reason. [`restarted`] runs a program that does this.
+    /// Records in a file which row runs on which path. After a driver hangs or crashes, only a new process can
+    /// continue. In the new process, each row that was running then runs without other rows. If such a row ends the
+    /// process again, the next process skips it, and its cells give the reason. [`restarted`] restarts a program in
+    /// this way.
     #[must_use]
     pub fn journal(self, file: &Path) -> Self {
         Self { journal: Some(file.to_owned()), ..self }
@@ -368,13 +373,14 @@ impl Request {
     /// Makes the matrix.
     ///
     /// # Errors
-    /// If the package can't be read, has no function and no entry point, a setting is wrong, or the
-    /// file of [`journal`](Self::journal) isn't one.
+    /// If the package can't be read or has no functions and entry points, a setting is wrong, or the file of
+    /// [`journal`](Self::journal) can't be read.
     pub fn run(&self) -> Result<Matrix, MatrixError> {
         self.run_with(&|_, _| {})
     }
 
-    /// Does the same as [`run`](Self::run), and reports the number of finished rows, one more each time, and the total.
+    /// Does the same as [`run`](Self::run). After each row, calls `progress` with the number of finished rows and the
+    /// number of all rows.
     ///
     /// # Errors
     /// As [`run`](Self::run).

@@ -1,4 +1,4 @@
-//! Compute passes over generated resources.
+//! Makes compute passes over generated resources.
 
 mod pixels;
 
@@ -12,9 +12,10 @@ use karat::unstable::reflect::{Binding, Overrides, Program};
 use crate::limits::LEAST_INVOCATIONS;
 use crate::made_up::{Content, Extents, Mix, Ranges, Resources};
 
-/// The workgroups of a pass without a given dispatch. Two in each direction in which the pass reads its place, or may
-/// read it and a workgroup extends, as nothing orders two workgroups; three downwards, so that rows and columns differ.
-/// A pass that reads nothing that distinguishes workgroups is made for one.
+/// The workgroups of a pass whose dispatch isn't known. There are several workgroups in each direction in which the
+/// pass reads its position, or may read it and the workgroup has several invocations: two workgroups, which nothing
+/// orders, and three vertically, so that rows and columns differ. A pass that reads no value that distinguishes
+/// workgroups has one workgroup.
 fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) -> [u32; 3] {
     if !tells_apart {
         return [1; 3];
@@ -35,7 +36,7 @@ fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) 
     groups
 }
 
-/// Builtin values that differ between workgroups.
+/// The builtin values that differ between workgroups.
 const APART: [&str; 5] = [
     "@builtin(global_invocation_id)",
     "@builtin(global_invocation_index)",
@@ -44,10 +45,10 @@ const APART: [&str; 5] = [
     "@builtin(num_workgroups)",
 ];
 
-/// Those of them that count over all directions.
+/// The builtin values that count workgroups or invocations in all directions.
 const INDICES: [&str; 2] = ["@builtin(global_invocation_index)", "@builtin(workgroup_index)"];
 
-/// A compute entry point with its usual dispatch.
+/// The usual dispatch of a compute entry point.
 #[derive(Clone, Copy, Debug)]
 pub struct Usual {
     size: [u32; 3],
@@ -55,13 +56,15 @@ pub struct Usual {
 }
 
 impl Usual {
+    /// Determines the usual dispatch of a compute entry point.
+    ///
     /// # Errors
     /// If the entry point isn't valid, or isn't a compute entry point.
     pub fn of(package: &Package, name: &str) -> Result<Self, String> {
         Self::with_overrides(package, name, &Overrides::new())
     }
 
-    /// The same, with values for overrides.
+    /// Does the same as [`of`](Self::of), with values for overrides.
     pub(crate) fn with_overrides(
         package: &Package,
         name: &str,
@@ -78,27 +81,28 @@ impl Usual {
         let is_filled = program.fixed_elements(bindings).is_some_and(|most| {
             most <= size.iter().fold(1, |all: usize, count| all.saturating_mul(*count as usize))
         });
-        // A host dispatches one workgroup if one fills the arrays.
+        // If one workgroup covers all elements, a host would dispatch one workgroup.
         let (apart, by_index) = (has(&APART) && !is_filled, has(&INDICES));
         let asks = program.asks_for_places(own);
         let asks = asks.map(|asks| asks.filter(|asks| *asks || !by_index));
         Self { size, workgroups: usual_workgroups(size, apart, asks) }
     }
 
-    /// The workgroups in each direction: one if the pass doesn't distinguish them, otherwise several.
+    /// The number of workgroups in each direction. It is 1 if the pass doesn't distinguish workgroups.
     #[must_use]
     pub fn workgroups(&self) -> [u32; 3] {
         self.workgroups
     }
 
-    /// The value of a whole number, or of a lane of a vector, whose name says that it is a size: `width` in a pass over
-    /// 16 columns is 16.
+    /// The size that an integer's name, or that of a vector's component, suggests: in a pass over 16 columns, `width`
+    /// is 16.
     #[must_use]
     pub fn number(&self, name: &str, lane: usize, lanes: usize) -> Option<u32> {
         Extents::of(self.size, self.workgroups, Content::OF_PASSES[0]).size(name, lane, lanes, true)
     }
 
-    /// The invocations in each direction for dispatching two passes, whatever their workgroup sizes are.
+    /// The number of invocations in each direction with which two passes can be compared, whatever their workgroup
+    /// sizes are.
     pub(crate) fn invocations_with(self, other: Self) -> [u32; 3] {
         [0, 1, 2].map(|k| {
             let usual = |one: Self| one.size[k] * one.workgroups[k];
@@ -109,10 +113,11 @@ impl Usual {
     }
 }
 
-/// A pass over generated resources. Their sizes follow from the dispatch: so many invocations in each direction, if
-/// given. The resources in `given` replace generated ones, and some inputs may come from another content.
+/// Makes a pass over generated resources. The resources' sizes follow from `invocations`, or otherwise from the usual
+/// dispatch. The resources in `given` replace generated ones, and some inputs may come from another content.
 ///
 /// # Errors
+/// If the pass isn't valid, or a resource can't be generated.
 /// If the pass isn't valid, or a resource can't be generated.
 pub(crate) fn arbitrary(
     package: &Package,
@@ -161,13 +166,18 @@ mod tests {
         assert_eq!(asks([64, 1, 1], [true, true, false]), [2, 3, 1]);
         assert_eq!(asks([64, 1, 1], [false, true, false]), [1, 3, 1]);
         assert_eq!(asks([1, 1, 1], [false, false, true]), [1, 1, 64]);
-        assert_eq!(asks([64, 1, 1], [false; 3]), [2, 1, 1], "it asks for their number alone");
+        assert_eq!(
+            asks([64, 1, 1], [false; 3]),
+            [2, 1, 1],
+            "the pass reads only the number of workgroups"
+        );
         let usual = |size| Usual { size, workgroups: usual_workgroups(size, true) };
         assert_eq!(usual([8, 8, 1]).invocations_with(usual([4, 4, 1])), [16, 24, 1]);
         assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);
     }
 
-    /// A pass that uses one component reads only that one. A pass that hands the whole vector on may read each.
+    /// A pass that uses one component of a vector reads only this component. A pass that passes on the whole vector may
+    /// read all components.
     #[test]
     fn a_pass_runs_along_the_places_that_it_asks_for() {
         let head = "struct In { @builtin(workgroup_id) w: vec3u, @builtin(local_invocation_index) i: u32 }\n\

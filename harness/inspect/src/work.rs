@@ -1,5 +1,5 @@
-//! Chooses the cases of a function that run, by one rule: no loop may go round more than 4,096 times, and as many of
-//! these cases run, evenly chosen, as the function's work budget allows.
+//! Selects the cases of a function that run. In a selected case, no loop has more than 4,096 rounds. Of these cases, as
+//! many run as the function's work budget allows, evenly selected.
 
 use std::borrow::Cow;
 
@@ -11,10 +11,10 @@ use karat_core::diagnostic::Span;
 use crate::limits::SAMPLE;
 use crate::made_up::{Arguments, Ranges, SEED};
 
-/// Converts so many rows into the words that a function takes.
+/// Converts `count` rows into the lanes that a function needs.
 type Own<'s> = &'s dyn Fn(&[u32], usize) -> Vec<u32>;
 
-/// A function with its resources, and its conversion of rows; `None` if it takes them unchanged.
+/// A function with its resources, and the conversion of its rows; `None` if it needs none.
 pub(crate) struct Side<'s> {
     pub(crate) probed: &'s Probed,
     pub(crate) fixtures: &'s Fixtures,
@@ -27,20 +27,21 @@ impl Side<'_> {
     }
 }
 
-/// The cases that run.
+/// The selected cases.
 pub(crate) struct Chosen {
     pub(crate) count: usize,
     pub(crate) rows: Vec<u32>,
-    /// The number of cases that don't run.
+    /// The number of cases that weren't selected.
     pub(crate) cut: usize,
-    /// The rows in which a loop has too many rounds, with the loop.
+    /// The rows in which a loop has too many rounds, each with the loop's position.
     pub(crate) long: Vec<(Vec<u32>, Span)>,
-    /// The number of cases that the work budget allows; 0 if even the sample costs too much.
+    /// The number of cases that the work budget allows; 0 if even the measured cases cost too much.
     pub(crate) allowed: usize,
 }
 
 impl Chosen {
-    /// The rows in which each loop ends. If the engine can't run the side, all rows stay: other paths may run it.
+    /// Selects the rows in which each loop ends. If the engine can't run the function, it selects all rows, because
+    /// other paths may run the function.
     pub(crate) fn ending(
         side: &Side<'_>,
         arguments: &Arguments,
@@ -55,8 +56,8 @@ impl Chosen {
         Self { count, rows: left, cut: all - count, long, allowed: usize::MAX }
     }
 
-    /// As many rows as the work budget of each side allows, without those in which a loop of the first side doesn't
-    /// end.
+    /// Selects as many rows as the work budget allows for each function, without those in which a loop of the first
+    /// function doesn't end.
     pub(crate) fn of(
         sides: &[Side<'_>],
         arguments: &Arguments,
@@ -69,7 +70,8 @@ impl Chosen {
         };
         let (count, sample) = spread(SAMPLE);
         let sample = Self::ending(&sides[0], arguments, (count, &sample));
-        // If no loop of the sample ends, that holds for all rows: the loops don't count to an argument.
+        // If no loop ends in any measured case, no case runs: the number of rounds probably doesn't depend on the
+        // arguments.
         if sample.count == 0 {
             return Self { cut: all, ..sample };
         }
@@ -88,8 +90,8 @@ impl Chosen {
     }
 }
 
-/// The arguments for so many cases of a function without effects besides its result, one row each. If fewer cases end,
-/// they repeat.
+/// The arguments for cases of a function without side effects, one row for each case. If fewer cases end, the rows
+/// repeat.
 pub(crate) fn rows(
     probed: &Probed,
     ranges: &Ranges,
@@ -104,11 +106,10 @@ pub(crate) fn rows(
     let (count, rows) = arguments.rows(SEED, cases);
     let side = Side { probed, fixtures, own: None };
     let Chosen { rows: ending, .. } = Chosen::ending(&side, &arguments, (count, &rows));
-    // If no loop ends, the loops don't count to an argument, and drivers may run more rounds.
+    // If no loop ends, the number of rounds probably doesn't depend on the arguments. Drivers may run more rounds.
     let rows = if ending.is_empty() { rows } else { ending };
     Ok(rows.iter().copied().cycle().take(cases * width).collect())
 }
 
-/// The reason why a function can't be tried.
-pub(crate) const ENDS_FOR_NONE: &str =
-    "for each of its inputs a loop goes round more than 4096 times";
+/// The reason why a function has no verdict.
+pub(crate) const ENDS_FOR_NONE: &str = "for each of its inputs, a loop has more than 4096 rounds";

@@ -1,4 +1,4 @@
-//! Finds planted hazards at their lines.
+//! Tests that planted hazards are found at their lines.
 
 use karat::check::Failure;
 use karat::prelude::*;
@@ -6,10 +6,10 @@ use karat_inspect::hazards::{Class, Hazard, HazardError, Hazards, Kind};
 use karat_inspect::matrix::{Cell, Status};
 
 fn look(text: &str) -> Hazards {
-    karat_inspect::hazards(&Package::from_source("planted", text)).run().expect("it is looked at")
+    karat_inspect::hazards(&Package::from_source("planted", text)).run().expect("checked")
 }
 
-/// The faults and requirements of a text.
+/// Runs a search, and returns the faults and requirements.
 fn found(text: &str) -> Vec<Hazard> {
     look(text).found
 }
@@ -23,8 +23,8 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     one.unwrap_or_else(|| panic!("no {kind:?} at `{operation}`: {hazards:#?}")).clone()
 }
 
-/// A fault goes wrong in each sample of the free inputs. If some sample averts it, it is a requirement, and lists the
-/// inputs of which each alone can avert it.
+/// A fault goes wrong in every sample of the free inputs. If some sample doesn't go wrong, the finding is a
+/// requirement. Its `needs` list the inputs that can avert the error, each on its own.
 // Lesson 97
 #[test]
 fn running_separates_faults_from_requirements() {
@@ -39,7 +39,7 @@ fn running_separates_faults_from_requirements() {
     };
     let float = |parameters: &str, body: &str| of(parameters, "f32", body);
     for (text, kind, part, class, needs) in [
-        // Without declarations.
+        // No input is declared.
         (float("x: f32", "exp(x)"), Kind::Infinite, "exp(x)", Requirement, &["x"][..]),
         (float("x: f32", "log(x)"), Kind::Nan, "log(x)", Requirement, &["x"]),
         (
@@ -89,7 +89,7 @@ fn running_separates_faults_from_requirements() {
         (of("i: u32", "vec4f", "weights[i]"), Kind::OutOfRange, "weights[i]", Requirement, &["i"]),
         (of("i: u32", "f32", "lights[i]"), Kind::OutOfRange, "lights[i]", Requirement, &["i"]),
         (float("x: f32", "x / scale"), Kind::Nan, "x / scale", Requirement, &["scale"]),
-        // No sample averts it.
+        // The error occurs in every sample.
         (
             float("x: f32", "1.0 / (floor(x) - floor(x))"),
             Kind::Infinite,
@@ -111,8 +111,8 @@ fn running_separates_faults_from_requirements() {
             Fault,
             &[],
         ),
-        // A range that a name suggests counts in a function without callers. The free inputs beside it can't avert the
-        // fault.
+        // In a function without callers, a range that a name suggests counts as declared. The other inputs are free and
+        // can't avert the fault.
         (
             float("roughness: f32, x: f32", "x + 1.0 / roughness"),
             Kind::Infinite,
@@ -150,7 +150,7 @@ fn running_separates_faults_from_requirements() {
         ),
         (of("s: vec3f", "vec3f", "normalize(s)"), Kind::Nan, "normalize(s)", Requirement, &["s"]),
         (float("roughness: f32, x: f32", "x / roughness"), Kind::Nan, "x / roughness", Fault, &[]),
-        // A name doesn't bound a whole number.
+        // A name doesn't limit an integer.
         (
             of("i: u32, columns: u32", "u32", "i / columns"),
             Kind::ByZero,
@@ -158,7 +158,7 @@ fn running_separates_faults_from_requirements() {
             Requirement,
             &["columns"],
         ),
-        // Findings about WGSL's own bounds need a declaration.
+        // Without a declaration, findings about WGSL's error bounds don't count.
         (
             float("n_dot_v: f32", "pow(n_dot_v, 5.0)"),
             Kind::Unbounded,
@@ -167,7 +167,7 @@ fn running_separates_faults_from_requirements() {
             &["n_dot_v"],
         ),
         (float("x: f32", "exp(x) - 1.0"), Kind::LostDigits, "exp(x) - 1.0", Requirement, &["x"]),
-        // A `select` or a branch takes another value, or a bound removes an infinity.
+        // A `select` or a branch uses another value, or an operation bounds an infinity.
         (
             of("s: vec3f", "vec3f", "select(vec3f(0.0, 0.0, 1.0), normalize(s), dot(s, s) > 0.0)"),
             Kind::Nan,
@@ -199,7 +199,7 @@ fn running_separates_faults_from_requirements() {
     }
 }
 
-/// A declaration turns a requirement into a fault, or removes it.
+/// A declared range turns a requirement into a fault, or removes it.
 // Lesson 97
 #[test]
 fn declared_inputs_are_held() {
@@ -211,25 +211,25 @@ fn declared_inputs_are_held() {
             inputs.iter().fold(karat_inspect::hazards(&package), |request, (name, least, most)| {
                 request.input(name, *least..=*most)
             });
-        let found = request.run().expect("it is looked at").found;
+        let found = request.run().expect("checked").found;
         found.into_iter().map(|one| (one.function, one.kind, one.class)).collect::<Vec<_>>()
     };
     let free = classes(&[]);
     assert!(free.iter().all(|(.., class)| *class == Class::Requirement), "{free:?}");
     assert!(free.contains(&("f".to_owned(), Kind::OutOfRange, Class::Requirement)), "{free:?}");
     let unit = classes(&[("value", 0.0, 1.0), ("x", -1.0, 1.0)]);
-    // 1.0 * 4 is outside for any `k`, and all inputs of `g` are declared.
+    // The index `1.0 * 4` is outside of the array for every `k`, and all inputs of `g` are declared.
     let expected = [("f", Kind::OutOfRange), ("g", Kind::LostDigits)];
     let expected = expected.map(|(name, kind)| (name.to_owned(), kind, Class::Fault));
     assert_eq!(unit, expected);
     assert_eq!(classes(&[("value", 0.0, 0.99), ("x", 1.0, 2.0)]), []);
 }
 
-/// A finding in a function with callers is judged at the outermost callers.
+/// The outermost callers of a function judge its findings.
 // Lesson 97
 // Lesson 143
 #[test]
-fn callers_judge_what_they_call() {
+fn a_finding_in_a_called_function_is_judged_at_its_callers() {
     let root = "fn root(x: f32) -> f32 { return sqrt(x - 0.5); }\n";
     let good = "fn good(x: f32) -> f32 { return root(1.0 + x * x); }\n";
     let shaded =
@@ -243,10 +243,10 @@ fn callers_judge_what_they_call() {
         (vec![], Class::Requirement, "root"),
         (vec![good], Class::Met, "root"),
         (vec![good, shaded], Class::Met, "root"),
-        // One of the callers is enough, in any position.
+        // One suitable caller is enough, whatever its position is.
         (vec![good, shaded, bad], Class::Requirement, "bad"),
         (vec![good, bad, always], Class::Fault, "always"),
-        // A caller that wasn't checked doesn't count: the function is judged on its own.
+        // A caller that wasn't checked doesn't count. Then the function is judged without callers.
         (vec![unseen], Class::Requirement, "root"),
         (vec![good, unseen], Class::Met, "root"),
         (vec![seldom], Class::NotReached, "root"),
@@ -254,13 +254,13 @@ fn callers_judge_what_they_call() {
         let one = at(&format!("{root}{}", more.concat()), Kind::Nan, "sqrt(x - 0.5)");
         assert_eq!((one.class, &*one.function), (class, function), "{more:?}: {one}");
     }
-    // Its own finding comes before the call, whose operation is fine in each case.
+    // The function's own finding precedes the finding at the call, whose operation doesn't go wrong.
     let own =
         "fn caller(x: f32, roughness: f32) -> f32 { return sqrt(x-0.5) + root(0.5 + roughness); }";
     let text = format!("{root}{own}");
     assert_eq!(at(&text, Kind::Nan, "sqrt(x - 0.5)").class, Class::Met);
     assert_eq!(at(&text, Kind::Nan, "sqrt(x-0.5)").class, Class::Requirement);
-    // A name isn't a declaration if the function has callers.
+    // In a function with callers, a name doesn't declare a range.
     let known = "fn known(roughness: f32) -> f32 { return 1.0 / roughness; }
         fn other(x: f32) -> f32 { return known(x); }";
     let one = at(known, Kind::Infinite, "1.0 / roughness");
@@ -269,13 +269,13 @@ fn callers_judge_what_they_call() {
     let hazards = look(&format!("{root}{good}"));
     assert_eq!((hazards.faults().count(), hazards.requirements().count()), (0, 0));
     assert_eq!(hazards.counts(), "0 faults and 0 requirements in 2 functions, 1 met");
-    // `--only` leaves out the callers.
+    // `--only` excludes the callers.
     let only = Package::from_source("planted", format!("{root}{good}"));
-    let only = karat_inspect::hazards(&only).only(["root"]).run().expect("it is looked at");
+    let only = karat_inspect::hazards(&only).only(["root"]).run().expect("checked");
     assert_eq!(only.requirements().count(), 1);
 }
 
-/// A bad value counts if it reaches a result, a condition, an index or an unbounded number.
+/// A wrong value counts if a result, a condition, an index or an unbounded number depends on it.
 // Lesson 143
 #[test]
 fn used_results_are_not_dropped() {
@@ -303,7 +303,7 @@ fn used_results_are_not_dropped() {
     assert_eq!(at(masked, Kind::Nan, "sqrt(-1.0 - abs(out[id.x]))").class, Class::Fault);
 }
 
-/// Each operation of a function counts, also after others of its kind.
+/// Each operation of a function counts, even if earlier operations have the same kind of error.
 // Lesson 97
 #[test]
 fn each_operation_has_its_own_verdict() {
@@ -318,8 +318,8 @@ fn each_operation_has_its_own_verdict() {
     assert_eq!(classes, expected);
 }
 
-/// An invalid function doesn't affect functions that don't use it, also in a matrix. A test needs its whole module to
-/// be valid.
+/// An invalid function affects only the functions that use it, also in a matrix. A test, in contrast, needs its whole
+/// module to be valid.
 #[test]
 fn a_function_is_judged_by_what_it_uses() {
     let text = "fn inverse(x: f32) -> f32 { return 1.0 / x; }
@@ -334,7 +334,7 @@ fn a_function_is_judged_by_what_it_uses() {
     assert!(hazards.skipped[1].1.contains("<m>:3:"), "{:?}", hazards.skipped);
     assert_eq!(hazards.found[0].function, "inverse");
     let columns = ["vulkan", "cpu"].map(|name| name.parse().expect("a column"));
-    let matrix = karat_inspect::matrix(&package).columns(columns).run().expect("it is made");
+    let matrix = karat_inspect::matrix(&package).columns(columns).run().expect("a matrix");
     let agrees = |name: &str| {
         let row = matrix.rows.iter().find(|row| row.name == name).expect("a row");
         let is_good = |cell: &Cell| cell.status == Some(Status::Agrees);
@@ -343,20 +343,20 @@ fn a_function_is_judged_by_what_it_uses() {
     assert!(agrees("twice") && !agrees("broken") && !agrees("uses"));
     let test = package.function("inverse").over(1.0..=2.0).unrecorded();
     let error =
-        test.try_agrees_with(|x: f64| 1.0 / x, Ulp(2.5)).expect_err("an engine takes it whole");
+        test.try_agrees_with(|x: f64| 1.0 / x, Ulp(2.5)).expect_err("a test needs a valid module");
     assert!(error.to_string().contains("invalid field accessor"), "{error}");
 }
 
-/// An invalid module has no callers, so its functions are judged one by one.
+/// The callers in an invalid module are unknown, so each of its functions is judged without callers.
 // Lesson 143
 #[test]
-fn modules_that_are_not_valid_may_call() {
+fn a_requirement_is_met_despite_an_invalid_calling_module() {
     let modules = |broken: &'static str| {
         let a = "fn inverse(x: f32) -> f32 { return 1.0 / x; }
                  fn good(x: f32) -> f32 { return inverse(1.0 + x * x); }";
         karat_inspect::hazards(&Package::from_modules("p", [("a", a), ("b", broken)]))
             .run()
-            .expect("it is looked at")
+            .expect("checked")
     };
     let beside = modules(
         "import package::a::inverse; fn beside(x: f32) -> f32 { return inverse(2.0 + x * x); }
@@ -367,7 +367,7 @@ fn modules_that_are_not_valid_may_call() {
 
 // Lesson 111
 #[test]
-fn each_is_found_where_it_is_born() {
+fn each_hazard_is_reported_where_it_arises() {
     let schlick =
         "fn f(v_dot_h: f32) -> f32 {\n    return 0.04 + 0.96 * pow(1.0 - v_dot_h, 5.0);\n}";
     let hazard = at(schlick, Kind::Unbounded, "pow(1.0 - v_dot_h, 5.0)");
@@ -392,7 +392,7 @@ fn each_is_found_where_it_is_born() {
     at(angle, Kind::Nan, "acos(dot(n, l))");
 
     let hidden = "fn f(n: vec3f, l: vec3f) -> f32 { return max(acos(dot(n, l) * 1.5), 0.0); }";
-    // `max` of a NaN may be NaN.
+    // `max` of NaN and a number may be NaN.
     assert_eq!(at(hidden, Kind::Nan, "acos(dot(n, l) * 1.5)").class, Class::Fault);
 
     let cavity = "fn f(n_dot_h: f32, n_dot_v: f32, v_dot_h: f32) -> f32 {\n    \
@@ -405,13 +405,13 @@ fn each_is_found_where_it_is_born() {
     let cancels = "fn f(theta: f32) -> f32 { return 1.0 - cos(theta); }";
     at(cancels, Kind::LostDigits, "1.0 - cos(theta)");
 
-    // All digits are lost: 1 - cos(1e-4) is 0 in `f32`, so the result is 0 instead of a half.
+    // The result loses all digits: in `f32`, 1 - cos(1e-4) is 0, so the result is 0 instead of 0.5.
     let all = "fn f(x: f32) -> f32 { return (1.0 - cos(x)) / (x * x); }";
     let package = Package::from_source("planted", all);
     let lost = package.function("f").over(1e-6..=1e-4).cases(500).unrecorded().try_has_no_hazards();
     let told = lost.expect_err("0 is no half").to_string();
     assert!(told.contains("lost digits at `1.0 - cos(x)`"), "{told}");
-    // A result that consists only of rounding loses nothing.
+    // A result that consists only of rounding errors has no digits to lose.
     let rounding = Package::from_source("planted", "fn f(x: f32) -> f32 { return 1.0 - cos(x); }");
     rounding.function("f").over(1e-6..=1e-5).cases(500).has_no_hazards();
 
@@ -427,14 +427,14 @@ fn each_is_found_where_it_is_born() {
     at(sum, Kind::Infinite, "1.0 / t");
 }
 
-/// The hazard of a kind, in any class, with the package's other hazards.
+/// The hazard of a kind, in any class, and all hazards of the package.
 fn of_kind(hazards: &Hazards, kind: Kind) -> Hazard {
     let is_of = |one: &&Hazard| one.kind == kind || one.kinds.contains(&kind);
     let one = hazards.found.iter().find(is_of);
     one.unwrap_or_else(|| panic!("no {kind:?}: {hazards:#?}")).clone()
 }
 
-/// If the engine reported one lane of 256, `always` would look like `rarely`.
+/// If the engine reported only one of 256 lanes, the results of `always` and `rarely` would look alike.
 // Lesson 140
 #[test]
 fn each_input_of_a_hazard_counts() {
@@ -488,7 +488,7 @@ fn each_input_of_a_hazard_counts() {
     assert!(share > 75.0, "{text}");
 }
 
-/// Integers are declared like floats, and the ends of their types are sampled.
+/// Declared ranges also apply to integers. Without a declaration, samples include the ends of an integer's type.
 // Lesson 146
 #[test]
 fn integers_are_declared_and_reach_the_ends_of_their_types() {
@@ -496,9 +496,9 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
     let package = Package::from_source("planted", text);
     let declared =
         |least: f64, most: f64| karat_inspect::hazards(&package).input("count", least..=most).run();
-    let one = declared(50.0, 50.0).expect("it is looked at");
+    let one = declared(50.0, 50.0).expect("checked");
     assert_eq!(of_kind(&one, Kind::ByZero).arguments, [("count".to_owned(), "50".to_owned())]);
-    assert_eq!(declared(0.0, 49.0).expect("it is looked at").found, []);
+    assert_eq!(declared(0.0, 49.0).expect("checked").found, []);
     let error = declared(0.25, 0.75).expect_err("no whole number lies there").to_string();
     assert!(
         error.contains("`count` is declared from 0.25 to 0.75, and no u32 lies there"),
@@ -514,7 +514,7 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
     }
 }
 
-/// A report says which values it tried. Unconstrained numbers are sampled as in tests.
+/// The report lists the sampled ranges. Unconstrained numbers are sampled as in tests.
 // Lesson 147
 #[test]
 fn a_report_says_what_was_drawn() {
@@ -548,7 +548,7 @@ fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
     for text in [
         "fn f(t: f32) -> f32 { return clamp(t, 0.0, 0.0) + smoothstep(0.0, 1.0, t); }",
         "fn f(u: f32) -> u32 { return u32(u * 255.0 - 0.5) + u32(-u * 0.5); }",
-        "fn f(i: i32) -> i32 { return clamp(i, 3, 1); }", // of integers WGSL defines it
+        "fn f(i: i32) -> i32 { return clamp(i, 3, 1); }", // WGSL defines this result for integers
     ] {
         let hazards = look(text);
         assert_eq!((&*hazards.found, &*hazards.others), (&[][..], &[][..]), "{text}");
@@ -566,35 +566,35 @@ fn members_of_buffers_are_drawn_and_declared() {
                 fn h(x: f32) -> f32 { return x / p.gain; }\n\
                 fn k(id: u32) -> u32 { return id / p.seeds[0]; }\n";
     let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("m.wgsl"), text).expect("it is ours");
-    let package = Package::open(folder.path()).expect("it is there");
+    std::fs::write(folder.path().join("m.wgsl"), text).expect("written");
+    let package = Package::open(folder.path()).expect("opened");
     let found = |only: &str| {
-        let hazards = karat_inspect::hazards(&package).only([only]).run().expect("it is looked at");
+        let hazards = karat_inspect::hazards(&package).only([only]).run().expect("checked");
         hazards.found.into_iter().map(|one| (one.kind, one.arguments)).collect::<Vec<_>>()
     };
-    assert_eq!(found("::f")[0].0, Kind::ByZero, "a name says no end of a whole number");
+    assert_eq!(found("::f")[0].0, Kind::ByZero, "a name doesn't limit an integer");
     let by_zero = found("::g");
     assert_eq!(by_zero[0].0, Kind::ByZero);
     assert!(by_zero[0].1.contains(&("p.other".to_owned(), "0".to_owned())), "{by_zero:?}");
     assert!(found("::h").iter().any(|(kind, _)| *kind == Kind::Nan), "0 / 0");
-    assert_eq!(found("::k")[0].0, Kind::ByZero, "elements of arrays take each number in turn");
+    assert_eq!(found("::k")[0].0, Kind::ByZero, "elements have all numbers in turn");
     let declare = |text: &str| std::fs::write(folder.path().join("karat.toml"), text);
     for ranges in [
         "[inputs]\n\"p.other\" = [1, 9]\ngain = [1, 2]\nseeds = [3, 3]\n",
         "[inputs]\np.other = [1, 9]\np.gain = [1, 2]\np.seeds = [3, 3]\n",
     ] {
-        declare(ranges).expect("it is ours");
+        declare(ranges).expect("written");
         assert_eq!([found("::g"), found("::h"), found("::k")].concat(), [], "{ranges}");
     }
-    let drawn = karat_inspect::hazards(&package).run().expect("it is looked at").drawn.to_string();
+    let drawn = karat_inspect::hazards(&package).run().expect("checked").drawn.to_string();
     assert!(drawn.contains("from 1 to 9: p.other"), "{drawn}");
-    declare("[inputs]\np.others = [1, 9]\n").expect("it is ours");
+    declare("[inputs]\np.others = [1, 9]\n").expect("written");
     let error =
         karat_inspect::hazards(&package).run().expect_err("there is no such member").to_string();
     assert!(error.contains("did you mean `p.other`?"), "{error}");
 }
 
-/// The report counts the parts that weren't checked.
+/// The report counts the parts of functions that weren't checked.
 // Lesson 151
 #[test]
 fn unchecked_inputs_and_functions_are_counted() {
@@ -639,7 +639,7 @@ fn a_texel_outside_may_be_one_of_another_size() {
     assert_eq!(classes(&array), [(Kind::OutOfRange, Class::Requirement)]);
 }
 
-/// A thread may receive a count while another thread reports the next.
+/// One thread may receive a count while another thread reports the next count.
 #[test]
 fn progress_never_goes_backwards() {
     let text: String =
@@ -653,12 +653,12 @@ fn progress_never_goes_backwards() {
         }
         told.lock().expect("nobody panics").push((done, of));
     });
-    assert_eq!(ran.expect("it is looked at").functions, 12);
+    assert_eq!(ran.expect("checked").functions, 12);
     let expected: Vec<_> = (1..=12).map(|done| (done, 12)).collect();
     assert_eq!(told.into_inner().expect("nobody panics"), expected);
 }
 
-/// Correct code gives no findings: authors read few findings, and ignore many.
+/// Correct code has no findings. Authors ignore long lists of findings.
 // Lesson 111
 #[test]
 fn correct_functions_have_no_findings() {
@@ -678,10 +678,10 @@ fn correct_functions_have_no_findings() {
 fn inputs_are_declared_and_hazards_accepted() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| {
-        std::fs::write(folder.path().join(name), text).expect("it is ours");
+        std::fs::write(folder.path().join(name), text).expect("written");
     };
     write("maths.wgsl", "fn rcp(t: f32) -> f32 { return 1.0 / t; }\n");
-    let package = Package::open(folder.path()).expect("it is there");
+    let package = Package::open(folder.path()).expect("opened");
     let look = || karat_inspect::hazards(&package).run();
     assert_eq!(look().expect("read").found.len(), 1);
     assert_eq!(
@@ -697,7 +697,7 @@ fn inputs_are_declared_and_hazards_accepted() {
         }
         other => panic!("{other:?}"),
     }
-    // An empty range is an error for everything that reads it.
+    // An invalid range is an error in every command that reads it.
     write("karat.toml", "[inputs]\nt = [1, 0.5]\n");
     let error = look().expect_err("no range").to_string();
     assert!(error.contains("`t` is declared from 1 to 0.5: no range"), "{error}");
@@ -743,20 +743,20 @@ fn a_domain_is_checked_for_hazards() {
     assert!(quad(0.5..=1.0).is_ok() && quad(0.0..=1.0).is_err());
 }
 
-/// A check that ends in an error leaves a dispatch whose result isn't read. Its driver must not be working when the
-/// process ends: one in three such processes crashed.
+/// A check that stops with an error never reads the result of its dispatch. The driver must finish before the process
+/// ends: otherwise one in three processes crashed.
 #[test]
 fn nothing_runs_when_the_process_ends() {
-    let program = std::env::current_exe().expect("it runs");
+    let program = std::env::current_exe().expect("a path");
     for _ in 0..8 {
         let mut tests = std::process::Command::new(&program);
         tests.arg("a_domain_is_checked_for_hazards");
-        let ended = tests.output().expect("it starts");
+        let ended = tests.output().expect("started");
         assert!(ended.status.success(), "{}: {ended:?}", ended.status);
     }
 }
 
-/// The inputs of a fragment function: a pixel of the screen, whose neighbours are one step away, and interpolated
+/// The inputs of a fragment function: the position of a pixel, which differs by 1 between neighbours, and interpolated
 /// values.
 #[test]
 fn entry_points_of_draws_are_looked_at() {
@@ -779,7 +779,7 @@ fn entry_points_of_draws_are_looked_at() {
     );
 }
 
-/// A pass over two workgroups of 8 x 8 in each direction, and the words that it leaves.
+/// A pass over two workgroups of 8 x 8 in each direction.
 #[test]
 fn compute_passes_are_looked_through() {
     let head = "struct Size { width: u32, height: u32 }\n\
@@ -824,7 +824,7 @@ fn compute_passes_are_looked_through() {
         assert!(found.location.contains(":10:"), "{}", found.location);
         assert!(found.arguments[0].1.starts_with("local ("), "{found:#?}");
     }
-    // Tiles whose loop has two rounds only for some sizes, without the barrier at its end.
+    // A loop over tiles without the barrier at its end. The loop has two rounds only for some sizes.
     let tiles = |barrier: &str| {
         look(&format!(
             "struct Dims {{ m: u32, n: u32, k: u32 }}\n\
@@ -846,12 +846,14 @@ fn compute_passes_are_looked_through() {
     assert!(of_kind(&tiles(""), Kind::Race).location.contains(":12:"));
     let right = tiles("workgroupBarrier();");
     assert!(right.found.iter().all(|one| one.kind != Kind::Race), "{right:#?}");
-    // A workgroup with many invocations reaches a million rounds in total before one of them has spent its own.
+    // In a workgroup with many invocations, the total of all rounds reaches a million before one invocation reaches its
+    // own limit.
     let endless = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;\n\
                    @compute @workgroup_size(256) fn spin(@builtin(local_invocation_index) i: u32) {\n\
                    loop { data[i] += 1.0; if data[i] < 0.0 && data[i] > 0.0 { break; } }\n}";
     assert!(of_kind(&look(endless), Kind::Endless).location.contains(":3:"));
-    // A dispatch with as many invocations as a fixed array has elements stays inside; an index one larger never does.
+    // If the dispatch has as many invocations as a fixed array has elements, no index is outside of the array. An index
+    // that is larger by 1 is outside.
     let fixed = |index: &str| {
         look(&format!(
             "@group(0) @binding(0) var<storage, read_write> data: array<u32, 64>;\n\
@@ -860,17 +862,17 @@ fn compute_passes_are_looked_through() {
     };
     assert!(fixed("id.x").found.is_empty(), "a host dispatches one workgroup");
     assert!(of_kind(&fixed("id.x + 1u"), Kind::OutOfRange).location.contains(":2:"));
-    // A reduction that is dispatched as one workgroup writes all of its own memory.
+    // A reduction with one workgroup writes all its workgroup memory.
     let reduction = "@group(0) @binding(0) var<storage, read_write> sum: u32;\n\
                      var<workgroup> own: array<u32, 64>;\n\
                      @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) id: vec3u) {\n\
                      own[id.x] = 1u; workgroupBarrier();\n\
                      let first = own[0]; if id.x == 0u { sum = first; }\n}";
     assert_eq!(look(reduction).faults().count(), 0, "{:#?}", look(reduction).found);
-    // Reading unwritten workgroup memory isn't a finding: WGSL initializes it to zero.
+    // Reading unwritten workgroup memory isn't a finding, because WGSL initializes this memory to zero.
     let unwritten = reduction.replace("own[id.x] = 1u", "if id.x > 0u { own[id.x] = 1u; }");
     assert_eq!(look(&unwritten).found.len(), look(reduction).found.len());
-    // Workgroups side by side share a row, and the pass doesn't use the column. Indexed by `x`, they race.
+    // Neighbouring workgroups have the same row, and the pass doesn't use the column. If `x` is the index, they race.
     let rows = |value: &str| {
         look(&format!(
             "@group(0) @binding(0) var<storage, read_write> data: array<u32>;\n\
@@ -881,14 +883,14 @@ fn compute_passes_are_looked_through() {
     let is_write = |one: &&Hazard| matches!(one.kind, Kind::Race | Kind::EqualWrites);
     assert!(!rows("i").found.iter().any(|one| is_write(&one)), "{:#?}", rows("i"));
     assert!(rows("i + w.x").found.iter().any(|one| is_write(&one)), "{:#?}", rows("i + w.x"));
-    // Distinct indices avert it.
+    // With distinct indices, nothing goes wrong.
     let hazards = of("data[order[i]] = f32(i);");
     let race = hazards.requirements().find(|one| one.kind == Kind::Race);
     let race = race.unwrap_or_else(|| panic!("some contents have it: {hazards:#?}"));
     assert!(race.needs.contains(&"order".to_owned()) && race.violation.is_some(), "{race:#?}");
 }
 
-/// Half precision ends at 65504, and a constant in it stands for its decimal.
+/// The largest number in half precision is 65504. A constant in half precision means its decimal.
 #[test]
 fn halves_overflow_and_lose_digits_of_their_own() {
     let text = "enable f16;
@@ -898,8 +900,8 @@ fn halves_overflow_and_lose_digits_of_their_own() {
         fn tenth(x: f32) -> f32 { return f32(f16(x) * 0.1h); }";
     let package = Package::from_source("halves", text);
     let function = |name: &str| package.function(name);
-    // A driver without half precision runs none of it. A hazard counts if one path shows it.
-    let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
+    // A driver without half precision doesn't run these functions. A hazard counts if it occurs on one path.
+    let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("the engine");
     let hazards = |name: &str, range| {
         let check = function(name).on(cpu).over(range).cases(500).unrecorded();
         check.try_has_no_hazards()
@@ -909,11 +911,11 @@ fn halves_overflow_and_lose_digits_of_their_own() {
         ("into", 65_000.0..=70_000.0, "infinite at `f16(x)`"),
         ("less", 1e-3..=4e-3, "lost digits at `(1.0h + f16(x)) - 1.0h`"),
     ] {
-        let found = hazards(name, range).expect_err("it has one").to_string();
+        let found = hazards(name, range).expect_err("a hazard").to_string();
         assert!(found.contains(part), "{found}");
     }
-    hazards("capped", 0.0..=200.0).expect("it is in range");
-    hazards("tenth", 0.1..=200.0).expect("its rounding is that of halves");
+    hazards("capped", 0.0..=200.0).expect("no overflow");
+    hazards("tenth", 0.1..=200.0).expect("it rounds like half precision");
     let tenth = function("tenth").over(1.0..=8.0).cases(500).unrecorded();
     let tenth = tenth.refused_on("@swiftshader", "SwiftShader has no half precision");
     let tenth = tenth.refused_on("gl", "OpenGL has no half precision in its core");
@@ -921,9 +923,9 @@ fn halves_overflow_and_lose_digits_of_their_own() {
     tenth.expect("0.1h is any number that is rounded to it");
 }
 
-/// The sanitizer also checks a pass that leaves no result.
+/// The sanitizer also checks passes that write no result.
 #[test]
-fn a_pass_that_leaves_nothing_has_races_and_barriers() {
+fn a_pass_without_results_is_checked_for_races_and_barriers() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
         var<workgroup> tile: array<f32, 64>;
         @compute @workgroup_size(64) fn parts(@builtin(local_invocation_index) i: u32) {
@@ -935,9 +937,9 @@ fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
-/// One divisor is 0 over one content of eight, the other over all.
+/// One divisor is 0 over one of eight contents. The other divisor is 0 over all contents.
 #[test]
-fn contents_of_a_pass_may_decide_alone() {
+fn a_hazard_of_one_buffer_content_is_a_requirement() {
     let pass = |divisor: &str| {
         format!(
             "@group(0) @binding(0) var<storage, read> data: array<u32>;
@@ -954,7 +956,7 @@ fn contents_of_a_pass_may_decide_alone() {
     assert_eq!((fault.class, fault.cases.0 >= 6), (Class::Fault, true));
 }
 
-/// The pixels of a draw run side by side, each at its own place.
+/// The pixels of a draw run side by side, each at its own position.
 // Lesson 215: two pixels of a draw
 #[test]
 fn pixels_that_write_storage_race() {
@@ -976,7 +978,7 @@ fn pixels_that_write_storage_race() {
         "out[u32(uv.y * f32(p.height)) * p.width + u32(uv.x * f32(p.width))] = q;",
         "textureStore(image, vec2u(q.xy), texel(q, 0u));",
         "let n = atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
-        // Discarded pixels write nothing, and their computations don't matter.
+        // Discarded pixels write nothing, and their values don't matter.
         "if at(q) != 5u { discard; } out[0] = q;",
         "let x = f32(uv.x > 0.5); if x == 0.0 { discard; } out[at(q)] = q * fwidth(uv.y) / x;",
         "if uv.x < 0.5 { discard; } let n = atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
@@ -1020,7 +1022,7 @@ fn pixels_that_write_storage_race() {
     assert!(race.advice.starts_with("nothing orders two pixels of a draw"), "{}", race.advice);
 }
 
-/// The contents decide who writes, but not where: no index is generated.
+/// The contents decide which invocations write, but not where: the indices don't come from the contents.
 #[test]
 fn a_race_for_one_element_is_one_whatever_contents_are() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
@@ -1037,19 +1039,18 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
         let one = hazards.found.iter().find(|one| one.function == function);
         one.unwrap_or_else(|| panic!("{hazards:#?}"))
     });
-    // If two pixels reach it, they race.
+    // If two pixels write to the element, they race.
     assert_eq!(bright.class, Class::Fault, "{bright}");
     assert_eq!(scatter.class, Class::Requirement, "{scatter}");
     assert!(scatter.needs.contains(&"idx".to_owned()), "{scatter}");
 }
 
-/// Loops with many rounds aren't reported as endless, and the inputs that they don't depend on are checked.
+/// A loop with many rounds isn't reported as endless. Karat still checks other inputs, if the number of rounds doesn't
+/// depend on them.
 #[test]
 fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {
-        karat_inspect::hazards(&Package::from_source("planted", text))
-            .run()
-            .expect("it is looked at")
+        karat_inspect::hazards(&Package::from_source("planted", text)).run().expect("checked")
     };
     let is_endless = |hazards: &Hazards| {
         hazards.found.iter().chain(&hazards.others).any(|one| one.kind == Kind::Endless)
@@ -1074,9 +1075,9 @@ fn long_loops_are_not_reported_as_endless() {
     assert!(is_endless(&spins), "{spins:#?}");
 }
 
-/// If only some pixels of a quad reach a derivative, its value depends on the driver.
+/// If only some pixels of a quad reach a derivative, the derivative depends on the driver.
 #[test]
-fn derivatives_want_a_whole_quad() {
+fn a_derivative_that_only_part_of_a_quad_reaches_is_found() {
     let parted = |body: &str| {
         let text = format!(
             "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
@@ -1087,7 +1088,7 @@ fn derivatives_want_a_whole_quad() {
         );
         let hazards = karat_inspect::hazards(&Package::from_source("planted", text.clone()))
             .run()
-            .expect("it is looked at");
+            .expect("checked");
         let mut all = hazards.found.into_iter();
         let one = all.find(|one| one.kind == Kind::Barrier)?;
         let [reached, missing] = &*one.violation?.accesses else { panic!("two pixels") };
@@ -1131,7 +1132,7 @@ fn derivatives_want_a_whole_quad() {
         assert!(missing.starts_with("the pixel"), "{body}: {missing}");
         assert!(rest.starts_with(parts), "{body}: {rest}");
     }
-    // A check of one function reports it, too.
+    // A check of only this function reports the finding, too.
     let text = "fn edge(x: f32) -> f32 { if x > 0.5 { return fwidth(x); } return 0.0; }
         fn whole(x: f32) -> f32 { let w = fwidth(x); if x > 0.5 { return w; } return 0.0; }";
     let package = Package::from_source("planted", text);
@@ -1156,7 +1157,7 @@ fn derivatives_want_a_whole_quad() {
     }
 }
 
-/// A race stays a race if zeros make its writes equal. The barrier that would order it is present.
+/// A race remains a race if zeros make its writes equal. For a race in workgroup memory, the report suggests a barrier.
 #[test]
 fn races_of_read_values_are_reported() {
     let pass = |body: &str| {
@@ -1179,7 +1180,7 @@ fn races_of_read_values_are_reported() {
     assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
 }
 
-/// A missing guard shows at the tail, along a long side and along three short ones, and the report says where.
+/// The tail shows a missing guard, along a long side and along three short sides. The report gives the condition.
 #[test]
 fn a_tail_without_its_guard_is_found() {
     let line = "@group(0) @binding(0) var<storage, read_write> v: array<f32>;
@@ -1197,7 +1198,7 @@ fn a_tail_without_its_guard_is_found() {
     ] {
         let look = |guard: &str| {
             let package = Package::from_source("m", text.replace("GUARD", guard));
-            karat_inspect::hazards(&package).run().expect("it is looked at")
+            karat_inspect::hazards(&package).run().expect("checked")
         };
         let right = look(guard);
         let tails = |one: &&Hazard| one.fails.as_ref().is_some_and(|one| one.contains("multiple"));
@@ -1208,12 +1209,15 @@ fn a_tail_without_its_guard_is_found() {
         let wrong = look(less);
         let beyond = wrong.found.iter().find(|one| one.kind == Kind::OutOfRange);
         let told = beyond.map(ToString::to_string).unwrap_or_default();
-        assert!(told.contains("where the elements are no multiple of the workgroup"), "{wrong}");
+        assert!(
+            told.contains("where the number of elements isn't a multiple of the workgroup size"),
+            "{wrong}"
+        );
         assert!(told.contains(" and `v` has "), "{told}");
     }
 }
 
-/// The data decide which invocations swap, but not where: no content makes two of them meet.
+/// The data decide which invocations swap elements, but no two invocations ever swap the same element.
 #[test]
 fn a_race_that_data_decide_is_found() {
     let text = |barrier: &str| {
@@ -1233,7 +1237,7 @@ fn a_race_that_data_decide_is_found() {
     };
     let look = |barrier: &str| {
         let package = Package::from_source("m", text(barrier));
-        karat_inspect::hazards(&package).run().expect("it is looked at").found
+        karat_inspect::hazards(&package).run().expect("checked").found
     };
     assert!(look("workgroupBarrier();").is_empty());
     let found = look("");
@@ -1241,7 +1245,7 @@ fn a_race_that_data_decide_is_found() {
     assert_eq!((race.kind, race.text.as_str()), (Kind::Race, "s[63u - i] = x"));
 }
 
-/// Returns `true` if a result loses its digits somewhere in a range, tested case by case.
+/// Checks if a result loses its digits for some number in a range, by running single cases.
 fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
     let package = Package::from_source("planted", text);
     let check = package.function("f").over(range).cases(4096).unrecorded();
@@ -1255,7 +1259,7 @@ fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
     }
 }
 
-/// A case that loses its digits does so independently of the other cases.
+/// A case loses its digits independently of all other cases.
 #[test]
 fn lost_digits_are_judged_case_by_case() {
     let package = Package::from_source("planted", "fn f(r: f32) -> f32 { return exp(r) - 1.0; }");
@@ -1267,11 +1271,11 @@ fn lost_digits_are_judged_case_by_case() {
         let census = found.paths[0].census;
         assert_eq!((census.failures, census.cases), (1, all.0.len() as u64), "{found}");
     }
-    // Fewer than half of the digits are lost.
+    // The result loses fewer than half of its digits.
     package.function("f").over(OneOf(vec![0.01_f32, 0.5, 80.0])).has_no_hazards();
 }
 
-/// If a range contains 0, values near 0 are sampled, in tests and for unconstrained numbers.
+/// If a range contains 0, samples include numbers near 0, both in tests and for unconstrained numbers.
 #[test]
 fn digits_are_lost_near_a_zero_inside() {
     let grows = "fn f(x: f32) -> f32 { return exp(x) - 1.0; }";
@@ -1285,7 +1289,7 @@ fn digits_are_lost_near_a_zero_inside() {
     at(text, Kind::LostDigits, "log(abs(h) + sqrt(h * h + 1.0))");
 }
 
-/// If double precision cancels as well, both results agree, but the interval shows it.
+/// If digits are lost even in `f64`, both results agree, but the interval shows the loss.
 #[test]
 fn digits_that_double_precision_loses_are_lost() {
     let root = "fn f(x: f32) -> f32 { return sqrt(x + 1.0) - sqrt(x); }";
@@ -1298,11 +1302,11 @@ fn digits_that_double_precision_loses_are_lost() {
     }
     for hidden in ["(x + (sqrt(x + 1.0) - sqrt(x)))", "min(0.0, (x + 1.0) - x)"] {
         let text = format!("fn f(x: f32) -> f32 {{ return select({hidden}, 2.0, x > 1.0); }}");
-        assert!(!loses(&text, 1e17..=1e20), "the result doesn't show it: {hidden}");
+        assert!(!loses(&text, 1e17..=1e20), "the result shows no loss: {hidden}");
     }
 }
 
-/// An exact operation loses nothing, even if its result is 0.
+/// An exact operation loses no digits, even if its result is 0.
 #[test]
 fn exact_differences_lose_no_digits() {
     for expression in [
@@ -1329,7 +1333,7 @@ fn exact_differences_lose_no_digits() {
     }
 }
 
-/// A function that runs many operations gets fewer inputs, evenly sampled, and the report counts those left out.
+/// A function that executes many operations gets fewer inputs, evenly selected. The report counts the other inputs.
 #[test]
 fn the_work_of_a_function_is_bounded() {
     let text = |lines: usize| {
@@ -1337,7 +1341,7 @@ fn the_work_of_a_function_is_bounded() {
         format!("fn f(x: f32) -> f32 {{\n    var y = 1.0 / x;\n{line}    return y;\n}}\n")
     };
     let look = |text: String| {
-        karat_inspect::hazards(&Package::from_source("m", text)).run().expect("it is valid")
+        karat_inspect::hazards(&Package::from_source("m", text)).run().expect("checked")
     };
     let short = look(text(10));
     assert_eq!(short.unseen.inputs, 0, "{short}");
@@ -1369,7 +1373,7 @@ fn each_function_is_reported_when_it_is_done() {
     assert_eq!(found, [("a", true), ("b", false), ("c", true)]);
 }
 
-/// Cases that a reader of the guide found: each had no finding, or one with a wrong class or name.
+/// Cases that a reader of the guide found. Each case had no finding, or a finding with a wrong class or name.
 // Lesson 98
 #[test]
 fn free_inputs_are_drawn() {
@@ -1379,17 +1383,17 @@ fn free_inputs_are_drawn() {
             "{head}@fragment fn fs(@builtin(position) pos: vec4f, @location(0) uv: vec2f) -> @location(0) vec4f {{ {body} }}"
         )
     };
-    // An image may be black, and has any size that the host chooses.
+    // An image may be black, and may have any size.
     let black = fragment("return vec4f(1.0 / textureSample(tex, smp, uv).x);");
     let one = at(&black, Kind::Infinite, "1.0 / textureSample(tex, smp, uv).x");
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["tex".to_owned()][..]));
     let load = fragment("return textureLoad(tex, vec2i(pos.xy), 0);");
     let one = at(&load, Kind::OutOfRange, "textureLoad(tex, vec2i(pos.xy), 0)");
     assert_eq!(one.class, Class::Requirement, "{one}");
-    // An error that only drivers with subnormals show isn't a finding.
+    // An error isn't a finding if it occurs only on drivers that keep subnormal numbers.
     let guard = "fn f(roughness: f32) -> f32 { if roughness > 0.0 { return 1.0 / roughness; } return 0.0; }";
     assert_eq!(found(guard), []);
-    // The name of a whole number rules out neither 0 nor an index outside.
+    // An integer's name doesn't exclude 0, or an index outside of the array.
     let count = at("fn f(n: u32) -> f32 { return 1.0 / f32(n); }", Kind::Infinite, "1.0 / f32(n)");
     assert_eq!((count.class, &*count.needs), (Class::Requirement, &["n".to_owned()][..]));
     let gather = "@group(0) @binding(0) var<storage, read> idx: array<u32>;
@@ -1401,14 +1405,14 @@ fn free_inputs_are_drawn() {
         }";
     let one = at(gather, Kind::OutOfRange, "vals[idx[id.x]]");
     assert!(one.class == Class::Requirement && one.needs.contains(&"idx".to_owned()), "{one}");
-    // The numbers in the text are sampled.
+    // Samples include the numbers in the shader's text.
     for text in [
         "fn f(x: f32) -> f32 { return 1.0 / (x - 3.25); }",
         "fn f(x: f32, mode: u32) -> f32 { if mode == 777777u { return 1.0 / (x - x); } return x; }",
     ] {
         assert!(found(text).iter().any(|one| one.kind == Kind::Infinite), "{text}");
     }
-    // Only the member that is 0 is to blame.
+    // Only the member that is 0 causes the finding.
     let member = "struct P { dt: f32 }
         @group(0) @binding(0) var<uniform> params: P;
         @group(0) @binding(1) var<storage, read_write> data: array<f32>;
@@ -1433,8 +1437,8 @@ fn free_inputs_are_drawn() {
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["x".to_owned()][..]));
 }
 
-/// False faults that generated inputs caused in shaders of other projects: arrays are longer than the dispatch, a
-/// matrix called a projection has no declared entries, and another function has filled a private variable.
+/// Shaders of other projects without a fault. In their hosts, an array is longer than the dispatch, a matrix is a
+/// projection, or another function has set a private variable.
 // Lesson 98
 #[test]
 fn inputs_of_the_host_cause_no_fault() {
@@ -1462,10 +1466,10 @@ fn inputs_of_the_host_cause_no_fault() {
     assert_eq!(look(state).faults().count(), 0, "{}", look(state));
     let one = at(state, Kind::Nan, "acos(1.0 - 2.0 * f32(rnd.y))");
     assert_eq!(one.needs, ["rnd"], "{one}");
-    // A function without a result is checked by the variables that it writes.
+    // In a function without a result, the variables that it writes count as results.
     let left = "var<private> p: f32; fn put(x: f32) { p = sqrt(x - 0.5); }";
     assert_eq!(at(left, Kind::Nan, "sqrt(x - 0.5)").needs, ["x"]);
-    // A host's texture has a level of one texel, from which a shader steps down.
+    // In a host's texture, a shader may step down to a level of one texel.
     let walk = "@group(0) @binding(0) var tex: texture_2d<f32>;
         @group(0) @binding(1) var<storage, read_write> out: array<vec4f>;
         @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -1477,14 +1481,14 @@ fn inputs_of_the_host_cause_no_fault() {
             out[id.x] = textureLoad(tex, coord, 0);
         }";
     assert_eq!(look(walk).faults().count(), 0, "{}", look(walk));
-    // The shown case is one that nothing averts.
+    // The report shows a case that no input averts.
     let held = "fn f(x: f32, roughness: f32) -> f32 { return x / (roughness * abs(x - 2.0)); }";
     let one = at(held, Kind::Nan, "x / (roughness * abs(x - 2.0))");
     let shown = one.arguments.iter().find(|(name, _)| name == "roughness").map(|(_, x)| &**x);
     assert_eq!((one.class, shown), (Class::Fault, Some("0")), "{one}");
 }
 
-/// An override has its declared value, or its default.
+/// An override has its declared value or its default.
 // Lesson 98
 #[test]
 fn overrides_are_declared() {
@@ -1498,10 +1502,8 @@ fn overrides_are_declared() {
         "it has no value"
     );
     let faults = |scale: f64| {
-        let hazards = karat_inspect::hazards(&package)
-            .with_override("SCALE", scale)
-            .run()
-            .expect("it has a value");
+        let hazards =
+            karat_inspect::hazards(&package).with_override("SCALE", scale).run().expect("checked");
         assert_eq!((hazards.functions, hazards.skipped.len()), (2, 0));
         hazards.faults().map(|one| one.text.clone()).collect::<Vec<_>>()
     };
@@ -1516,13 +1518,13 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// Each kind of declaration removes its own findings: distinct elements, lengths, workgroups, directions, numbers of
-/// one function.
+/// Each kind of declaration removes the findings that it concerns: distinct elements, lengths, workgroups, directions,
+/// and numbers of one function.
 #[test]
 fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| {
-        std::fs::write(folder.path().join(name), text).expect("it is ours");
+        std::fs::write(folder.path().join(name), text).expect("written");
     };
     write(
         "m.wgsl",
@@ -1543,10 +1545,10 @@ fn declared_inputs_of_the_host_are_used() {
         override SIZE: u32 = 0u;
         fn sized() -> f32 { return 1.0 / f32(SIZE); }",
     );
-    let package = Package::open(folder.path()).expect("it is there");
+    let package = Package::open(folder.path()).expect("opened");
     let told = |declared: &str| {
         write("karat.toml", declared);
-        let hazards = karat_inspect::hazards(&package).run().expect("it is declared right");
+        let hazards = karat_inspect::hazards(&package).run().expect("valid declarations");
         assert_eq!((hazards.schema, hazards.skipped.len()), (2, 0), "{hazards}");
         hazards
             .found
@@ -1557,7 +1559,7 @@ fn declared_inputs_of_the_host_are_used() {
     let names = |all: &[&str]| all.iter().map(|name| format!("m::{name}")).collect();
     let all = ["away", "kind", "one", "scatter", "sized", "tail", "toward"];
     assert_eq!(told(""), names(&all));
-    // Each declaration removes the findings of its own function.
+    // Each declaration removes the findings of one function.
     for (declared, mends) in [
         ("[inputs]\nplaces = { distinct = true, range = [0, \"length(sum) - 1\"] }", "scatter"),
         ("[inputs]\n\"length(out)\" = \"multiple of 64\"", "tail"),
@@ -1570,11 +1572,11 @@ fn declared_inputs_of_the_host_are_used() {
         let rest: Vec<&str> = all.into_iter().filter(|name| *name != mends).collect();
         assert_eq!(told(declared), names(&rest), "{declared}");
     }
-    // Elements that may be equal race, and an array with another declared length has a tail.
+    // If elements may be equal, the pass races. If another array has the declared length, the pass has a tail.
     let same = told("[inputs]\nplaces = { range = [0, \"length(sum) - 1\"] }");
     assert!(same.contains("m::scatter"), "{same:?}");
     assert!(told("[inputs]\n\"length(out)\" = [1, 100]").contains("m::tail"));
-    // Declarations that apply to nothing, and that allow no value.
+    // Some declarations apply to no input, and others allow no value.
     for (declared, part) in [
         ("[inputs]\n\n\"length(outt)\" = 64", "karat.toml:3:1)"),
         ("[inputs]\n\"workgroups(m::two)\" = 1", "karat.toml:2:1)"),
@@ -1582,11 +1584,11 @@ fn declared_inputs_of_the_host_are_used() {
         ("[inputs]\n\"m::nowhere.q\" = [0, 1]", "karat.toml:2:1)"),
         (
             "[inputs]\nplaces = { distinct = true, range = [0, 10] }",
-            "elements that differ, and 11 numbers lie",
+            "different elements, but there are only 11 numbers",
         ),
         ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
-        ("[inputs]\nk = { one_of = [0.5] }", "not all of them are u32"),
-        ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", and it is u32"),
+        ("[inputs]\nk = { one_of = [0.5] }", "some of these aren't u32"),
+        ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", but its type is u32"),
         ("[inputs]\nk = \"unit vector\"", "the input `k` must be a number"),
         ("[overrides]\nSIZES = 4", "uses an override `SIZES`"),
         ("[overrides]\nSIZE = \"4\"", "the override `SIZE` must be a number or a bool"),
@@ -1597,7 +1599,8 @@ fn declared_inputs_of_the_host_are_used() {
     }
 }
 
-/// An unsigned difference goes below 0 and becomes a float. Bits that are meant to wrap aren't a difference.
+/// An unsigned difference wraps below 0 and is then converted to a float. Bit operations that wrap on purpose aren't
+/// differences.
 #[test]
 fn differences_below_zero_that_become_floats_are_found() {
     for (text, operation) in [
@@ -1627,7 +1630,7 @@ fn differences_below_zero_that_become_floats_are_found() {
     }
     let package = Package::from_source("m", "fn f(a: u32, b: u32) -> f32 { return f32(a - b); }");
     let check = package.function("f").over((Integers(0..=9_u32), Integers(0..=9_u32)));
-    assert!(check.unrecorded().try_has_no_hazards().is_err(), "a test sees it, too");
+    assert!(check.unrecorded().try_has_no_hazards().is_err(), "a test finds it, too");
 }
 
 /// A kind has the same name in reports, in JSON and in `karat.toml`.
@@ -1649,7 +1652,7 @@ fn kinds_have_one_name() {
         Kind::Unbounded,
         Kind::Endless,
     ] {
-        let key = serde_json::to_value(kind).expect("it is a name");
+        let key = serde_json::to_value(kind).expect("a name");
         assert_eq!(key, kind.name().to_lowercase().replace(' ', "_"));
     }
 }

@@ -1,21 +1,21 @@
-//! Finds faults planted in the entry points of a small renderer, each without a test.
+//! Tests that `compare` finds faults planted in the entry points of a small renderer.
 
 use karat::Package;
 use karat_inspect::compare::{Change, Compared, Request};
 
 const RENDERER: &str = include_str!("planted/renderer.wgsl");
 
-/// The changes that an edit makes to entry points and functions that use it.
+/// The changes that an edit causes in entry points and in the functions that they use.
 fn edited(from: &str, to: &str) -> Vec<Compared> {
     assert!(RENDERER.contains(from), "the renderer has `{from}`");
     let package = |text: &str| Package::from_source("renderer", text);
     let after = RENDERER.replacen(from, to, 1);
     let compared = Request::new(package(RENDERER), package(&after)).cases(512).run();
-    let all = compared.expect("both are read").into_iter();
+    let all = compared.expect("compared").into_iter();
     all.filter(|one| one.change != Change::Untouched).collect()
 }
 
-/// The change of an edit that changes only this entry point.
+/// The change in the only entry point that an edit affects.
 fn changed(from: &str, to: &str, function: &str) -> Compared {
     let all = edited(from, to);
     let one = all.iter().find(|one| matches!(one.change, Change::Changed { .. }));
@@ -46,7 +46,7 @@ fn faults_of_transformations_are_seen_in_the_vertices() {
     changed("vec4f(position, 1.0)", "vec4f(position, 0.0)", "vs_main");
 }
 
-/// The words that a pass leaves are its result, for any workgroup size.
+/// The words that a pass writes are its result, for any workgroup size.
 #[test]
 fn faults_of_passes_are_seen_in_what_they_leave() {
     let blur = changed("k <= 2", "k < 2", "blur_x");
@@ -65,7 +65,7 @@ fn faults_of_passes_are_seen_in_what_they_leave() {
     );
 }
 
-/// The engine's order hides a race: the results are the same, but the sanitizer reports the new race.
+/// A race may not change the results in the engine's order, but the sanitizer reports it.
 #[test]
 fn a_barrier_that_is_gone_is_a_new_violation() {
     let all = edited("tile[i] += add;\n        workgroupBarrier();", "tile[i] += add;");

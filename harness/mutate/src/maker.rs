@@ -173,7 +173,7 @@ fn of_sampler(text: &str, name: &str, range: Range<usize>) -> Vec<Mutant> {
     let is_address = |word: &&&str| ["clamp", "repeat", "mirror"].contains(*word);
     let address = rest.iter().find(is_address).copied();
     let with = |filter: &str, address: Option<&str>| {
-        // The default address mode is `clamp`.
+        // The samplers' default address mode is `clamp`.
         let address = address.filter(|address| *address != "clamp");
         let others = rest.iter().filter(|word| !is_address(word)).copied();
         [filter].into_iter().chain(address).chain(others).collect::<Vec<_>>().join(" ")
@@ -674,7 +674,7 @@ mod tests {
 
     // Lesson 28: mutants
     #[test]
-    fn each_rule_makes_its_slips() {
+    fn each_mutation_rule_makes_its_mutants() {
         for (body, rule, expected) in [
             ("a = b + c;", Rule::Operator, vec!["a = b - c;"]),
             ("a += b;", Rule::Operator, vec!["a -= b;", "a = b;"]),

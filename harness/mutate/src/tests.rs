@@ -30,7 +30,7 @@ fn folder(shader: &str, tests: &str) -> TempDir {
 
 fn request(folder: &Path) -> Request {
     // The tests write only into the folder of the shaders.
-    Request::new(Package::open(folder).expect("it opens")).only(["calc"])
+    Request::new(Package::open(folder).expect("the package opens")).only(["calc"])
 }
 
 fn hunted(folder: &Path) -> Hunted {
@@ -48,7 +48,7 @@ fn of<'h>(hunted: &'h Hunted, item: &str, original: &str, replacement: &str) -> 
 
 // Lesson 29
 #[test]
-fn each_mutant_has_the_fate_that_it_deserves() {
+fn mutants_are_classified_as_killed_living_or_untested() {
     let folder = folder(SHADER, TESTS);
     let hunted = hunted(folder.path());
     let fate = |item, original, replacement| &of(&hunted, item, original, replacement).fate;
@@ -163,7 +163,7 @@ fn guards_that_never_act_are_equal() {
 /// A test of a pass tests only the code that the pass links.
 // Lesson 209
 #[test]
-fn passes_judge_their_own_module() {
+fn a_test_of_a_pass_covers_only_the_code_that_the_pass_links() {
     let folder = folder("fn apart(x: f32) -> f32 { return x + 1.0; }\n", "");
     let write = |file: &str, text: &str| {
         std::fs::write(folder.path().join(file), text).expect("written");
@@ -259,7 +259,7 @@ fn suggested_tests_kill() {
     std::fs::write(folder.path().join("calc.test.toml"), own + &all).expect("written");
     let second = hunted(folder.path());
     for (id, test) in &suggested {
-        let one = second.tried.iter().find(|one| one.candidate.id == *id).expect("its id stays");
+        let one = second.tried.iter().find(|one| one.candidate.id == *id).expect("the id stays");
         assert!(matches!(one.fate, Fate::Killed { .. }), "{one:?} lives with\n{test}");
     }
 }
@@ -287,7 +287,7 @@ fn tests_are_suggested_in_three_languages() {
         let news = test.lines().filter(|line| !wgsl.contains(line)).collect::<Vec<_>>().join("\n");
         wgsl = format!("{news}\n{wgsl}");
         killed.push((id.clone(), test));
-        rust += &found.test_as(Form::Rust, id).expect("its types are scalars and vectors");
+        rust += &found.test_as(Form::Rust, id).expect("scalars and vectors");
     }
     assert!(killed.len() > 6 && wgsl.contains("expect_near_vec3(turned(vec3<f32>("), "{wgsl}");
     assert!(
@@ -297,7 +297,7 @@ fn tests_are_suggested_in_three_languages() {
     std::fs::write(folder.path().join("calc_test.wgsl"), &wgsl).expect("written");
     let second = hunted(folder.path());
     for (id, test) in killed {
-        let one = second.tried.iter().find(|one| one.candidate.id == id).expect("its id stays");
+        let one = second.tried.iter().find(|one| one.candidate.id == id).expect("the id stays");
         assert!(matches!(one.fate, Fate::Killed { .. }), "{one:?} lives with\n{test}");
     }
     for part in [
@@ -413,7 +413,7 @@ fn constants_reach_other_modules() {
 
 /// Lines and columns count characters of the author's text, not bytes. Text that a program prints has no mutants.
 #[test]
-fn texts_are_the_authors() {
+fn places_of_mutants_count_characters_of_the_source() {
     let shader = "// \u{e9}\u{1f600}\r\nfn half(x: f32) -> f32 { /* \u{e9} */ return 0.5 * x; }\r\n\
                   fn next(x: f32) -> f32 { loop { continuing { break if x > 1.0; } } return x; }\r\n\
                   fn last(x: f32) -> f32 { return x + 1.0; }\r\n";
@@ -437,7 +437,7 @@ fn texts_are_the_authors() {
 // Lesson 29
 // Lesson 30
 #[test]
-fn no_kill_is_made_up() {
+fn invalid_idle_and_endless_mutants_are_not_killed() {
     let shader = "fn sum(n: u32) -> f32 {\n    var s = 0.0;\n    for (var i = 0u; i < n; i += 1u) { s += 0.5; }\n    return s;\n}\n\
                   @if(OFF) fn sleeping(x: f32) -> f32 { return x + 1.0; }\n";
     let tests =
@@ -456,7 +456,7 @@ fn no_kill_is_made_up() {
 /// An acceptance needs a reason. It covers a mutant that no test can kill. An acceptance without a mutant is an error.
 // Lesson 30
 #[test]
-fn acceptances_are_held() {
+fn an_accepted_mutant_must_exist_and_have_a_reason() {
     let folder = folder(SHADER, TESTS);
     let first = hunted(folder.path());
     let lived = &of(&first, "capped", "max(x * x, -1.0)", "(x * x)").candidate.id;
@@ -490,7 +490,7 @@ fn acceptances_are_held() {
 
 /// The sample depends on the seed, not on the position of the lines. Edits of other lines change no id.
 #[test]
-fn samples_and_ids_stay() {
+fn unrelated_edits_keep_ids_and_samples_of_mutants() {
     let ids = |shader: &str, seed: Option<u64>| -> Vec<String> {
         let folder = folder(shader, TESTS);
         let request = request(folder.path());

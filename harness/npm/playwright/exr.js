@@ -1,8 +1,8 @@
 // @ts-check
 
 /**
- * An OpenEXR file of floats: scan lines of red, green, blue and alpha, without compression.
- * The layout is that of "OpenEXR File Layout" (openexr.com).
+ * Returns an OpenEXR file of floats: scan lines of red, green, blue and alpha, without compression. The layout is
+ * described in "OpenEXR File Layout" (openexr.com).
  * @param {number} width
  * @param {number} height
  * @param {Float32Array} pixels Four floats for each pixel, row by row from the upper left.

@@ -1,5 +1,5 @@
 // @ts-check
-// A matcher for Playwright: compares a canvas with its golden, by `karat match`.
+// A matcher for Playwright. It compares a canvas with its golden by running `karat match`.
 
 import { spawn } from "node:child_process";
 import { mkdtemp, rm, writeFile } from "node:fs/promises";
@@ -14,7 +14,7 @@ export { test };
 
 /**
  * Arguments that give a Chromium without a GPU WebGPU on SwiftShader, and make it show the canvases that it draws. With
- * the second argument alone, pages draw, but screenshots stay white.
+ * only the second argument, pages draw, but screenshots stay white.
  */
 export const webgpu = [
   "--enable-unsafe-webgpu",
@@ -25,15 +25,15 @@ export const webgpu = [
 ];
 
 /**
- * The pixels of a canvas, as the bytes of a file and its extension.
+ * Returns the pixels of a canvas, as the bytes of a file and its extension.
  * @param {import("@playwright/test").Locator} canvas
  * @param {string | undefined} read
  * @returns {Promise<[string, Uint8Array]>}
  */
 async function pixels(canvas, read) {
-  // Take a screenshot: after WebGPU has presented a canvas, reading it gives black.
+  // A screenshot is needed: after WebGPU has presented a canvas, reading the canvas gives black.
   if (!read) return ["png", await canvas.screenshot({ animations: "disabled", scale: "css" })];
-  // Look in the canvas's own window, which has to have the function.
+  // The function is on the window of the canvas, which may be in a frame.
   const found = await canvas.evaluate(async (element, name) => {
     const own = /** @type {any} */ (element.ownerDocument.defaultView)[name];
     if (typeof own !== "function") throw new Error(`the page has no function \`${name}\``);
@@ -41,7 +41,7 @@ async function pixels(canvas, read) {
     if (![width, height].every((side) => Number.isInteger(side) && side > 0)) throw new Error(`\`${name}\` returned ${width} x ${height} pixels`);
     const bytes = new Uint8Array(Float32Array.from(data).buffer);
     let text = "";
-    // In pieces, because a call accepts only some ten thousand arguments.
+    // The text is made in pieces, because a call accepts only some ten thousand arguments.
     for (let at = 0; at < bytes.length; at += 0x8000) text += String.fromCharCode(...bytes.subarray(at, at + 0x8000));
     return { width, height, data: btoa(text) };
   }, read);
@@ -83,7 +83,7 @@ export const expect = base.extend({
     const unknown = Object.keys(options).find((key) => !["goldens", "program", "read"].includes(key));
     if (unknown) throw new Error(`toMatchKarat has no option \`${unknown}\`: goldens, program, read`);
     // A missing golden differs from everything, so a negated matcher would pass.
-    if (this.isNot) throw new Error("`not.toMatchKarat` would pass for a golden that is missing: accept another golden");
+    if (this.isNot) throw new Error("`not.toMatchKarat` would pass for a missing golden: accept another golden");
     const info = test.info();
     const root = info.config.configFile ? path.dirname(info.config.configFile) : info.config.rootDir;
     const canvas = "goto" in received ? received.locator("canvas") : received;

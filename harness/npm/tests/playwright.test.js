@@ -1,5 +1,5 @@
 // @ts-check
-// Uses `karat-playwright` as a project does. `TESTED_CHROMIUM` is a browser.
+// Uses `karat-playwright` as a project does. `TESTED_CHROMIUM` is the path of a browser.
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
@@ -17,7 +17,7 @@ const args = ["--no-sandbox", ...webgpu];
 export default defineConfig({ reporter: "line", use: { launchOptions: { executablePath: ${JSON.stringify(browser)}, args } } });
 `;
 
-// A page on loopback, because WebGPU needs a secure context.
+// The page is on loopback, because WebGPU needs a secure context.
 const SPEC = `import http from "node:http";
 import { expect, test } from "karat-playwright";
 
@@ -85,7 +85,7 @@ test("canvases are compared with goldens, and wait for a review", () => {
   assert.equal(wrong.code, 1);
   assert.match(wrong.text, /frame `canvas` differs from its golden/);
   assert.match(karat("pending", "--goldens", "golden").stdout, /canvas +differs/);
-  // Each of these fails: there is nothing to compare.
+  // Each of these fails, because there is nothing to compare.
   assert.match(wrong.text, /all of its pixels are equal/);
   assert.match(wrong.text, /`short` returned 1 floats for 2 x 2 pixels of four/);
   assert.match(wrong.text, /the page has no function `none`/);

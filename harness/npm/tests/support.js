@@ -1,6 +1,6 @@
 // @ts-check
-// Makes projects as users of the npm packages have them. `TESTED_KARAT` is the program, `TESTED_MODULES` a
-// `node_modules` with vitest, Playwright and TypeScript.
+// Makes projects that use the npm packages. `TESTED_KARAT` is the program, `TESTED_MODULES` is a `node_modules` with
+// vitest, Playwright and TypeScript.
 
 import fs from "node:fs";
 import os from "node:os";
@@ -52,7 +52,7 @@ export function write(folder, name, text) {
 }
 
 /**
- * A project with these files.
+ * Makes a project with these files.
  * @param {Record<string, string>} files
  */
 export function project(files) {
@@ -64,7 +64,7 @@ export function project(files) {
 }
 
 /**
- * This environment, without variables that choose paths or forbid goldens.
+ * Returns this environment without variables that choose paths or forbid goldens.
  * @param {Record<string, string>} more
  */
 export function environment(more) {

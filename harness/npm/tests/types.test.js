@@ -1,5 +1,5 @@
 // @ts-check
-// The JavaScript of the packages has the declared types, and users' TypeScript accepts them.
+// The JavaScript of the packages has the declared types, and the TypeScript of users compiles with them.
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";

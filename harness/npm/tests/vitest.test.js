@@ -36,7 +36,7 @@ in_range = [0, 1]
 `;
 
 /**
- * A project with files, and the plugin's options as text.
+ * Makes a project with files, and with the plugin's options as text.
  * @param {Record<string, string>} files
  * @param {{ options?: string, plugins?: string }} [config]
  */
@@ -49,7 +49,7 @@ export default defineConfig({ plugins: [${plugins}karat({ program: ${JSON.string
 }
 
 /**
- * Runs vitest once: its exit code, what it prints, and its results.
+ * Runs vitest once. Returns its exit code, its output, and its results.
  * @param {string} folder
  * @param {string[]} [words]
  * @param {Record<string, string>} [env]
@@ -86,7 +86,7 @@ test("tests beside shaders are tests of vitest, where they stand", () => {
   assert.equal(half.file, path.join("shaders", "tone_test.wgsl"));
   assert.equal(half.location.line, 4);
   assert.ok(half.duration > 0, "it has its own time");
-  // Without vitest, Vite gets no plugin.
+  // Without vitest, the plugin isn't in Vite.
   const alone = spawnSync(process.execPath, ["--input-type=module", "-e",
     'import karat from "karat-vitest"; console.log(karat().length)'], { cwd: folder, encoding: "utf8", env: environment({ VITEST: "" }) });
   assert.equal(alone.stdout.trim(), "0", alone.stderr);
@@ -97,7 +97,7 @@ test("the example passes", () => {
   const files = ["vitest.config.js", "shaders/fade.wgsl", "shaders/fade_test.wgsl"];
   const texts = files.map((file) => [file, fs.readFileSync(path.join(example, file), "utf8")]);
   const folder = project(Object.fromEntries(texts));
-  // Its own copy of Karat is that of npm, which isn't here.
+  // This test uses the given program, because the example's copy from npm isn't installed.
   write(folder, "vitest.config.js", texts[0][1].replace("karat()", `karat({ program: ${JSON.stringify(program)}, paths: "cpu" })`));
   const { code, text, tests } = run(folder);
   assert.equal(code, 0, text);
@@ -144,7 +144,7 @@ test("what is no test fails at its place", () => {
   assert.equal(invalid.code, 1);
   assert.equal(invalid.tests.get("tone_test::half_at_one").status, "passed", invalid.text);
   assert.match(invalid.tests.get("modules of shaders are valid").failureMessages.join(), /shaders\/other\.wgsl:\d/);
-  // A file with another ending, which vitest doesn't load.
+  // vitest doesn't load a file with this ending.
   const misnamed = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD, "shaders/tone.tests.toml": DECLARED }));
   assert.equal(misnamed.code, 1, misnamed.text);
   const missing = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD }, { options: 'program: "no-karat"' }));
@@ -163,7 +163,7 @@ test("a hung shader, and a process that is killed, fail their tests alone", () =
   assert.equal(tests.get("tone_test::forever").status, "failed", text);
   assert.equal(tests.get("tone::reinhard in_range").status, "passed", text);
   assert.equal(tests.get("tone_test::half_at_one").status, "passed", text);
-  // A program that exits when it gets a request.
+  // This program exits when it gets a request.
   const dying = path.join(folder, "dying.sh");
   fs.writeFileSync(dying, `#!/bin/sh\nif [ "$1" = suite ]; then read line; kill -9 $$; fi\nexec ${program} "$@"\n`, { mode: 0o755 });
   const killed = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD }, { options: `program: ${JSON.stringify(dying)}` }));

@@ -1,5 +1,6 @@
 // @ts-check
-// A plugin for vitest: turns files with tests of shaders into modules that declare these tests, each on its own line.
+// A plugin for vitest. It turns files with tests of shaders into modules that declare these tests, each at its own
+// line.
 
 import { readFileSync } from "node:fs";
 import path from "node:path";
@@ -15,7 +16,8 @@ const TESTS = ["**/*_test.wgsl", "**/*_test.wesl", "**/*.test.toml"];
 const isInput = (file) => /\.(wgsl|wesl|toml|csv|exr|png|json|obj)$/.test(file);
 
 /**
- * A module that declares the tests of a file, each at its place in the file, so that vitest shows that place.
+ * Returns a module that declares the tests of a file. Each test is at its line in the file, so that vitest shows that
+ * line.
  * @param {string} file
  * @param {Listed[]} listed
  * @param {string[]} errors
@@ -28,14 +30,14 @@ function moduleOf(file, listed, errors, packages) {
   const byLine = new Map();
   for (const one of listed) {
     const call = one.error ? `broken(${JSON.stringify(one)})` : `declare(${JSON.stringify(one)})`;
-    // `[[test]]` tables at one place may have several assertions.
+    // `[[test]]` tables at the same line may have several assertions.
     byLine.set(one.line, [...(byLine.get(one.line) ?? []), " ".repeat(one.column - 1) + call]);
   }
   for (const [line, calls] of byLine) {
     while (lines.length < line) lines.push("");
     lines[line - 1] = calls.map((call, at) => (at ? call.trimStart() : call)).join("; ") + ";";
   }
-  // Imports are hoisted, so they can go on the last line, which is free.
+  // Imports are hoisted, so they can be on the last line, which is free.
   lines.push(`import { broken, declare, failing, valid } from ${runtime};`);
   lines.push(...errors.map((error) => `failing(${JSON.stringify(error)});`));
   lines.push(...packages.map((folder) => `valid(${JSON.stringify(folder)});`));
@@ -47,7 +49,7 @@ function moduleOf(file, listed, errors, packages) {
  * @returns {import("vite").Plugin[]}
  */
 export default function karat(options = {}) {
-  // Vite without vitest builds or serves, and has no tests.
+  // Without vitest, Vite builds or serves, and needs no tests.
   if (!process.env.VITEST) return [];
   const unknown = Object.keys(options).find((key) => !["folders", "paths", "program"].includes(key));
   if (unknown) throw new Error(`karat-vitest has no option \`${unknown}\`: folders, paths, program`);
@@ -66,8 +68,8 @@ export default function karat(options = {}) {
       const all = await program.list();
       const own = all.filter((one) => one.file === file);
       const errors = own.length ? [] : [
-        `no test of Karat is in ${path.relative(program.root, file)}: it has no \`@test\`, or only ones under a condition that ` +
-          "doesn't hold; or its folder isn't known: karat({ folders: [\"src/shaders\"] })",
+        `no test of Karat is in ${path.relative(program.root, file)}: it has no \`@test\`, or each \`@test\` is under a false ` +
+          "condition, or Karat doesn't search its folder: karat({ folders: [\"src/shaders\"] })",
       ];
       return moduleOf(file, own, errors, [...new Set(own.map((one) => one.package))]);
     } catch (error) {
@@ -101,7 +103,7 @@ export default function karat(options = {}) {
         server.watcher.on("all", (event, file) => {
           if (!isInput(file) || !program) return;
           program.forget(path.resolve(file));
-          // When a file is deleted, vitest reruns nothing by itself.
+          // If a file is deleted, vitest reruns no test unless the plugin asks for it.
           if (event !== "unlink") return;
           for (const test of program.concerned(file, [...files])) server.watcher.emit("change", test);
         });
@@ -110,7 +112,7 @@ export default function karat(options = {}) {
       closeBundle: () => program?.close(),
     },
     {
-      // After plugins that treat each `*.wgsl` as text.
+      // This plugin runs after plugins that treat each `*.wgsl` as text.
       name: "karat:last",
       enforce: "post",
       transform: async (_, id) => {

@@ -1,6 +1,6 @@
 // @ts-check
-// The processes of Karat behind vitest: one for each folder of shaders, which keeps running, and a socket for vitest's
-// workers.
+// The processes of Karat for vitest, and a socket for vitest's workers. Each folder of shaders has one process, which
+// keeps running.
 
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
@@ -12,7 +12,7 @@ import readline from "node:readline";
 import { installed } from "./installed.js";
 
 /**
- * A test, or a file or test that can't be read.
+ * A test, or an unreadable file or test.
  * @typedef {{ package: string, name: string, file: string, line: number, column: number, error: Wrong | null }} Listed
  */
 
@@ -26,13 +26,13 @@ import { installed } from "./installed.js";
  */
 
 /**
- * A request: to run a test, or to check that the modules of a folder are valid. `accept` makes the drawn frame its
+ * A request to run a test, or to check that the modules of a folder are valid. `accept` makes the drawn frame the
  * golden.
  * @typedef {{ folder: string, name?: string, accept?: boolean }} Question
  */
 
 /**
- * Returns `true` if vitest loads a file as tests of Karat.
+ * Checks if vitest loads a file as tests of Karat.
  * @param {string} file
  */
 export const isTest = (file) => /(_test\.(wgsl|wesl)|\.test\.toml)$/.test(file);
@@ -41,7 +41,7 @@ export const isTest = (file) => /(_test\.(wgsl|wesl)|\.test\.toml)$/.test(file);
 export class Missing extends Error {}
 
 /**
- * Karat ends a hung shader after this time, in seconds, unless `KARAT_TIMEOUT` sets another.
+ * The time in seconds after which Karat ends a hung shader, unless `KARAT_TIMEOUT` sets another time.
  */
 const TIMEOUT = "20";
 
@@ -128,7 +128,7 @@ export class Karat {
   changed = new Set();
   /** @type {net.Server | undefined} */
   server;
-  // The path of a socket has about a hundred bytes.
+  // The path of a socket has at most about a hundred bytes.
   scratch = mkdtempSync(path.join(os.tmpdir().length < 64 || process.platform === "win32" ? os.tmpdir() : "/tmp", "karat-vitest-"));
 
   /**
@@ -174,7 +174,7 @@ export class Karat {
         if (!out.startsWith("[")) throw new Error(err.trim() || "`karat list --tests` prints nothing");
         return JSON.parse(out);
       }));
-      // A folder may be listed twice.
+      // The list may have a folder twice.
       const key = (/** @type {Listed} */ one) => `${one.package}\n${one.file}\n${one.name}`;
       return [...new Map(all.flat().map((one) => [key(one), one])).values()];
     })();
@@ -188,8 +188,8 @@ export class Karat {
   }
 
   /**
-   * The test files to rerun after an edit of a file: the file itself, files with a test that read it, and files that
-   * haven't run. For a module that no test reads it is one file, which checks that all modules are valid.
+   * Returns the test files to rerun after an edit of a file: the same file, files with a test that read it, and files
+   * that haven't run. If no test reads a module, this is one file, which checks that all modules are valid.
    * @param {string} file
    * @param {string[]} tests
    */
@@ -240,7 +240,7 @@ export class Karat {
       resident.reads.set(listed.file, reads);
     }
     if (!done.tests.includes(name)) {
-      // A file that can't be read has no tests.
+      // An unreadable file has no tests.
       resident.verdicts.delete(name);
       const own = (/** @type {Wrong} */ one) => listed && one.place && path.resolve(this.root, one.place).startsWith(listed.file);
       const wrong = done.broken.find(own) ?? done.broken[0];
@@ -255,7 +255,7 @@ export class Karat {
       const { status, err } = await this.run(["accept", frame, "--goldens", goldens, "--because", "vitest --update"]);
       resident.verdicts.delete(name);
       if (status === 0) return this.answer({ folder, name });
-      wrong.message += `\n\nit can't be accepted: ${err.trim()}`;
+      wrong.message += `\n\nthe frame can't be accepted: ${err.trim()}`;
     }
     return verdict(wrong, record, this.root);
   }
@@ -298,7 +298,7 @@ function isBelow(file, folder) {
 }
 
 /**
- * The place of a message: `  --> shaders/a.wgsl:3:1`.
+ * Returns the location in a message: `  --> shaders/a.wgsl:3:1`.
  * @param {string} message
  * @param {string} root
  */

@@ -1,5 +1,5 @@
 // @ts-check
-// Runs in a worker of vitest: declares tests, and asks the main process for their verdicts.
+// Runs in a worker of vitest. It declares tests, and asks the main process for their verdicts.
 
 import net from "node:net";
 import path from "node:path";
@@ -24,7 +24,7 @@ function open() {
     const socket = net.createConnection(process.env.VITEST_KARAT ?? "");
     const lost = (/** @type {string} */ why) => {
       opened = undefined;
-      for (const answer of waiting.values()) answer({ message: `vitest's main process can't be asked: ${why}` });
+      for (const answer of waiting.values()) answer({ message: `can't reach vitest's main process: ${why}` });
       waiting.clear();
     };
     readline.createInterface({ input: socket }).on("line", (line) => {
@@ -67,7 +67,7 @@ function accepts() {
 }
 
 /**
- * An error whose stack has the author's place first, then the test's own.
+ * Makes an error whose stack has the author's line first, then the line of the test.
  * @param {Verdict} verdict
  * @param {string} name
  * @param {string} [own]
@@ -92,7 +92,7 @@ export function declare({ package: folder, name, file, line, column }) {
 }
 
 /**
- * Declares a failing test in place of a test or file that can't be read.
+ * Declares a failing test for an unreadable test or file.
  * @param {Listed} listed
  */
 export function broken({ name, file, line, column, error }) {
@@ -114,7 +114,7 @@ export function valid(folder) {
 }
 
 /**
- * Declares a failing test, because there are no tests.
+ * Declares a failing test, because the file has no tests.
  * @param {string} message
  */
 export function failing(message) {

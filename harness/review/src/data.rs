@@ -1,4 +1,4 @@
-//! A case as a script that passes its data to the page: `karat.receive({...})`.
+//! Scripts that pass the data of one case to the page: `karat.receive({...})`.
 
 use serde_json::{Value, json};
 
@@ -10,7 +10,7 @@ use karat::unstable::image::ExrFile;
 use karat::unstable::metric::DEFAULT_RELATIVE;
 use karat::unstable::value::format_lane;
 
-/// The whole script. Its text has no `<` and no line separators, so that it can also be embedded.
+/// Returns the script of a pending frame. Its text has no `<` and no line separators, so that a page can also embed it.
 pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
     let part = |Part { name, golden, actual }: &Part| {
         let golden = golden.as_ref();
@@ -42,13 +42,13 @@ pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
     received(&data)
 }
 
-/// The script of a golden without a pending frame: its parts on one side, and its versions.
+/// Returns the script of a golden without a pending frame: its parts, and its versions.
 pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Value]) -> String {
     let provenance = golden.metadata.as_deref().map(Provenance::parse);
     let (facts, verdict) = match &provenance {
         Some(Ok(known)) => (facts::table(None, known), format!("accepted: {}", known.because)),
         Some(Err(error)) => (Vec::new(), error.to_string()),
-        None => (Vec::new(), "the golden doesn't say what made it".to_owned()),
+        None => (Vec::new(), "the golden has no record of what made it".to_owned()),
     };
     let part = |part: &karat::unstable::image::Part| json!({ "name": part.name, "golden": packed::image(&part.image, None), "actual": null });
     received(&json!({
@@ -67,7 +67,7 @@ pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Val
     }))
 }
 
-/// The script of a golden of values without a pending one: its rows, and its versions.
+/// Returns the script of a golden of values without pending values: its rows, and its versions.
 pub(super) fn golden_table(
     index: usize,
     name: &str,
@@ -107,7 +107,7 @@ pub(super) fn golden_table(
     }))
 }
 
-/// The script of an older version of a golden, at a commit.
+/// Returns the script of an older version of a golden, at a commit.
 pub(super) fn version(index: usize, commit: &str, older: Result<Older, String>) -> String {
     let (key, stored) = match older {
         Ok(Older::Image(image)) => ("image", packed::image(&image, None)),
@@ -119,13 +119,12 @@ pub(super) fn version(index: usize, commit: &str, older: Result<Older, String>) 
 
 /// The content of an older version of a golden.
 pub(super) enum Older {
-    /// Its image.
     Image(Image),
-    /// The rows that have changed since.
+    /// The rows that have changed since that version.
     Table(Rows),
 }
 
-/// The script of a failing function.
+/// Returns the script of a failing function.
 pub(super) fn function(index: usize, failure: &Failure) -> String {
     let mut data = failure.value();
     data["index"] = index.into();
@@ -133,7 +132,7 @@ pub(super) fn function(index: usize, failure: &Failure) -> String {
     received(&data)
 }
 
-/// The rows of a table that differ. JSON has no infinity, which a new or deleted row has.
+/// Returns the rows of a table that differ. JSON has no infinity, which a new or deleted row has.
 fn table(rows: &Rows) -> Value {
     let row = |row: &ChangedRow| {
         json!({
@@ -152,7 +151,7 @@ fn table(rows: &Rows) -> Value {
     })
 }
 
-/// A script with the reason why there is no data.
+/// Returns a script with the reason why there is no data.
 pub(super) fn failure(index: usize, error: &str) -> String {
     received(&json!({ "index": index, "error": error }))
 }
@@ -161,8 +160,8 @@ fn received(data: &Value) -> String {
     format!("karat.receive({});\n", embedded(data))
 }
 
-/// A margin of a gate. JSON has neither NaN nor infinity, so they are words, and `passes` is decided here. The
-/// corners are those of a rectangle, whose right column and bottom row of pixels belong to it.
+/// Returns a margin of a gate. JSON has neither NaN nor infinity, so they are strings, and Rust computes `passes`. The
+/// corners belong to a rectangle that includes its right column and bottom row of pixels.
 fn gate(margin: &CriterionMargin) -> Value {
     let CriterionMargin { name, value, bound, note, .. } = margin;
     let corners = margin.place.map(|place| {
@@ -183,8 +182,8 @@ fn gate(margin: &CriterionMargin) -> Value {
     })
 }
 
-/// The bounds of the gate, from the test or else the default, for finding the refused pixels again. A margin has its
-/// bounds only in its name: `gate rel 1e-3 or abs 1e-5`.
+/// Returns the bounds of the gate, from the test or by default. The page needs them to find the refused pixels again. A
+/// margin has its bounds only in its name: `gate rel 1e-3 or abs 1e-5`.
 fn bounds(margins: &[CriterionMargin]) -> Value {
     let gate = margins.iter().find(|margin| margin.criterion == FrameCriterion::Gate);
     let bound = |word: &str| {
@@ -195,7 +194,7 @@ fn bounds(margins: &[CriterionMargin]) -> Value {
     json!({ "relative": bound("rel").unwrap_or(DEFAULT_RELATIVE), "absolute": bound("abs") })
 }
 
-/// JSON that is safe in a script or in HTML.
+/// Returns JSON that is safe in a script or in HTML.
 pub(super) fn embedded(value: &Value) -> String {
     let text = value.to_string();
     text.replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")

@@ -1,4 +1,4 @@
-//! The metadata of golden and frame, and the part of it that explains a difference.
+//! The metadata of golden and frame, and the differences in them that explain a difference in the pixels.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use serde_json::Value;
 use karat::unstable::golden::Provenance;
 use karat::unstable::metric::ExposureRange;
 
-/// The difference between a golden and a frame, apart from their pixels.
+/// The difference between the metadata of a golden and of a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Cause {
@@ -16,17 +16,17 @@ pub enum Cause {
     New,
     /// The golden has no metadata.
     Unknown,
-    /// The shader.
+    /// The shader differs.
     Shader,
-    /// The shader, and the driver or adapter.
+    /// The shader differs, and the driver or adapter, too.
     ShaderAndDriver,
-    /// The driver or the adapter.
+    /// The driver or the adapter differs.
     Driver,
-    /// The processor of a software rasteriser.
+    /// The processor of a software rasteriser differs.
     Processor,
-    /// Something that the test declares about the frame, such as its seed.
+    /// A property that the test declares about the frame differs, such as its seed.
     Declared,
-    /// No recorded fact differs.
+    /// No recorded property differs.
     Nothing,
 }
 
@@ -51,7 +51,7 @@ impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::New => "new: no golden yet",
-            Self::Unknown => "the golden doesn't say what made it",
+            Self::Unknown => "the golden has no record of what made it",
             Self::Shader => "the shader changed",
             Self::ShaderAndDriver => "the shader changed, and so did the driver",
             Self::Driver => "only the driver changed",
@@ -67,17 +67,17 @@ impl fmt::Display for Cause {
 /// A line of the metadata of both sides.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Fact {
-    /// The name of the fact: `adapter.name`.
+    /// The name of the property: `adapter.name`.
     pub name: String,
-    /// The golden's value; empty if it has none.
+    /// The golden's value. Empty if the golden has none.
     pub golden: String,
-    /// The frame's value; empty if it has none.
+    /// The frame's value. Empty if the frame has none.
     pub actual: String,
-    /// `true` if both sides have it and differ.
+    /// `true` if both sides have a value and the values differ.
     pub differs: bool,
 }
 
-/// The facts that the test declares about the frame, and that the golden lacks or has with another value.
+/// Returns the properties that the test declares about the frame, if the golden lacks them or has another value.
 pub(super) fn declared(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fact> {
     let Some(golden) = golden else { return Vec::new() };
     let names: std::collections::BTreeSet<_> =
@@ -90,7 +90,7 @@ pub(super) fn declared(golden: Option<&Provenance>, actual: &Provenance) -> Vec<
     names.into_iter().map(fact).filter(|fact| fact.differs).collect()
 }
 
-/// Each fact of either side, in the order of the metadata.
+/// Returns each property of either side, in the order of the metadata.
 pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fact> {
     let golden = golden.map(lines).unwrap_or_default();
     let actual = lines(actual);
@@ -100,8 +100,8 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
     };
     let mut names: Vec<&String> = golden.iter().chain(&actual).map(|(name, _)| name).collect();
     let mut seen = std::collections::BTreeSet::new();
-    // The reference and the names of both aren't interesting here. The page shows the finding and the modules
-    // elsewhere.
+    // The reference and the names of golden and frame aren't interesting here. The page shows the finding and the
+    // modules elsewhere.
     let aside = |name: &str| {
         let shown = ["finding.", "modules."].iter().any(|group| name.starts_with(group));
         shown || ["case", "compared_with"].contains(&name)
@@ -115,7 +115,7 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
     names.into_iter().map(fact).collect()
 }
 
-/// The leaves of a provenance, named by their paths.
+/// Returns the leaves of a provenance with their paths as names.
 fn lines(provenance: &Provenance) -> Vec<(String, String)> {
     let mut value = serde_json::to_value(provenance).expect("provenance is plain data");
     // Two numbers without a unit are hard to understand.

@@ -1,27 +1,27 @@
-//! Reads from git, and changes nothing.
+//! Commands of git that only read.
 
 use std::path::Path;
 use std::process::Command;
 
 use karat::unstable::process;
 
-/// A path that git takes literally, whatever its characters.
+/// Returns a pathspec that git takes literally, whatever characters the path has.
 pub(super) fn literal(path: &str) -> String {
     format!(":(literal){path}")
 }
 
-/// The output of git as text; `None` if git isn't installed or fails.
+/// Returns the output of git as text, or `None` if git isn't installed or fails.
 pub(super) fn text(folder: &Path, arguments: &[&str]) -> Option<String> {
     bytes(folder, arguments).map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// The output of git; `None` if git isn't installed or fails.
+/// Returns the output of git, or `None` if git isn't installed or fails.
 pub(super) fn bytes(folder: &Path, arguments: &[&str]) -> Option<Vec<u8>> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let mut command = Command::new("git");
     command.args(["-c", "core.quotepath=off"]).args(arguments).current_dir(folder);
     command.env("GIT_OPTIONAL_LOCKS", "0").env("LC_ALL", "C");
-    // In a git hook these variables name another repository.
+    // In a git hook, these variables name another repository.
     for name in ["GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"] {
         command.env_remove(name);
     }
@@ -29,14 +29,14 @@ pub(super) fn bytes(folder: &Path, arguments: &[&str]) -> Option<Vec<u8>> {
     ran.status.success().then_some(ran.stdout)
 }
 
-/// The differences between files of the working tree and a commit, by `paths`: one text for each file, named from the
-/// repository's root. `None` if git fails.
+/// Returns the differences between files of the working tree and a commit. Each file is one text, with its path
+/// relative to the repository. Returns `None` if git fails.
 pub(super) fn differences(
     folder: &Path,
     commit: &str,
     paths: &[String],
 ) -> Option<Vec<(String, String)>> {
-    /// The most bytes to show.
+    /// The largest number of bytes to show.
     const LONGEST: usize = 200_000;
     let mut arguments =
         vec!["diff", "--no-ext-diff", "--no-textconv", "--no-color", "--no-renames"];
@@ -49,7 +49,7 @@ pub(super) fn differences(
     }
     let file = |part: &str| {
         let name = part.lines().next()?.rsplit_once(" b/")?.1.to_owned();
-        // Begin at the first change; the lines above repeat the file name.
+        // The text begins at the first change: the lines above repeat the file name.
         let from = part.find("\n@@")? + 1;
         Some((name, part[from..].trim_end().to_owned()))
     };

@@ -11,17 +11,17 @@ use serde_json::{Value, json};
 
 use super::git;
 
-/// The most versions to list.
+/// The largest number of versions to list.
 const MOST: &str = "30";
 
-/// Each commit that changed a golden, the latest first, with the reason from its facts.
+/// Lists each commit that changed a golden, with the reason from its provenance. The latest commit is first.
 pub(super) fn versions(golden: &Path) -> Vec<Value> {
     let (Some(folder), Some(name)) = (golden.parent(), golden.file_name()) else {
         return Vec::new();
     };
     let is_table = super::is_table(golden);
     let name = name.to_string_lossy();
-    // A table contains its facts.
+    // A table contains its provenance.
     let beside = golden.with_extension("toml");
     let beside = beside.file_name().unwrap_or_default().to_string_lossy();
     let facts = if is_table { &name } else { &beside };
@@ -46,10 +46,9 @@ pub(super) fn versions(golden: &Path) -> Vec<Value> {
     log.unwrap_or_default().lines().filter_map(version).collect()
 }
 
-/// The reason why an older version of a golden can't be shown.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum VersionError {
-    #[error("it is no version of this golden")]
+    #[error("this isn't a version of the golden")]
     Unknown,
     #[error("commit {0} has no such file")]
     Absent(String),
@@ -59,25 +58,25 @@ pub(super) enum VersionError {
     Damaged(String),
 }
 
-/// The image of a golden in one of its [`versions`].
+/// Returns the image of a golden in one of its [`versions`].
 pub(super) fn image(golden: &Path, commit: &str) -> Result<Image, VersionError> {
     let file = read(golden, commit, ExrFile::read)?;
     let first = file.parts.into_iter().next();
     first.map(|part| part.image).ok_or_else(|| VersionError::Absent(commit.to_owned()))
 }
 
-/// The table of a golden in one of its [`versions`].
+/// Returns the table of a golden in one of its [`versions`].
 pub(super) fn table(golden: &Path, commit: &str) -> Result<Table, VersionError> {
     read(golden, commit, Table::read).map(|(table, _)| table)
 }
 
-/// The file of a golden in one of its [`versions`].
+/// Returns the file of a golden in one of its [`versions`].
 fn read<T, E: Display>(
     golden: &Path,
     commit: &str,
     read: impl Fn(&Path) -> Result<T, E>,
 ) -> Result<T, VersionError> {
-    // A commit comes from a browser, so it becomes an argument only if git has listed it.
+    // The commit comes from a browser, so it becomes an argument of git only if git has listed it.
     let is_known = |version: &Value| version["commit"] == commit;
     let (Some(folder), Some(name)) = (golden.parent(), golden.file_name()) else {
         return Err(VersionError::Unknown);
@@ -90,7 +89,7 @@ fn read<T, E: Display>(
     let bytes = bytes.ok_or_else(|| VersionError::Absent(commit.to_owned()))?;
     let mut file = tempfile::NamedTempFile::new().map_err(VersionError::Unpacked)?;
     file.write_all(&bytes).map_err(VersionError::Unpacked)?;
-    // The name of the temporary file means nothing to a reader.
+    // The name of the temporary file would tell a reader nothing.
     let unnamed =
         |error: String| error.replace(&karat::unstable::diagnostic::shown(file.path()), &place);
     read(file.path()).map_err(|error| VersionError::Damaged(unnamed(error.to_string())))

@@ -1,9 +1,9 @@
-//! HTTP/1.1 for a page on this machine: one request per connection, each in a thread of its own.
+//! An HTTP/1.1 server for a page on this machine: one request per connection, each in a thread of its own.
 //!
-//! Every program on this machine can connect, so the server never waits long for a client. A request has to arrive
-//! within a time limit, its head and its body have a largest size, and the server doesn't trust announced lengths. If
-//! there are too many connections, it closes the oldest one without a valid request, so that silent clients make room
-//! for others. Stopping doesn't wait for clients.
+//! Every program on this machine can connect, so the server never waits long for a client. A request must arrive within
+//! a time limit, its head and its body have a largest size, and the server doesn't trust announced lengths. If there
+//! are too many connections, the server closes the oldest one without a valid request. So silent clients can't block
+//! others. Stopping doesn't wait for clients.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -12,21 +12,21 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// The longest head that is read. It has the cookies of every server on this machine, on any port.
+/// The largest size of a head, in bytes. It contains the cookies of every server on this machine, on any port.
 const LONGEST_HEAD: usize = 16 << 10;
-/// The most headers that are read. Browsers send about twenty.
+/// The largest number of headers. Browsers send about twenty.
 const MOST_HEADERS: usize = 100;
-/// The time in which a request has to arrive, and in which a client has to take some of its answer. Both are on one
-/// machine.
+/// The time limit for a request to arrive, and for a client to accept a part of the response. Client and server are on
+/// one machine.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The time for reading and dropping the rest of a request that is answered already.
+/// The time for reading and dropping the rest of a request after the response.
 const LINGER: Duration = Duration::from_secs(2);
-/// The most connections at a time. A browser opens six, and another one that it may need soon.
+/// The largest number of connections at a time. A browser opens six, and one more that it may need soon.
 const MOST_OPEN: usize = 64;
-/// The pause after a connection that couldn't be accepted, so that a lasting error doesn't make the server spin.
+/// The pause after a connection that couldn't be accepted. Without it, a lasting error would make the server spin.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Headers of each answer: browsers use it for nothing else, and don't keep it.
+/// The headers of each response: browsers use the response only as this type, and don't store it.
 const HEADERS: &str = "Cache-Control: no-store\r\n\
     X-Content-Type-Options: nosniff\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
@@ -34,24 +34,24 @@ const HEADERS: &str = "Cache-Control: no-store\r\n\
     Referrer-Policy: same-origin\r\n\
     Connection: close\r\n";
 
-/// The frame policy without an editor: no page may frame this one.
+/// The frame policy without an editor: no other page may show this page in a frame.
 const UNFRAMED: &str = "'none'";
-/// The frame policy for an editor that shows the page in a panel. VS Code's windows have their own schemes; in a
-/// browser they are pages of this machine. Any other page would have to know the token.
+/// The frame policy for an editor that shows the page in a panel. The windows of VS Code have their own URL schemes; in
+/// a browser they are pages of this machine. Any other page would need to know the token.
 const FRAMED: &str = "vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*";
 
-/// An answer: status, content type, body.
+/// A response: status, content type, body.
 pub struct Answer(pub u16, pub &'static str, pub String);
 
 impl Answer {
-    /// Plain text, with a line end.
+    /// Returns a response with plain text and a line end.
     #[must_use]
     pub fn text(status: u16, text: &str) -> Self {
         Self(status, "text/plain; charset=utf-8", format!("{text}\n"))
     }
 }
 
-/// A port on 127.0.0.1.
+/// A server on a port of 127.0.0.1.
 pub struct Http {
     listener: TcpListener,
     address: SocketAddr,
@@ -68,19 +68,19 @@ pub struct Stopper {
 }
 
 impl Stopper {
-    /// Ends [`Http::run`].
+    /// Makes [`Http::run`] return.
     pub fn stop(&self) {
         self.stopped.store(true, Ordering::SeqCst);
-        // If `run` waits for a connection, this is one. If no connection is possible, `run` isn't waiting.
+        // If `run` waits for a connection, this connection wakes it. If no connection is possible, `run` isn't waiting.
         drop(TcpStream::connect_timeout(&self.address, PATIENCE));
     }
 }
 
 impl Http {
-    /// Binds a port, any free one if it is 0. If `in_editor`, an editor may show the page in a frame.
+    /// Binds a port, or any free port if `port` is 0. With `in_editor`, an editor may show the page in a frame.
     ///
     /// # Errors
-    /// If the port is taken.
+    /// Returns an error if the port is taken.
     pub fn bind(port: u16, in_editor: bool) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
         let address = listener.local_addr()?;
@@ -89,19 +89,20 @@ impl Http {
         Ok(Self { listener, address, stopped, open, ancestors })
     }
 
-    /// The port.
+    /// Returns the port.
     #[must_use]
     pub fn port(&self) -> u16 {
         self.address.port()
     }
 
-    /// A handle that stops it from another thread.
+    /// Returns a handle that stops the server from another thread.
     #[must_use]
     pub fn stopper(&self) -> Stopper {
         Stopper { address: self.address, stopped: Arc::clone(&self.stopped) }
     }
 
-    /// Answers requests until it is stopped. Threads that are still answering then aren't waited for.
+    /// Answers requests until a [`Stopper`] stops the server. Then it doesn't wait for threads that are still
+    /// answering.
     pub fn run(&self, answer: impl Fn(&mut Request) -> Answer + Send + Sync + 'static) {
         let answer = Arc::new(answer);
         while !self.stopped.load(Ordering::SeqCst) {
@@ -112,7 +113,7 @@ impl Http {
             let connection = Open::enter(&self.open, stream);
             let (answer, ancestors) = (Arc::clone(&answer), self.ancestors);
             let serve = move || {
-                // A client that has gone, or never sent anything, needs no answer.
+                // A client that has closed the connection, or never sent anything, needs no response.
                 drop(connection.serve(&*answer, ancestors));
             };
             if thread::Builder::new().name("review".to_owned()).spawn(serve).is_err() {
@@ -128,19 +129,19 @@ struct Open(Mutex<Vec<Entry>>);
 
 struct Entry {
     stream: Arc<TcpStream>,
-    /// `true` if it has sent a valid request.
+    /// `true` if the client has sent a valid request.
     admitted: bool,
 }
 
 impl Open {
-    /// Adds a connection, and closes another one if there are too many.
+    /// Adds a connection. If there are too many, closes another one.
     fn enter(open: &Arc<Self>, stream: TcpStream) -> Connection {
         let stream = Arc::new(stream);
         open.change(|entries| {
             if entries.len() == MOST_OPEN {
                 let silent = entries.iter().position(|entry| !entry.admitted);
                 let oldest = entries.remove(silent.unwrap_or(0));
-                // Its thread ends, as it can no longer read or write.
+                // The thread of that connection ends, because it can no longer read or write.
                 drop(oldest.stream.shutdown(Shutdown::Both));
             }
             entries.push(Entry { stream: Arc::clone(&stream), admitted: false });
@@ -153,7 +154,7 @@ impl Open {
     }
 }
 
-/// A connection, which is closed and forgotten when it is dropped.
+/// A connection. Dropping it closes it, and removes it from the open ones.
 struct Connection {
     stream: Arc<TcpStream>,
     open: Arc<Open>,
@@ -197,15 +198,14 @@ impl Connection {
         stream.shutdown(Shutdown::Write)
     }
 
-    /// Reads the rest of the client's data. If the server closed before, the system would reset the connection, and the
-    /// answer might be lost.
+    /// Reads the rest of the client's data. If the server closed earlier, the system would reset the connection, and
+    /// the response might be lost.
     fn linger(self) -> io::Result<()> {
         let mut rest = Timed { stream: Arc::clone(&self.stream), end: Instant::now() + LINGER };
         io::copy(&mut rest, &mut io::sink()).map(drop)
     }
 }
 
-/// A client's data, read up to a time limit.
 struct Timed {
     stream: Arc<TcpStream>,
     end: Instant,
@@ -222,17 +222,17 @@ impl Read for Timed {
     }
 }
 
-/// The secret in the URL of a page. Only a client with the URL gets in.
+/// The check of the secret in a page's URL. Only clients that know the URL may use the page.
 pub struct Door {
     port: u16,
     token: String,
 }
 
 impl Door {
-    /// A new secret.
+    /// Makes a new secret.
     ///
     /// # Errors
-    /// If the system can't give random numbers.
+    /// Returns an error if the system can't provide random numbers.
     pub fn new(http: &Http) -> io::Result<Self> {
         let mut random = [0; 16];
         getrandom::fill(&mut random).map_err(io::Error::other)?;
@@ -240,23 +240,23 @@ impl Door {
         Ok(Self { port: http.port(), token })
     }
 
-    /// The secret.
+    /// Returns the secret.
     #[must_use]
     pub fn token(&self) -> &str {
         &self.token
     }
 
-    /// The page's URL.
+    /// Returns the URL of the page.
     #[must_use]
     pub fn url(&self) -> String {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
-    /// The part of a request's path behind the secret; empty for the page itself. `printed` names the command that
-    /// printed the URL.
+    /// Returns the part of a request's path behind the secret. It is empty for the page. `printed` names the command
+    /// that printed the URL.
     ///
     /// # Errors
-    /// If the request lacks the secret, or comes from a page of another origin.
+    /// Returns a response with an error if the request lacks the secret, or comes from a page of another origin.
     pub fn enter<'r>(&self, request: &'r Request<'_>, printed: &str) -> Result<&'r str, Answer> {
         let refused = |what: &str| Err(Answer::text(403, what));
         let ours = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
@@ -264,7 +264,7 @@ impl Door {
             return refused("a request needs one Host");
         };
         if !ours.iter().any(|name| name == host) {
-            return refused("this Host isn't ours");
+            return refused("this Host isn't the server's");
         }
         let own = match request.header("Origin") {
             Ok(Some(origin)) => origin == format!("http://{host}"),
@@ -272,7 +272,7 @@ impl Door {
             Err(_) => false,
         };
         if !own {
-            return refused("this Origin isn't ours");
+            return refused("this Origin isn't the server's");
         }
         let token = request.url.split(['/', '?']).nth(1).unwrap_or_default();
         // Comparing hashes takes constant time.
@@ -289,7 +289,7 @@ impl Door {
 pub struct Request<'a> {
     /// `GET`, `POST`, ...
     pub method: String,
-    /// Path and query.
+    /// The path and the query.
     pub url: String,
     headers: Vec<(String, String)>,
     /// The part of the body that arrived with the head.
@@ -299,7 +299,7 @@ pub struct Request<'a> {
 }
 
 impl<'a> Request<'a> {
-    /// Reads a head, or answers with its error.
+    /// Reads a head, or returns the response with its error.
     fn read(connection: &'a Connection, mut rest: Timed) -> io::Result<Result<Self, Answer>> {
         let mut begun = Vec::new();
         loop {
@@ -315,10 +315,13 @@ impl<'a> Request<'a> {
                 Ok(httparse::Status::Complete(end)) => end,
                 Ok(httparse::Status::Partial) if begun.len() < LONGEST_HEAD => continue,
                 Ok(httparse::Status::Partial) | Err(httparse::Error::TooManyHeaders) => {
-                    return Ok(Err(Answer::text(431, "a request has a short head")));
+                    return Ok(Err(Answer::text(431, "the head of the request is too long")));
                 }
                 Err(error) => {
-                    return Ok(Err(Answer::text(400, &format!("this is no request: {error}"))));
+                    return Ok(Err(Answer::text(
+                        400,
+                        &format!("can't parse the request: {error}"),
+                    )));
                 }
             };
             let text = |value: &[u8]| String::from_utf8_lossy(value).into_owned();
@@ -331,17 +334,17 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// The value of a header that occurs at most once.
+    /// Returns the value of a header that occurs at most once.
     ///
     /// # Errors
-    /// If it occurs more often.
+    /// Returns an error if the header occurs more often.
     pub fn header(&self, name: &str) -> Result<Option<&str>, Repeated> {
         let mut named = self.headers.iter().filter(|(other, _)| other.eq_ignore_ascii_case(name));
         let first = named.next().map(|(_, value)| value.as_str());
         if named.next().is_some() { Err(Repeated) } else { Ok(first) }
     }
 
-    /// Protects this connection from being closed in favour of a new one.
+    /// Protects this connection: the server won't close it to make room for a new one.
     pub fn admit(&self) {
         self.connection.open.change(|entries| {
             for entry in entries {
@@ -350,7 +353,7 @@ impl<'a> Request<'a> {
         });
     }
 
-    /// Reads the body, if the request gives its length and that is at most `longest`.
+    /// Reads the body, if the request states its length and the length is at most `longest`.
     pub fn body(&mut self, longest: u64) -> Option<io::Result<String>> {
         let said = match (self.header("Transfer-Encoding"), self.header("Content-Length")) {
             (Ok(None), Ok(Some(said))) if said.bytes().all(|byte| byte.is_ascii_digit()) => said,
@@ -363,6 +366,6 @@ impl<'a> Request<'a> {
     }
 }
 
-/// The error of a header that occurs more often than once.
+/// The error that a header occurs more than once.
 #[derive(Debug)]
 pub struct Repeated;

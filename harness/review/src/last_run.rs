@@ -5,44 +5,44 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-/// The content of a run's record.
+/// The records of a run.
 #[derive(Clone, Debug, Default)]
 pub struct LastRun {
     /// The records of frames, by the names of their goldens.
     pub frames: BTreeMap<String, FrameRun>,
-    /// Functions that fail, in the order of the report.
+    /// The failing functions, in the order of the report.
     pub failures: Vec<Failure>,
 }
 
 /// The origin of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct FrameRun {
-    /// Name of the test.
+    /// The name of the test.
     pub test: String,
-    /// `file:line:column` of the call.
+    /// The location of the call: `file:line:column`.
     pub place: String,
-    /// Commands that run it again.
+    /// The commands that run the test again.
     pub replays: Vec<String>,
-    /// Modules that the frame depends on.
+    /// The modules that the frame depends on.
     pub modules: Vec<PathBuf>,
 }
 
-/// A function that fails.
+/// A failing function.
 #[derive(Clone, Debug, Default)]
 pub struct Failure {
-    /// `fresnel::schlick agrees_with`
+    /// The function and its check: `fresnel::schlick agrees_with`.
     pub name: String,
-    /// Name of the test.
+    /// The name of the test.
     pub test: String,
-    /// `file:line:column` of the function.
+    /// The location of the function: `file:line:column`.
     pub place: String,
     /// The whole message.
     pub message: String,
-    /// Commands that run it again.
+    /// The commands that run the test again.
     pub replays: Vec<String>,
     /// The largest error divided by its bound.
     pub ratio: Option<f64>,
-    /// Plots as markup, with everything escaped.
+    /// The plots as HTML. All text in it is escaped.
     pub figures: String,
 }
 
@@ -53,7 +53,7 @@ impl FrameRun {
 }
 
 impl Failure {
-    /// The data for the page.
+    /// Returns the data for the page.
     pub(super) fn value(&self) -> Value {
         json!({
             "name": self.name,

@@ -1,11 +1,12 @@
 //! The review page: pending frames beside their goldens, in HDR.
 //!
-//! It is one page, and works offline. [`Review::write`] writes it as files, which show the differences and the commands
-//! to type. [`Review::serve`] serves the same page to this machine only, and there you can accept and reject frames. A
-//! [`Case`] is the data of one frame. The page loads its pixels when you look at it, from a script `data/<n>.js`,
-//! because pages from `file://` may only load scripts.
+//! The review is one page, and works offline. [`Review::write`] writes the page as files, which show the differences
+//! and the commands to type. [`Review::serve`] serves the same page to this machine only, and there you can accept and
+//! reject frames. A [`Case`] is the data of one frame. When you look at a frame, the page loads its pixels from a
+//! script `data/<n>.js`, because pages from `file://` may only load scripts.
 //!
-//! The browser computes the displayed image from the stored floats. [`Goldens`] decides about verdicts and acceptance.
+//! The browser computes the displayed image from the stored floats. [`Goldens`] determines verdicts, and accepts
+//! frames.
 
 mod data;
 mod facts;
@@ -38,43 +39,43 @@ use karat::unstable::image::ExrFile;
 use karat::{Goldens, Image};
 use serde_json::json;
 
-/// The most rows of a table that the page shows. Readers rarely look at more.
+/// The largest number of rows of a table that the page shows. Readers rarely look at more.
 const MOST_ROWS: usize = 500;
-/// The most bytes of a frame in a report, older versions of its golden included. Reports are mailed and kept, so it
-/// includes only versions that fit.
+/// The largest size of a frame in a report, in bytes, including older versions of its golden. People mail and keep
+/// reports, so a report includes only the versions that fit.
 const MOST_BYTES: usize = 1_000_000;
-/// The most older versions to try for a report.
+/// The largest number of older versions to try for a report.
 const MOST_VERSIONS: usize = 8;
 
 /// The data of a pending frame or table for the page.
 ///
-/// [`load`](Self::load) fills it in. You can add maps of your own.
+/// [`load`](Self::load) fills it in. You can add more maps.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Name of the golden.
+    /// The name of the golden.
     pub name: String,
-    /// The images of both sides, the compared one first.
+    /// The images of both sides. The compared image is first.
     pub parts: Vec<Part>,
-    /// Images computed from both.
+    /// Images computed from both sides.
     pub maps: Vec<Map>,
-    /// The test's measurements and bounds.
+    /// The measurements and bounds of the test.
     pub margins: Vec<CriterionMargin>,
-    /// The difference in words.
+    /// The difference as a sentence.
     pub verdict: String,
-    /// The metadata in the golden's file; `None` if there is no golden or it has none.
+    /// The metadata in the golden's file. `None` if there is no golden, or if it has no metadata.
     pub golden_provenance: Option<Provenance>,
     /// The metadata in the frame's file.
     pub actual_provenance: Provenance,
-    /// The difference apart from the pixels.
+    /// The difference of the metadata.
     pub cause: Cause,
-    /// The rows that differ, for a table of values instead of a frame.
+    /// For a table of values instead of a frame: the rows that differ.
     pub table: Option<Rows>,
 }
 
 /// The rows of a table that differ from its golden.
 #[derive(Clone, Debug)]
 pub struct Rows {
-    /// Names of the columns: arguments, then results.
+    /// The names of the columns: arguments, then results.
     pub columns: Vec<String>,
     /// The number of columns that are arguments.
     pub arguments: usize,
@@ -87,7 +88,7 @@ pub struct Rows {
 /// An image that a golden and a frame may both have.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// Its name: `color`.
+    /// The name of the image: `color`.
     pub name: String,
     /// The golden's image.
     pub golden: Option<Image>,
@@ -98,11 +99,11 @@ pub struct Part {
 /// An image computed from golden and frame, such as a map of errors.
 #[derive(Clone, Debug)]
 pub struct Map {
-    /// Its name.
+    /// The name of the map.
     pub name: String,
-    /// The meaning of its values, in one sentence.
+    /// The meaning of the map's values, as a sentence.
     pub about: String,
-    /// Its values. A map with three equal colours is shown in false colour.
+    /// The values of the map. If all three colours are equal, the page shows them in false colour.
     pub image: Image,
     /// The values at the lower and the upper end of the false colours.
     pub range: [f32; 2],
@@ -116,40 +117,40 @@ pub enum ReviewError {
     #[error(transparent)]
     Goldens(#[from] AcceptError),
     /// A file of an older page can't be removed.
-    #[error("can't remove `{path}`, which is of an older page: {cause}")]
+    #[error("can't remove `{path}`, a file of an older page: {cause}")]
     Remove {
-        /// The file.
+        /// The path of the file.
         path: String,
-        /// The reason.
+        /// The error of the system.
         cause: std::io::Error,
     },
     /// A file of the page can't be written.
     #[error("can't write `{path}`: {cause}")]
     Write {
-        /// The file.
+        /// The path of the file.
         path: String,
-        /// The reason.
+        /// The error of the system.
         cause: std::io::Error,
     },
     /// The server can't be started.
     #[error("can't serve the review on 127.0.0.1:{port}: {reason}")]
     Serve {
-        /// The requested port; 0 for any.
+        /// The requested port. 0 means any port.
         port: u16,
-        /// The reason.
+        /// The error of the system.
         reason: String,
     },
 }
 
-/// A review of a folder's pending frames.
+/// A review of the pending frames in a folder.
 #[derive(Clone, Debug)]
 pub struct Review {
     goldens: Goldens,
-    /// The folder of the pending frames, which may differ from the folder of the goldens.
+    /// The folder of the pending frames. It may differ from the folder of the goldens.
     waiting: Goldens,
     arguments: String,
     run: LastRun,
-    /// `true` to show goldens without a pending frame, too.
+    /// `true` if the page also shows goldens without a pending frame.
     accepted: bool,
     /// `true` if accepting may write in CI.
     ci_may_write: bool,
@@ -157,19 +158,19 @@ pub struct Review {
     asked: pixels::Asked,
 }
 
-/// An entry of the page. The number of its data file finds it.
+/// An entry of the page. The page finds its data file by the entry's number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Entry {
     /// A pending frame, by its name.
     Pending(String),
-    /// A golden, by its file in the folder, which may be in its profile's subfolder: `@gl-llvmpipe/scene.exr`.
+    /// A golden, by its file in the folder. The file may be in the subfolder of its profile: `@gl-llvmpipe/scene.exr`.
     Golden(String),
     /// A failing function, by its number in the last run.
     Failure(usize),
 }
 
 impl Review {
-    /// A review of everything that is pending in a folder of goldens.
+    /// Makes a review of everything that is pending in a folder of goldens.
     #[must_use]
     pub fn new(goldens: Goldens) -> Self {
         Self {
@@ -184,14 +185,14 @@ impl Review {
         }
     }
 
-    /// Lets accepting write a golden in CI, where the variable `CI` is set.
+    /// Allows accepting a frame in CI, where the variable `CI` is set.
     #[must_use]
     pub fn may_write_in_ci(mut self, may: bool) -> Self {
         self.ci_may_write = may;
         self
     }
 
-    /// Lets VS Code show the served page in a panel of its own.
+    /// Lets VS Code show the served page in a panel.
     #[must_use]
     pub fn in_editor(mut self, is: bool) -> Self {
         self.in_editor = is;
@@ -205,7 +206,7 @@ impl Review {
         self
     }
 
-    /// Takes the pending frames from another folder, such as one from a CI run.
+    /// Reads the pending frames from another folder, such as a folder of a CI run.
     #[must_use]
     pub fn pending_in(mut self, folder: &Path) -> Self {
         self.waiting = Goldens::open(folder);
@@ -233,13 +234,13 @@ impl Review {
         self
     }
 
-    /// Returns `true` if there is something to show besides pending frames.
+    /// Checks if there are entries besides pending frames.
     #[must_use]
     pub fn has_more(&self) -> bool {
         !self.run.failures.is_empty() || !self.others(&PendingFrames::default()).is_empty()
     }
 
-    /// The entries besides pending frames.
+    /// Returns the entries besides pending frames.
     fn others(&self, pending: &PendingFrames) -> Vec<Entry> {
         let mut entries = Vec::new();
         if self.accepted {
@@ -258,7 +259,8 @@ impl Review {
         entries
     }
 
-    /// The golden whose versions the page shows, and the file that its rows are compared with; `None` for a function.
+    /// Returns two files of an entry: the golden whose versions the page shows, and the golden whose rows it compares.
+    /// Returns `None` for a function.
     fn golden_of(&self, entry: &Entry, pending: Option<&Pending>) -> Option<(PathBuf, PathBuf)> {
         match entry {
             Entry::Pending(_) => {
@@ -273,11 +275,11 @@ impl Review {
     }
 
     /// Writes the page into a folder: `index.html`, `data/<n>.js`, and `data/<n>-<commit>.js` for older versions of a
-    /// golden. A link to `index.html#rooms/dark` leads to that frame. A frame that can't be read is on the page, too,
-    /// with the reason. Removes the files of an older page in `data`.
+    /// golden. A link to `index.html#rooms/dark` leads to that frame. For an unreadable frame, the page shows the
+    /// reason. Removes the files of an older page in `data`.
     ///
     /// # Errors
-    /// If a file can't be written or removed.
+    /// Returns an error if a file can't be written or removed.
     pub fn write(&self, folder: &Path) -> Result<PendingFrames, ReviewError> {
         let put = |name: &str, text: &str| {
             let path = folder.join(name);
@@ -309,8 +311,8 @@ impl Review {
         Ok(pending)
     }
 
-    /// The data of a frame for the page. Without a server, the page can't ask later, so the data has some traced pixels
-    /// `in_advance`.
+    /// Returns the data of a frame for the page. Without a server, the page can't ask for pixels later: `in_advance`
+    /// adds some traced pixels to the data.
     fn script(&self, index: usize, frame: &Pending, in_advance: bool) -> String {
         match Case::load(&self.goldens, frame) {
             Ok(case) => {
@@ -328,7 +330,7 @@ impl Review {
         }
     }
 
-    /// The modules that changed since the golden, by their hashes if both sides have them.
+    /// Returns the modules that changed since the golden, by their hashes if both sides have hashes.
     fn changed_modules(&self, golden: &Path, case: &Case) -> serde_json::Value {
         let known = case.golden_provenance.as_ref();
         let by_hash = known.zip(self.goldens.project()).and_then(|(known, project)| {
@@ -346,7 +348,7 @@ impl Review {
         })
     }
 
-    /// The data of an entry that isn't pending.
+    /// Returns the data of an entry that isn't pending.
     fn other_script(&self, index: usize, entry: &Entry) -> String {
         match entry {
             Entry::Golden(name) => {
@@ -373,12 +375,12 @@ impl Review {
     /// Serves the page on 127.0.0.1, on a free port if `port` is 0.
     ///
     /// # Errors
-    /// If the port is taken.
+    /// Returns an error if the port is taken.
     pub fn serve(self, port: u16) -> Result<Server, ReviewError> {
         Server::bind(self, port)
     }
 
-    /// The currently pending frames. Leaves out frames that belong to other goldens.
+    /// Returns the currently pending frames, without frames that belong to other goldens.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let PendingFrames { frames, mut unusable } = self.waiting.pending();
@@ -392,8 +394,8 @@ impl Review {
     }
 }
 
-/// The script of an older version of a golden, which the page loads on demand. For a table it has the rows that differ
-/// from those in `now`.
+/// Returns the script of an older version of a golden. The page loads it on demand. For a table, it has the rows that
+/// differ from those in `now`.
 fn version_script(index: usize, golden: &Path, now: &Path, commit: &str) -> String {
     let older = if is_table(golden) {
         let now = Table::read(now).map_err(|error| error.to_string());
@@ -408,14 +410,14 @@ fn version_script(index: usize, golden: &Path, now: &Path, commit: &str) -> Stri
     data::version(index, commit, older)
 }
 
-/// The latest versions of a golden whose scripts fit into `room` bytes together, with the names of their files.
+/// Returns the scripts of the latest versions of a golden that fit into `room` bytes together, with their file names.
 fn older_versions(
     index: usize,
     golden: &Path,
     now: &Path,
     mut room: usize,
 ) -> Vec<(String, String)> {
-    // A version with the golden's current content is shown already.
+    // The page already shows a version with the golden's current content.
     let shown = if is_table(golden) {
         Table::read(golden).ok().map(|(_, known)| known.pixels)
     } else {
@@ -442,17 +444,16 @@ fn older_versions(
     kept
 }
 
-/// The name of a golden from its file, and `true` if it is a table.
+/// Returns the name of a golden from its file, and `true` if the golden is a table.
 fn golden_name(file: &str) -> (&str, bool) {
     (file.rsplit_once('.').map_or(file, |(name, _)| name), is_table(file.as_ref()))
 }
 
-/// Returns `true` if a golden's file is a table.
 fn is_table(golden: &Path) -> bool {
     golden.extension().is_some_and(|ending| ending == "csv")
 }
 
-/// The files of all goldens in a folder and in its subfolders.
+/// Returns the files of all goldens in a folder and in its subfolders.
 fn goldens_below(folder: &Path, prefix: &str, files: &mut Vec<String>) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
@@ -468,7 +469,7 @@ fn goldens_below(folder: &Path, prefix: &str, files: &mut Vec<String>) {
     }
 }
 
-/// Removes data files of an older page that this one hasn't `written`.
+/// Removes the data files of an older page that aren't among the `written` files of this page.
 fn remove_data(folder: &Path, written: &BTreeSet<String>) -> Result<(), ReviewError> {
     let files = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
     for path in files.map(|file| file.path()) {

@@ -1,4 +1,4 @@
-//! Reads cases from files.
+//! Reading cases from files.
 
 use super::maps::maps;
 use super::{Case, Cause, MOST_ROWS, Part, Rows};
@@ -12,18 +12,18 @@ use karat::unstable::metric::Pair;
 use karat::{Goldens, Image};
 
 impl Case {
-    /// The mask and the reference of the comparison, if the test declared a mask.
+    /// Returns the mask and the reference of the comparison, if the test declared a mask.
     #[must_use]
     pub fn mask(&self) -> Option<Mask> {
         let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
         part.actual.clone().map(Mask::image)
     }
 
-    /// Reads a pending frame and its golden. A golden that can't be read is reported in the verdict, since accepting
-    /// replaces it.
+    /// Reads a pending frame and its golden. If the golden is unreadable, the verdict says so, because accepting the
+    /// frame replaces the golden.
     ///
     /// # Errors
-    /// If the pending frame can't be read.
+    /// Returns an error if the pending frame can't be read.
     pub fn load(goldens: &Goldens, pending: &Pending) -> Result<Self, AcceptError> {
         if pending.is_table() {
             return Self::load_table(goldens, pending);
@@ -54,7 +54,9 @@ impl Case {
             }
             (None, Some(finding)) => (finding.verdict.clone(), finding.margins.clone()),
             (None, None) if golden.is_none() => ("there is no golden yet".to_owned(), Vec::new()),
-            (None, None) => ("its file doesn't say how it differs".to_owned(), Vec::new()),
+            (None, None) => {
+                ("its file has no description of the difference".to_owned(), Vec::new())
+            }
         };
         let maps = golden_image.map_or_else(Vec::new, |golden_image| {
             let exposures = golden_provenance.as_ref().and_then(|known| known.exposures);
@@ -80,7 +82,6 @@ impl Case {
         })
     }
 
-    /// Reads pending values and their golden.
     fn load_table(goldens: &Goldens, pending: &Pending) -> Result<Self, AcceptError> {
         let (actual, actual_provenance) = Table::read(&pending.path)?;
         let file = goldens.compared(pending);
@@ -117,7 +118,7 @@ impl Case {
 }
 
 impl Rows {
-    /// The rows of a table that differ from its golden.
+    /// Returns the rows of a table that differ from its golden.
     pub(super) fn of(table: &Table, mut rows: Vec<ChangedRow>) -> Self {
         let changed = rows.len();
         rows.truncate(MOST_ROWS);
@@ -126,9 +127,9 @@ impl Rows {
     }
 }
 
-/// The parts of both sides by name, the frame first.
+/// Returns the parts of both sides by name. The frame is first.
 fn parts(golden: Option<ExrFile>, actual: ExrFile) -> Vec<Part> {
-    // In another tool's golden the first part has another name, or none.
+    // In another tool's golden, the first part has another name, or no name.
     let named = |(index, part): (usize, karat::unstable::image::Part)| {
         (if index == 0 { COLOR.to_owned() } else { part.name }, part.image)
     };

@@ -6,31 +6,33 @@ use karat::metric::Flip;
 use karat::unstable::metric::ErrorMap;
 use karat::unstable::metric::Pair;
 
-/// The maps of a golden and a frame; empty for images that FLIP can't compare.
+/// Returns the maps of a golden and a frame, or none if FLIP can't compare the images.
 pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {
     let errors = Flip::LARGEST_TILE.map(pair).ok().map(|map| Map {
         name: "HDR-FLIP".to_owned(),
-        about: "what an eye sees of the difference, at most 1, at the worst exposure".to_owned(),
+        about: "the difference that an eye sees, at most 1, at the worst exposure".to_owned(),
         image: scalars(pair, |x, y| Some(map.at(x, y))),
         range: [0.0, ErrorMap::scale(map.values())],
     });
     errors.into_iter().chain(worst_exposures(pair)).collect()
 }
 
-/// The exposure at which each pixel differs most: dark ones show errors in highlights, bright ones errors in shadows.
+/// Returns the exposure at which each pixel differs most. Dark exposures show errors in highlights, bright ones show
+/// errors in shadows.
 fn worst_exposures(pair: &Pair<'_>) -> Option<Map> {
     let exposures = Flip::LARGEST_TILE.exposures(pair).ok()?;
     let (start, stop) = exposures.range()?.into_inner();
     Some(Map {
         name: "worst exposure in stops".to_owned(),
-        about: "where HDR-FLIP sees most of the difference; black where it sees none".to_owned(),
+        about: "the exposure at which HDR-FLIP sees the largest difference; black if it sees none"
+            .to_owned(),
         image: scalars(pair, |x, y| exposures.at(x, y)),
-        // With a single exposure the whole map has one colour.
+        // With a single exposure, the whole map would have one colour.
         range: [start.floor(), stop.ceil().max(start.floor() + 1.0)],
     })
 }
 
-/// An image of the pair's size, with the same value in all colours. Alpha is 0 where there is no value.
+/// Returns an image of the pair's size, with the same value in all colours. Alpha is 0 for pixels without a value.
 fn scalars(pair: &Pair<'_>, value: impl Fn(u32, u32) -> Option<f32>) -> Image {
     let (width, height) = (pair.actual().width(), pair.actual().height());
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));

@@ -1,4 +1,4 @@
-//! Finds the modules that changed since a golden, by their hashes in golden and frame, or otherwise with git.
+//! Finds the modules that changed since a golden: by the hashes in golden and frame, or otherwise with git.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -9,11 +9,11 @@ use serde_json::{Value, json};
 
 use super::git;
 
-/// The most versions of a module to search for the golden's. Each takes a process.
+/// The largest number of versions of a module in which Karat searches for the golden's version. Each takes a process.
 const MOST: &str = "50";
 
-/// The modules whose hashes differ; `None` if golden or frame are older than this fact. Module names are relative to
-/// `project`.
+/// Returns the modules whose hashes differ. Returns `None` if golden or frame have no hashes, as in old files. Module
+/// names are relative to `project`.
 pub(super) fn by_hash(project: &Path, golden: &Provenance, actual: &Provenance) -> Option<Value> {
     let (old, new) = (&golden.modules, &actual.modules);
     if old.is_empty() || new.is_empty() {
@@ -23,8 +23,10 @@ pub(super) fn by_hash(project: &Path, golden: &Provenance, actual: &Provenance) 
     let changed = names.into_iter().filter_map(|name| match (old.get(name), new.get(name)) {
         (Some(old), Some(new)) if old == new => None,
         (Some(old), Some(new)) => Some(difference(project, name, old, new)),
-        (Some(_), None) => Some(json!({ "name": name, "note": "the frame has it no longer" })),
-        (None, _) => Some(json!({ "name": name, "note": "the golden didn't have it" })),
+        (Some(_), None) => {
+            Some(json!({ "name": name, "note": "the frame no longer uses this module" }))
+        }
+        (None, _) => Some(json!({ "name": name, "note": "the golden didn't use this module" })),
     });
     let changed: Vec<Value> = changed.collect();
     // Features and overrides change a program without changing its modules.
@@ -32,20 +34,20 @@ pub(super) fn by_hash(project: &Path, golden: &Provenance, actual: &Provenance) 
     Some(json!({ "hashed": new.len(), "otherwise": otherwise, "changed": changed }))
 }
 
-/// A changed module, with its lines if git has the golden's version.
+/// Returns a changed module, with the changed lines if git has the golden's version.
 fn difference(project: &Path, name: &str, old: &str, new: &str) -> Value {
     let Some(commit) = commit_with(project, name, old) else {
-        let note = "git has no version of it with the golden's hash";
+        let note = "git has no version of this module with the golden's hash";
         return json!({ "name": name, "note": note });
     };
     let files = git::differences(project, &commit, &[git::literal(name)]).unwrap_or_default();
     let lines = files.into_iter().next().map(|(_, lines)| lines);
     let edited = !std::fs::read(project.join(name)).is_ok_and(|text| text_hash(&text) == new);
-    let note = edited.then_some("it was edited again since the frame was drawn");
+    let note = edited.then_some("the module was edited again after the frame was drawn");
     json!({ "name": name, "diff": lines, "note": note })
 }
 
-/// The latest commit in which a file has this hash.
+/// Returns the latest commit in which a file has this hash.
 fn commit_with(project: &Path, name: &str, hash: &str) -> Option<String> {
     let arguments = ["log", "-n", MOST, "--format=%h", "--", &git::literal(name)];
     let commits = git::text(project, &arguments)?;
@@ -56,8 +58,8 @@ fn commit_with(project: &Path, name: &str, hash: &str) -> Option<String> {
     commits.lines().find(has).map(str::to_owned)
 }
 
-/// The modules that changed since the commit of the golden. `modules` are those that the frame depends on, from its
-/// file or from its last run; without them, all modules of the repository.
+/// Returns the modules that changed since the commit of the golden. `modules` are those that the frame depends on, from
+/// its file or from its last run. If they are `None`, all modules of the repository count.
 pub(super) fn by_commit(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
     match Since::find(golden).and_then(|since| since.changed(modules)) {
         Ok(known) => known,
@@ -65,20 +67,17 @@ pub(super) fn by_commit(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
     }
 }
 
-/// The reason why the changed modules are unknown.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 enum Untold {
-    #[error(
-        "the golden is in no git repository, which would have the modules that it was made with"
-    )]
+    #[error("the golden isn't in a git repository, so its modules are unknown")]
     NoGit,
-    #[error("the golden isn't committed, so git doesn't know which modules it was made with")]
+    #[error("the golden isn't committed, so its modules are unknown")]
     Uncommitted,
-    #[error("git fails to compare them")]
+    #[error("git can't compare the modules")]
     Failed,
 }
 
-/// The commit with the golden's current content.
+/// The commit that has the golden's current content.
 struct Since {
     root: PathBuf,
     commit: String,
@@ -100,10 +99,10 @@ impl Since {
         Ok(Self { root: root.trim_end().into(), commit: commit.trim().to_owned() })
     }
 
-    /// Modules of a record as paths for git. Modules of another machine, or of crates from elsewhere, aren't in this
-    /// repository.
+    /// Returns the modules of a record as paths for git. Modules of another machine, or of crates outside of this
+    /// repository, are left out.
     fn inside(&self, modules: &[PathBuf]) -> Vec<String> {
-        // git names a file behind a link by its real path.
+        // If a file is behind a link, git names its real path.
         let real = |file: &PathBuf| file.canonicalize().unwrap_or_else(|_| file.clone());
         let root = real(&self.root);
         let inside =

@@ -1,9 +1,9 @@
 //! Images in the format of the page: planes of bytes that deflate well, in base64.
 //!
-//! Each channel is a plane of words: 16-bit floats if they can hold every value. A word is stored as its difference
-//! from the word before, or, for a frame, from the golden's word at the same place, which is 0 wherever both are equal.
-//! Zigzag encoding gives small differences of either sign small bytes. All high bytes come before all low ones.
-//! `numbers.js` reads them.
+//! Each channel is a plane of words: 16-bit floats, if they can represent every value. A word is stored as its
+//! difference from the previous word. For a frame, it is the difference from the golden's word at the same pixel, which
+//! is 0 if both are equal. Zigzag encoding turns small differences of either sign into small bytes. All high bytes come
+//! before all low bytes. `numbers.js` reads this format.
 
 use std::io::Write;
 
@@ -15,7 +15,7 @@ use half::f16;
 use karat::Image;
 use serde_json::{Value, json};
 
-/// The word for pixels of a map without a value; all values are finite.
+/// The word for pixels of a map without a value. All values are finite.
 const HOLE: u16 = f16::NAN.to_bits();
 
 /// The channels of an image as the bits of floats. `format` gives the size of a word.
@@ -47,7 +47,7 @@ impl Format {
 }
 
 impl Planes {
-    /// The smallest format that holds every value.
+    /// Chooses the smallest format that can represent every value.
     fn of(image: &Image) -> Self {
         let mut values = image.pixels().iter().flatten();
         let fits = |value: &f32| f16::from_f32(*value).to_f32().to_bits() == value.to_bits();
@@ -61,7 +61,7 @@ impl Planes {
         Self { format, words: (0..4).map(plane).collect() }
     }
 
-    /// The bytes of all words, as differences from those of `base`, or from the word before.
+    /// Returns the bytes of all words, as differences from those of `base`, or from the previous word.
     fn bytes(&self, base: Option<&Self>) -> Vec<u8> {
         let bits = 8 * self.format.bytes();
         let mask = u32::MAX >> (32 - bits);
@@ -83,7 +83,7 @@ impl Planes {
     }
 }
 
-/// A side of a part. For a frame, `golden` is the other side.
+/// Returns one side of a part. For a frame, `golden` is the other side.
 pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
     let same_size =
         |other: &&Image| (other.width(), other.height()) == (image.width(), image.height());
@@ -93,8 +93,8 @@ pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
     value(image, &planes, base.as_ref())
 }
 
-/// A map of scalars as half floats, which are exact enough to look at, with holes where alpha is 0. A map in colours is
-/// an image.
+/// Returns a map of scalars as half floats, which are exact enough for viewing. Pixels with an alpha of 0 are holes. A
+/// map in colours is an image.
 pub(super) fn map(image: &Image) -> Value {
     let scalar = |pixel: &[f32; 4]| pixel[0] == pixel[1] && pixel[0] == pixel[2];
     if !image.pixels().iter().all(scalar) {
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_is_nearly_its_golden_takes_little() {
-        // Squares, so that neighbours have different distances everywhere.
+        // The values are squares, so that all neighbours have different distances.
         let noise = |index: usize| {
             let square = (index * index) as u32;
             f32::from((square.wrapping_mul(2_654_435_761) >> 20) as u16) / 4096.0

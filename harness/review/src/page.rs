@@ -1,4 +1,4 @@
-//! The page itself: one HTML file with its style, scripts and list of cases.
+//! The page: one HTML file with its style, scripts and list of cases.
 
 use serde_json::{Value, json};
 
@@ -11,7 +11,7 @@ use karat::unstable::golden::{Pending, PendingFrames};
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
-/// The scripts. Each uses only those before it; together they become one script with one scope.
+/// The scripts in order. Each uses only earlier ones. Together they become one script with one scope.
 const SCRIPTS: [&str; 26] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
@@ -43,16 +43,16 @@ const SCRIPTS: [&str; 26] = [
 
 /// The source of the page.
 pub(super) enum Mode {
-    /// Files: you type decisions in a terminal.
+    /// Files. You type decisions in a terminal.
     Files,
-    /// Karat's server. The token makes the policy's nonce secret.
+    /// Karat's server. The token makes the nonce of the policy secret.
     Served {
         /// The token in the URL.
         token: String,
     },
 }
 
-/// The page for pending frames and other entries, each with the number of its data file.
+/// Returns the page for pending frames and other entries. Each entry has the number of its data file.
 pub(super) fn html(
     review: &Review,
     pending: &PendingFrames,
@@ -106,11 +106,11 @@ pub(super) fn html(
         "unusable": unusable.collect::<Vec<_>>(),
     }));
     let script = SCRIPTS.join("\n");
-    // Inline style and script run because the policy names this nonce. It depends on everything that is embedded, so no
+    // Inline style and scripts run because the policy names this nonce. The nonce depends on all embedded data, so no
     // name or reason can contain it.
     let nonce =
         blake3::hash(format!("{token}{index}{script}").as_bytes()).to_hex()[..32].to_owned();
-    // One pass for each mark, so that inserted text isn't searched for the next mark.
+    // All marks are replaced in one pass, so that no mark is searched in inserted text.
     let mut page = String::with_capacity(HTML.len() + CSS.len() + script.len() + index.len());
     for (position, piece) in HTML.split("{{").enumerate() {
         let Some((mark, rest)) = piece.split_once("}}").filter(|_| position > 0) else {
@@ -134,8 +134,8 @@ pub(super) fn html(
     page
 }
 
-/// The excess of a frame over its tolerance: the largest ratio to a bound, or `inf` if the images can't be compared,
-/// for example because their sizes differ. `None` if there is no golden.
+/// Returns the excess of a frame over its tolerance: the largest ratio to a bound. It is `inf` if the images can't be
+/// compared, for example because their sizes differ. Returns `None` if there is no golden.
 fn severity(frame: &Pending) -> Option<Value> {
     let finding = frame.provenance.finding.as_ref()?;
     let failing = finding.margins.iter().filter(|margin| !margin.passes());
@@ -144,7 +144,7 @@ fn severity(frame: &Pending) -> Option<Value> {
     Some(if measured { json!(most) } else { json!("inf") })
 }
 
-/// Returns `true` if the test found only finite numbers.
+/// Checks if the test found only finite numbers.
 fn is_finite(frame: &Pending) -> bool {
     let margins = frame.provenance.finding.iter().flat_map(|finding| &finding.margins);
     !margins
@@ -152,7 +152,7 @@ fn is_finite(frame: &Pending) -> bool {
         .any(|margin| margin.criterion == FrameCriterion::Finite && !margin.passes())
 }
 
-/// The goldens that a frame may become.
+/// Returns the goldens that a frame may become.
 fn accepting(frame: &Pending) -> Value {
     json!({
         "canonical": frame.is_canonical(),
@@ -162,8 +162,8 @@ fn accepting(frame: &Pending) -> Value {
     })
 }
 
-/// The sources that the page may load and run: itself and its data files. Only a page from files has `file:` as a
-/// source: some browsers don't treat a file's neighbours as its own.
+/// Returns the sources from which the page may load and run scripts: the page and its data files. Only a page from
+/// files has the source `file:`, because some browsers don't count a neighbouring file as the page's origin.
 fn policy(mode: &Mode) -> &'static str {
     match mode {
         Mode::Files => {

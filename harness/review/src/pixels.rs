@@ -1,4 +1,4 @@
-//! Answers the page's questions about pixels of frames.
+//! The replies to the page's questions about pixels of frames.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex};
@@ -8,25 +8,25 @@ use serde_json::{Value, json};
 
 use super::{Case, Entry, Map, golden_name, packed};
 
-/// A source of values and traces of pixels: the program that serves the page.
+/// A source of values and traces of pixels. The program that serves the page implements it.
 pub trait Pixels: Debug + Send + Sync {
-    /// The values of a frame, a line each: `scene::shade::n: vec3<f32> = normalize(v)`.
+    /// Lists the values of a frame, one in each line: `scene::shade::n: vec3<f32> = normalize(v)`.
     ///
     /// # Errors
-    /// If the frame is unknown, or can't be drawn.
+    /// Returns an error if the frame is unknown, or can't be drawn.
     fn values(&self, frame: &str) -> Result<Vec<String>, String>;
 
-    /// A value on all pixels of a frame of this size.
+    /// Returns a value on all pixels of a frame of this size.
     ///
     /// # Errors
-    /// If the value can't be computed.
+    /// Returns an error if the value can't be computed.
     fn tap(&self, frame: &str, size: (u32, u32), value: &str) -> Result<Map, String>;
 
-    /// A pixel of a frame of this size, step by step, as `karat trace --json` prints it; with a commit, the pixel with
-    /// the shaders of that commit and with today's.
+    /// Returns the steps of a pixel of a frame of this size, as `karat trace --json` prints them. With a commit,
+    /// returns the steps with the shaders of that commit and with today's shaders.
     ///
     /// # Errors
-    /// If it can't be traced.
+    /// Returns an error if the pixel can't be traced.
     fn trace(
         &self,
         frame: &str,
@@ -40,7 +40,7 @@ pub trait Pixels: Debug + Send + Sync {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Asked {
     pub(super) pixels: Option<Arc<dyn Pixels>>,
-    /// Held for one question at a time: each draws a frame.
+    /// The lock that allows one question at a time: each question draws a frame.
     busy: Arc<Mutex<()>>,
 }
 
@@ -49,13 +49,13 @@ impl Asked {
         Self { pixels: Some(pixels), busy: Arc::default() }
     }
 
-    /// The answer to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`, which may end in
-    /// `/<commit>`. `None` for other questions.
+    /// Replies to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`. The last one may end in
+    /// `/<commit>`. Returns `None` for other questions.
     pub(super) fn answer(&self, entry: &Entry, question: &str) -> Option<Value> {
         let pixels = self.pixels.as_ref()?;
         let frame = match entry {
             Entry::Pending(name) => name.as_str(),
-            // A golden of a profile has its folder before its name.
+            // The name of a profile's golden is after its folder.
             Entry::Golden(file) => match golden_name(file).0 {
                 name if name.starts_with('@') => name.split_once('/').map_or(name, |(_, own)| own),
                 name => name,
@@ -89,12 +89,12 @@ impl Asked {
     }
 }
 
-/// The number of pixels traced for a page without a server. Each takes about a second.
+/// The number of traced pixels in a page without a server. Each takes about a second.
 const IN_ADVANCE: usize = 3;
 
 impl Asked {
-    /// The pixels that differ most from the golden, each in the format of `trace`: with the golden's newest commit
-    /// among these versions, and without. Empty if none can be traced.
+    /// Returns the pixels that differ most from the golden, each in the format of `trace`: with the newest commit of
+    /// the golden among these versions, and without a commit. Returns none if no pixel can be traced.
     pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
         let mut all = serde_json::Map::new();
         let pair =
@@ -121,7 +121,7 @@ impl Asked {
     }
 }
 
-/// The pixels whose values differ most, for images of the same size. NaN and infinities come first.
+/// Returns the pixels whose values differ most, for images of the same size. NaN and infinities come first.
 fn farthest(golden: &Image, actual: &Image) -> Vec<(u32, u32)> {
     let width = actual.width();
     if (golden.width(), golden.height()) != (width, actual.height()) {
@@ -147,13 +147,14 @@ fn numbers(text: &str, between: char) -> Option<(u32, u32)> {
     Some((a.parse().ok()?, b.parse().ok()?))
 }
 
-/// Returns `true` for a WGSL name with its path: as in the list of values, and never an option of a program.
+/// Checks if a text is a WGSL name with its path, as in the list of values. Such a text is never an option of a
+/// program.
 fn is_path(value: &str) -> bool {
     let is_name = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
     !value.is_empty() && value.chars().all(is_name)
 }
 
-/// Returns `true` for a hash of git, which can't be an option of a program.
+/// Checks if a text is a hash of git. Such a text is never an option of a program.
 fn is_commit(text: &str) -> bool {
     (4..=64).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_hexdigit())
 }

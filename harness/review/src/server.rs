@@ -1,8 +1,8 @@
 //! Serves the review to this machine only.
 //!
 //! Reaching the port isn't enough to decide. Every request needs the token of the URL and this server's `Host`, so that
-//! no other name can be rebound to 127.0.0.1. An `Origin`, if present, has to be this server's, too. Changes are POSTs
-//! of JSON. A decision names a frame, which must be one of the pending ones; no part of a request becomes a file path.
+//! an attacker can't rebind another name to 127.0.0.1. If there is an `Origin`, it must be this server's. Changes are
+//! POSTs of JSON. A decision names a frame, which must be pending. No part of a request becomes a file path.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -13,7 +13,7 @@ use super::http::{Answer, Door, Http, Request, Stopper};
 use super::{Entry, Review, ReviewError, data, page, version_script};
 use karat::unstable::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 
-/// The longest decision that is read. A reason is a sentence.
+/// The largest size of a decision, in bytes. A reason is a sentence.
 const LONGEST_BODY: u64 = 64 << 10;
 
 /// A review page that is being served.
@@ -27,40 +27,40 @@ pub struct Server {
 pub struct Stop(Stopper);
 
 impl Stop {
-    /// Ends [`Server::run`].
+    /// Makes [`Server::run`] return.
     pub fn stop(&self) {
         self.0.stop();
     }
 }
 
-/// The state that answers requests, from many threads.
+/// The state for replies to requests. Many threads use it.
 struct Desk {
     review: Review,
     door: Door,
-    /// The entries by the number of their data file. Numbers don't change while the server runs.
+    /// The entries, by the numbers of their data files. The numbers don't change while the server runs.
     numbered: Mutex<Vec<Entry>>,
-    /// Held while a decision is carried out. `true` once the review has ended and accepts no more decisions.
+    /// The lock of the thread that carries out a decision. The value is `true` after the review has ended: then no
+    /// decision is accepted.
     ended: Mutex<bool>,
 }
 
-/// The body of a request to accept or to reject.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Decision {
-    /// Name of the frame.
+    /// The name of the frame.
     case: String,
-    /// The hash of the pixels that the reader looked at.
+    /// The hash of the pixels that the reader has seen.
     pixels: String,
     #[serde(default)]
     because: String,
-    /// `true` if it becomes the golden of its own profile.
+    /// `true` if the frame becomes the golden of its profile.
     #[serde(default)]
     profile: bool,
     #[serde(default)]
     any_adapter: bool,
 }
 
-/// The reason why a decision isn't carried out.
+/// The reason why the server refuses a decision.
 #[derive(Debug, thiserror::Error)]
 enum Refused {
     #[error(transparent)]
@@ -79,26 +79,26 @@ impl Server {
         Ok(Self { http, desk: Arc::new(desk) })
     }
 
-    /// The URL of the page. With it, a client can accept and reject.
+    /// Returns the URL of the page. A client that knows the URL can accept and reject.
     #[must_use]
     pub fn url(&self) -> String {
         self.desk.door.url()
     }
 
-    /// A handle that stops it.
+    /// Returns a handle that stops the server.
     #[must_use]
     pub fn stop(&self) -> Stop {
         Stop(self.http.stopper())
     }
 
-    /// The currently pending frames.
+    /// Returns the currently pending frames.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         self.desk.review.pending()
     }
 
-    /// Answers until it is stopped. Then it completes a decision that has begun, begins no other, and doesn't wait for
-    /// clients.
+    /// Answers requests until a [`Stop`] stops the server. Then it completes a decision that has begun, begins no other
+    /// decision, and doesn't wait for clients.
     pub fn run(&self) {
         let desk = Arc::clone(&self.desk);
         self.http.run(move |request| desk.answer(request));
@@ -106,7 +106,7 @@ impl Server {
     }
 }
 
-/// A panicking thread leaves the locked values consistent.
+/// Locks a mutex. A panicking thread leaves the locked values consistent.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -130,7 +130,7 @@ impl Desk {
             ("POST", "accept", _) => self.decide(request, Self::accept),
             ("POST", "reject", _) => self.decide(request, Self::reject),
             (_, "" | "accept" | "reject", _) | (_, _, Some(_)) => {
-                Answer::text(405, "this takes another method")
+                Answer::text(405, "this request needs another method")
             }
             _ => Answer::text(404, "there is nothing here"),
         }
@@ -153,7 +153,7 @@ impl Desk {
         Answer(200, "text/html; charset=utf-8", html)
     }
 
-    /// An entry or, with a commit, an older version of its golden.
+    /// Returns the data of an entry. With a commit, returns an older version of the entry's golden.
     fn data(&self, number: usize, commit: Option<&str>) -> Answer {
         let entry = {
             let numbered = locked(&self.numbered);
@@ -180,7 +180,7 @@ impl Desk {
         Answer(200, "text/javascript; charset=utf-8", script)
     }
 
-    /// Answers a question about an entry's pixels: `asked` has the number of the entry, and the question.
+    /// Replies to a question about an entry's pixels: `asked` has the number of the entry, and the question.
     fn told(&self, asked: &str) -> Answer {
         let (number, question) = asked.split_once('/').unwrap_or((asked, ""));
         let entry = {
@@ -193,7 +193,7 @@ impl Desk {
         }
     }
 
-    /// The pending frame with exactly this name.
+    /// Returns the pending frame with exactly this name.
     fn find(&self, name: &str) -> Result<Pending, Refused> {
         let pending = self.review.pending().frames;
         let found = pending.into_iter().find(|pending| pending.case == name);
@@ -208,18 +208,20 @@ impl Desk {
     ) -> Answer {
         let kind = request.header("Content-Type").ok().flatten();
         if !kind.is_some_and(|kind| kind.starts_with("application/json")) {
-            return Answer::text(415, "a decision is JSON");
+            return Answer::text(415, "a decision must be JSON");
         }
         let body = match request.body(LONGEST_BODY) {
             Some(Ok(body)) => body,
             Some(Err(error)) => {
-                return Answer::text(400, &format!("the decision can't be read: {error}"));
+                return Answer::text(400, &format!("can't read the decision: {error}"));
             }
-            None => return Answer::text(413, "a decision is short, and says how long it is"),
+            None => {
+                return Answer::text(413, "a decision must be short, and must state its length");
+            }
         };
         let decision: Decision = match serde_json::from_str(&body) {
             Ok(decision) => decision,
-            Err(error) => return Answer::text(400, &format!("this is no decision: {error}")),
+            Err(error) => return Answer::text(400, &format!("can't parse the decision: {error}")),
         };
         let ended = locked(&self.ended);
         if *ended {
@@ -247,7 +249,7 @@ impl Desk {
             because: decision.because.clone(),
             by: None,
             any_adapter: decision.any_adapter,
-            // If it was compared with a profile's golden, it replaces that one.
+            // If the frame was compared with a profile's golden, it replaces that golden.
             profile: (decision.profile || !pending.provenance.compared_profile.is_empty())
                 .then(|| pending.profile().to_string()),
             ci_may_write: self.review.ci_may_write,

@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn members_and_builtin_functions_stand_in_it() {
+    fn a_condition_may_use_members_and_builtin_functions() {
         let above = of("dot(s.n, v) > 0.0 && s.k != 3u // above").expect("an expression");
         let row = |n: f32, k: u32| {
             let mut row = [0.0, 0.0, n].map(f32::to_bits).to_vec();

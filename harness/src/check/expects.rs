@@ -373,7 +373,7 @@ mod tests {
     use crate::domain::{Just, Numbering, Typed};
 
     #[test]
-    fn rows_stand_where_their_function_reads_them() {
+    fn rows_of_arguments_are_placed_where_the_kernel_reads_them() {
         let domain = (Just(7_u32), Just(9_u32));
         let alone = Typed::arguments(&domain);
         let row = |first: usize, words: usize| {
@@ -415,7 +415,7 @@ mod tests {
 
     // Lesson 100
     #[test]
-    fn the_host_judges_exactly() {
+    fn the_host_compares_kept_values_exactly() {
         let holds = |wanted, actual, expected, bounds| {
             Kept { words: &kept(wanted, actual, expected, bounds) }.holds()
         };

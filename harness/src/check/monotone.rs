@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn another_value_lies_in_the_domain_near_or_far() {
+    fn the_second_value_of_a_monotone_check_lies_in_the_domain() {
         let row = |a: f32, b: f32| [a.to_bits(), b.to_bits()];
         let domain = (0.25..=0.75_f32, 2.0..=3.0_f32);
         let argument = ScalarParameter { name: "b".to_owned(), scalar: Scalar::F32, lane: 1 };

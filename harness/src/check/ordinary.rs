@@ -420,7 +420,7 @@ mod tests {
 
     /// The distance is measured to the nearer of the excluded ends.
     #[test]
-    fn distances_are_those_to_open_ends() {
+    fn distances_are_measured_to_the_nearest_excluded_end() {
         let of = |ranges: [Bounds; 2], lanes: &[(Scalar, u32)]| {
             let (scalars, words): (Vec<_>, Vec<_>) = lanes.iter().copied().unzip();
             distance(ranges, &scalars, &words)

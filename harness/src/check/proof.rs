@@ -145,7 +145,7 @@ mod tests {
 
     /// If a row is in neither half, the proof skips the row.
     #[test]
-    fn halves_of_integers_hold_each_row_once() {
+    fn both_halves_of_an_integer_range_cover_each_row_once() {
         let end = |x: i32| x.cast_unsigned();
         for (scalar, starts) in [
             (Scalar::U32, [0, 1, 6, end(i32::MAX) - 3, u32::MAX - 8]),
@@ -175,7 +175,7 @@ mod tests {
     /// Halves of a range of floats share a number between the ends. Two adjacent floats have no number between
     /// them.
     #[test]
-    fn halves_of_floats_meet() {
+    fn both_halves_of_a_float_range_share_one_number() {
         let all =
             [-f32::MAX, -1.0, -f32::from_bits(1), 0.0, f32::from_bits(1), 1e-30, 1.0, f32::MAX];
         for (at, from) in all.into_iter().enumerate() {
@@ -199,7 +199,7 @@ mod tests {
     /// If WGSL's bounds exceed the range, or if there are none, there is no proof, although the actual results
     /// stay in the range. The proof gives up after some thousand boxes.
     #[test]
-    fn bounds_beyond_a_range_prove_nothing() {
+    fn there_is_no_proof_if_the_wgsl_bounds_exceed_the_range() {
         let package = Package::from_source(
             "proofs",
             "fn part(x: f32) -> f32 { return x - floor(x); }

@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_verb_has_what_all_verbs_have() {
+    fn a_new_kind_of_check_has_complete_messages() {
         let check = |body: &str| {
             let wgsl = format!("fn f(i: i32) -> vec2f {{ return {body}; }}");
             let package = Package::from_source("s", &wgsl);

@@ -100,7 +100,7 @@ mod tests {
     use crate::value::Scalar;
 
     #[test]
-    fn members_are_those_of_each_element() {
+    fn a_path_selects_one_member_of_each_element() {
         let vector = Shape::Vector { size: 3, scalar: Scalar::F32 };
         let item = Shape::Struct {
             name: "Item".to_owned(),

@@ -193,7 +193,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_format_keeps_what_it_rounds() {
+    fn values_within_the_rounding_of_a_format_are_accepted() {
         for byte in [76.0, 77.0] {
             assert!(Format::Rgba8Unorm.keeps(0, 0.3, byte / 255.0));
         }

@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "another attribute uses location 0")]
-    fn positions_stay_in_their_place() {
+    fn an_attribute_at_location_zero_panics() {
         let _ = triangle().attribute(0, &[Vec3::X; 3]);
     }
 }

@@ -223,7 +223,7 @@ mod tests {
     /// A driver may leave a value unwritten only if WGSL allows any value.
     // Lesson 174
     #[test]
-    fn a_driver_may_drop_what_may_be_anything() {
+    fn a_driver_may_leave_only_unbounded_results_unwritten() {
         let text = "fn open(a: f32, x: f32) -> vec2f { return vec2f(x, smoothstep(a, a, x)); }";
         let package = Package::from_source("open", text);
         let probed = Probed::new(&package, "open").expect("valid");
@@ -245,7 +245,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "each call has all its arguments")]
-    fn rows_are_whole() {
+    fn an_incomplete_row_of_arguments_panics() {
         let package = Package::from_source("m", "fn f(x: f32) -> vec2f { return vec2f(x); }");
         let probed = Probed::new(&package, "f").expect("valid");
         let (driver, fixtures) = (Dropping(vec![]), Fixtures::new());

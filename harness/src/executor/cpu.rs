@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn arithmetics_round_as_gpus_may() {
+    fn cpu_paths_can_flush_subnormals_or_fuse_products() {
         let text = "@group(0) @binding(0) var<storage, read_write> out: f32;\n\
                     fn square(x: f32) -> f32 { return x * x - 1.0; }\n\
                     fn half(x: f32) -> f32 { return x * 0.5; }\n\

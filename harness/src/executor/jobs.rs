@@ -285,7 +285,7 @@ mod tests {
 
     /// A result may equal the poison. Karat then computes the result again with another poison.
     #[test]
-    fn a_result_may_be_poison() {
+    fn a_result_may_equal_the_value_that_marks_unwritten_memory() {
         let text = format!("fn f(x: u32) -> u32 {{ return {}u + x; }}", evidence::WORD);
         let rows = [0, 1, evidence::OTHER - evidence::WORD];
         let expected = [[evidence::WORD], [evidence::WORD + 1], [evidence::OTHER]];
@@ -297,7 +297,7 @@ mod tests {
 
     /// A job is at most some megabytes of text.
     #[test]
-    fn jobs_are_of_a_size() {
+    fn the_number_of_cases_of_a_job_is_limited_by_its_size() {
         let capacity = |text: &str, fixtures: Fixtures, cases: usize| {
             let package = Package::from_source("p", text);
             let mut probed = Probed::new(&package, "f").expect("it is called");
@@ -321,7 +321,7 @@ mod tests {
 
     /// JSON can't write infinity.
     #[test]
-    fn a_job_is_text_and_back() {
+    fn a_job_round_trips_through_json() {
         let text = "@group(0) @binding(0) var image: texture_2d<f32>;
             @group(0) @binding(1) var linear: sampler;
             fn f(x: f32) -> f32 { return textureSampleLevel(image, linear, vec2f(x), 0.0).x; }";

@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn findings_keep_what_json_has_no_word_for() {
+    fn findings_keep_nan_and_infinity_in_json() {
         let margin = |value| CriterionMargin {
             criterion: FrameCriterion::Flip,
             name: "largest FLIP tile".to_owned(),

@@ -200,7 +200,7 @@ mod tests {
 
     /// One input that distinguishes the functions is enough. All NaN together are one input.
     #[test]
-    fn sixteen_bits_are_few() {
+    fn functions_of_16_bits_are_compared_for_all_inputs() {
         let of = |body: &str| format!("fn f(x: f16) -> f16 {{ return {body}; }}");
         let all = |a: &str, b: &str| agree([&of(a), &of(b)]);
         assert_eq!(all("x + x", "2.0h * x"), Some(1 << 16));

@@ -299,7 +299,7 @@ mod tests {
 
     /// A problem has the number of its pass, and a byte range in the pass's text.
     #[test]
-    fn a_problem_has_its_pass_and_its_bytes() {
+    fn a_problem_of_a_job_names_its_pass_and_byte_range() {
         let mut job: Job = serde_json::from_str(JOB).expect("it is a job");
         let Work::Passes(passes) = &mut job.work else { unreachable!("it has passes") };
         let mut second = passes[0].clone();

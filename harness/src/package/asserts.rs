@@ -287,7 +287,7 @@ mod tests {
 
     /// In a text with values and a print, positions refer to the author's text.
     #[test]
-    fn values_beside_it_keep_their_places() {
+    fn places_beside_a_print_comment_are_those_of_the_source() {
         let written = "N;\n//karat: print N + x\nN N\n";
         let read = read(SourceFile::new("m.wgsl", written)).expect("it is one");
         let values = [("N".to_owned(), "100".to_owned())].into();

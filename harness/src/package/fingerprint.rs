@@ -451,7 +451,7 @@ mod tests {
     /// A checkout, or a rename across files, changes several modules at once. Karat describes each of them again.
     // Lesson 193
     #[test]
-    fn each_module_of_one_burst_is_described_again() {
+    fn modules_that_change_together_all_have_new_fingerprints() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let write = |name: &str, text: &str| {
             std::fs::write(folder.path().join(name), text).expect("written");

@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn values_say_what_a_name_is() {
+    fn declared_inputs_are_parsed_from_their_values() {
         use Declaration::{Elements, MultipleOf, Named, Range, Values};
         let length = |name: &str, less| End::Length(name.to_owned(), less);
         for (text, expected) in [
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_may_be_about_one_function() {
+    fn an_input_key_may_begin_with_a_function_name() {
         assert_eq!(scope("groups"), (None, "groups"));
         assert_eq!(scope("params.groups"), (None, "params.groups"));
         assert_eq!(scope("scan::main.params.groups"), (Some("scan::main"), "params.groups"));

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_whole() {
+    fn a_number_literal_is_one_token() {
         for number in ["0x1.8p-3", "0x1p4f", "0X.8P+1", "1e-5f", "1.", ".5h", "2147483648i", "1lf"]
         {
             assert_eq!(words(number), [number]);
@@ -161,7 +161,7 @@ mod tests {
 
     // Lesson 49: text is copied from the author's bytes
     #[test]
-    fn nothing_is_skipped() {
+    fn unknown_characters_are_tokens() {
         for text in ["x $", "'x'", "\u{0}", "\\", "a \u{fe0f} b", "\u{feff}a"] {
             assert!(lex(text).iter().any(|token| token.kind == Kind::Unknown), "{text:?}");
         }

@@ -55,7 +55,7 @@ mod tests {
     use super::plain;
 
     #[test]
-    fn comments_and_blanks_mean_nothing() {
+    fn comments_and_extra_blanks_are_removed_from_plain_text() {
         let text = "fn f() { // a\n    /* b /* c */ d */ return;\t}\n";
         assert_eq!(plain(text), "fn f() { return; }");
         assert_eq!(plain("a/**/b"), "a b", "a comment separates");

@@ -283,7 +283,7 @@ mod tests {
     /// The check detects each error that a faulty linker could make.
     // Lesson 50: edits are undone without the lexer
     #[test]
-    fn other_bytes_than_the_authors_are_seen() {
+    fn changes_of_the_source_bytes_are_detected() {
         let sound = spliced(ORIGINAL);
         let damage = |change: &dyn Fn(&mut Spliced)| {
             let mut spliced = sound.clone();

@@ -285,7 +285,7 @@ mod tests {
     use crate::reflect::Program;
 
     #[test]
-    fn both_packages_are_valid() {
+    fn the_packages_karat_and_wgsl_test_are_valid() {
         for name in ["karat", "wgsl_test"] {
             let expectations = expectation::package(name).expect("it is there");
             let package = Package::from_source(name, expectations.text.as_str());

@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn kinds_are_apart_and_only_what_may_be_stale_is_forgotten() {
+    fn a_refresh_clears_only_cached_values_that_may_be_stale() {
         keep::<Lasting>(1, "one");
         keep::<Passing>(1, "other");
         assert_eq!((get::<Lasting>(&1), get::<Passing>(&1)), (Some("one"), Some("other")));

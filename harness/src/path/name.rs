@@ -365,7 +365,7 @@ mod tests {
 
     /// The web paths have short names, because their programs are part of Karat.
     #[test]
-    fn the_web_has_paths_of_its_own() {
+    fn dawn_and_chromium_are_short_names_of_paths() {
         for name in ["dawn", "chromium"] {
             let path: Path = name.parse().expect("it is a path");
             assert_eq!((path.api(), path.driver()), (Api::Process, Some(name)));

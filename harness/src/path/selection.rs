@@ -259,7 +259,7 @@ mod tests {
     /// A path with a driver's name uses an adapter of that family, even if its API has other adapters. A missing route
     /// or driver is an error. Karat doesn't replace it by another one.
     #[test]
-    fn a_path_is_of_the_driver_that_it_names() {
+    fn a_path_opens_only_the_driver_that_it_names() {
         let here = Path::ALL.into_iter().filter_map(|path| open(path).ok());
         for device in here {
             let family = device.adapter().family();

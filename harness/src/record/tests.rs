@@ -157,7 +157,7 @@ fn tests_whose_frames_were_left_out_are_known() {
 
 /// The name in `last` can only select a folder beside `last`.
 #[test]
-fn the_name_of_the_last_run_leads_nowhere_else() {
+fn the_file_last_can_only_name_a_folder_beside_it() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
     let records = temporary.path().join("record");
     for (name, is_run) in [("run-12-0", true), ("run-../x", false), ("../x", false), ("", false)] {

@@ -66,7 +66,7 @@ mod tests {
     use crate::package::Package;
 
     #[test]
-    fn elements_go_by_their_paths() {
+    fn elements_of_memory_are_named_by_their_member_paths() {
         let text = "struct Item { id: u32, at: vec3f, turn: mat3x3f, tail: array<vec2<i32>, 2> }\n\
                     var<workgroup> tile: array<Item, 4>;\nvar<workgroup> flag: bool;\n\
                     @compute @workgroup_size(1) fn main() { tile[0].id = 1u; flag = true; }";

@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn lanes_survive_their_bytes() {
+    fn values_round_trip_through_their_bytes() {
         let wgsl = "struct T { m: mat3x3<f32>, a: array<vec2<u32>, 2> }\n\
                     struct S { a: f32, b: vec3<f32>, c: array<T, 1>, rest: array<vec3<f32>> }\n\
                     @group(0) @binding(0) var<storage, read> s: S;";

@@ -477,7 +477,7 @@ mod tests {
 
     /// If all paths stop for the same reason, there is one error. Otherwise the message lists each path.
     #[test]
-    fn paths_stop_alike_for_one_reason() {
+    fn paths_that_stop_for_the_same_reason_give_one_error() {
         let of = |asked: usize, reasons: &[&'static str]| {
             let stopped = reasons.iter().enumerate();
             let stopped =
@@ -505,7 +505,7 @@ mod tests {
     /// If a path is declared twice, its reason is both reasons. If one of them is empty, the whole reason is
     /// empty.
     #[test]
-    fn reasons_add_up() {
+    fn reasons_of_a_path_declared_twice_are_joined() {
         let of = |declared: &[(&'static str, &str)]| {
             let mut all = KnownIssues::default();
             declared.iter().for_each(|(on, reason)| all.declare((*on).into(), reason));
@@ -601,7 +601,7 @@ mod tests {
 
     /// The test may add results of the same path several times. Each result counts.
     #[test]
-    fn answers_add_up() {
+    fn several_results_of_one_path_all_count() {
         let stops = |path: &str| Conclusion::<(), Error> {
             asked: 1,
             stopped: vec![(adapter(path), Error::Other("lost"))],

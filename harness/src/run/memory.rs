@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn entries_are_lines() {
+    fn a_remembered_failure_round_trips_as_one_line() {
         let line = entry(&[0x3f80_0000, 0]).line();
         let expected = "m::f agrees_with gl 3f800000,00000000 0x12:7:3.0 # x = 1, y = (0, # 2)";
         assert_eq!(line, expected);
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn tests_have_files() {
+    fn each_test_has_its_own_file_name_for_failures() {
         assert_eq!(file_name("a::b::test_1"), "a__b__test_1");
         assert_eq!(file_name("main/.."), "main---");
         let [one, other] = ["a", "b"].map(|end| file_name(&("n".repeat(900) + end)));

@@ -139,7 +139,7 @@ mod tests {
 
     // Lesson 203
     #[test]
-    fn an_answer_is_about_its_question() {
+    fn an_answer_of_tint_to_another_question_is_refused() {
         let text = "fn f() {}";
         let line = |id: u64, sum: u32| {
             format!("{{\"id\":{id},\"sum\":{sum},\"messages\":[],\"pipelines\":[]}}")

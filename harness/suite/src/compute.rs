@@ -319,7 +319,7 @@ impl Assertion {
         self.what.key()
     }
 
-    /// The name of the check in records.
+    /// The name that the check has in records.
     pub(crate) fn check(&self) -> String {
         self.own(self.key())
     }
@@ -406,7 +406,7 @@ impl Assertion {
         tolerance(text).map_err(Misdeclared::of("tolerance"))
     }
 
-    /// The passes over the bound resources. `last` may replace the last pass.
+    /// Binds the resources and adds the passes. The entry point `last` may replace the last pass.
     fn compute<'p>(
         &self,
         package: &'p Package,
@@ -416,7 +416,7 @@ impl Assertion {
         let mut bound: BTreeMap<&str, bool> =
             self.declared.with.keys().map(|name| (&**name, false)).collect();
         let mut known = Vec::new();
-        // A missing pass might read any resource.
+        // An entry point that doesn't exist might read any resource.
         let mut unread = false;
         let count = self.passes.len();
         for (index, (name, groups)) in self.passes.iter().enumerate() {

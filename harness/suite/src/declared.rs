@@ -33,21 +33,21 @@
 //!
 //! | assertion | holds if |
 //! |---|---|
-//! | `agrees_with = "f"` | another function, which Karat's engine executes in `f64`, returns the same |
-//! | `table = "file.csv"` | each row's result is the one in the row |
-//! | `golden = "name"` | each result equals the one when `golden/name.csv` was accepted |
+//! | `agrees_with = "f"` | the results equal those of another function, which Karat's engine executes in `f64` |
+//! | `table = "file.csv"` | the results equal those in the file; each row has the arguments and the result of one call |
+//! | `golden = "name"` | the results equal the accepted ones in `golden/name.csv` |
 //! | `equals = 1.0` | each result is this value |
-//! | `finite = true` | no component is NaN or infinite |
+//! | `finite = true` | no component of a result is NaN or infinite |
 //! | `unit = true` | each result is a vector of length 1 |
 //! | `perpendicular_to = "n"` | each result is a vector at right angles to this argument |
-//! | `right_handed_frame = true` | each result is three unit vectors at right angles, the third being the cross product of the first two |
-//! | `in_range = "0..1"` or `[0, 1]`, `in_range = "0..<1"` | each component lies in the range; `..<` excludes the end |
+//! | `right_handed_frame = true` | each result has three unit vectors at right angles, and the third is the cross product of the first two |
+//! | `in_range = "0..1"` or `[0, 1]`, `in_range = "0..<1"` | each component of a result is in the range; `..<` excludes the end |
 //! | `symmetric_in = ["v", "l"]` | swapping the two arguments doesn't change the result |
 //! | `monotone = { x = "increasing" }` | the result never falls as `x` rises |
-//! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
-//! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction; `at_most` in place of `equals` |
-//! | `no_hazards = true` | nothing inside becomes NaN or infinite, or loses half its digits |
-//! | `no_hazards = ["nan", "out_of_range"]` | nothing inside has a hazard of these kinds |
+//! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches 1 as `alpha` goes to 0 |
+//! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, which is a direction, is 1; `at_most` sets an upper bound instead |
+//! | `no_hazards = true` | no value in the function becomes NaN or infinite, or loses half of its digits |
+//! | `no_hazards = ["nan", "out_of_range"]` | no operation in the function has a hazard of these kinds |
 //!
 //! An entry point is a function, too: `function = "fs_main"`, over its inputs. Compute passes are dispatched:
 //!
@@ -64,16 +64,16 @@
 //!
 //! | assertion of a resource | holds if |
 //! |---|---|
-//! | `equals = [1, 2]` | it holds this value; a single number is the value of each component |
-//! | `table = "file.csv"` | each element is a row, of the columns `x,y,z` or `value` |
-//! | `golden = "name"` | its content equals that when `golden/name.csv` was accepted |
-//! | `agrees_with = "entry"` | with another entry point in place of the last one, dispatched in Karat's engine, the content is the same |
-//! | `sorted = true` | its elements rise; `"descending"`: they fall |
-//! | `sum_of = "input"` | its numbers have the same sum as those of a buffer before the passes |
-//! | `permutation_of = "input"` | its elements are those of a buffer before the passes, in any order |
-//! | `unchanged = true` | its content doesn't change |
-//! | `written = true` | some invocation writes each element of the buffer, or texel of the texture, the last ones included |
-//! | `in_range = [0, 1]`, `finite = true` | as for functions |
+//! | `equals = [1, 2]` | the resource has this value; a single number is the value of each component |
+//! | `table = "file.csv"` | the elements equal the rows of the file, whose columns are `x,y,z` or `value` |
+//! | `golden = "name"` | the contents equal the accepted ones in `golden/name.csv` |
+//! | `agrees_with = "entry"` | another entry point in place of the last one, which Karat's engine runs, writes the same contents |
+//! | `sorted = true` | the elements are in ascending order; with `"descending"`, in descending order |
+//! | `sum_of = "input"` | the numbers have the same sum as those that the buffer `input` contains before the passes |
+//! | `permutation_of = "input"` | the elements are those that the buffer `input` contains before the passes, in any order |
+//! | `unchanged = true` | the passes don't change the contents |
+//! | `written = true` | the invocations write each element of the buffer, or each texel of the texture |
+//! | `in_range = [0, 1]`, `finite = true` | each component is in the range, or finite |
 //!
 //! `no_hazards = true`, or a list of kinds, beside `entry` asserts that no operation in the passes gives NaN or an
 //! infinity, or divides by 0. Without a `tolerance`, numbers are compared exactly. The sanitizer checks the passes of
@@ -855,7 +855,7 @@ mod tests {
              monotone = { x = \"increasing\" }\n[[test]]\nname = \"mine\"\nfunction = \"a::g\"\n\
              limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }\n",
         );
-        let names = names.expect("it reads");
+        let names = names.expect("valid tests");
         assert_eq!(
             names,
             [

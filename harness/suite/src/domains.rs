@@ -1,12 +1,12 @@
 //! Parses the domains of arguments.
 //!
-//! | for | is |
+//! | type | domain |
 //! |---|---|
-//! | a number | `"0..1"` (closed), `0.5`, `[0, 0.5, 1]` (each of them), `"any"` |
-//! | a vector or matrix | as for a number, for each component; or one of these for each component in a list; `"unit_vector"`, `"hemisphere"`, `"hemisphere above 0.01"` (`z` of at least 0.01), `"unit_rgb"`; `"sphere 2"` (of that length), `"ball 2"` (up to that length); `{ perpendicular_to = "n" }`, a unit vector at right angles to another one |
-//! | any of these | `{ one_of = [[0, 0, 1], [1, 0, 0]] }` |
-//! | a struct | a table of its members |
-//! | what varies from pixel to pixel, where the function takes derivatives | any of these; or `{ value = "0..1", dx = 0.1, dy = 0 }` |
+//! | a number | `"0..1"` (with both ends), `0.5`, `[0, 0.5, 1]` (each of these), `"any"` |
+//! | a vector or matrix | a number's domain for all components; a list with a number's domain for each component; `"unit_vector"`, `"hemisphere"`, `"hemisphere above 0.01"` (`z` is at least 0.01), `"unit_rgb"`; `"sphere 2"` (of length 2), `"ball 2"` (of length 2 or less); `{ perpendicular_to = "n" }`, a unit vector at right angles to another vector |
+//! | any type | `{ one_of = [[0, 0, 1], [1, 0, 0]] }` |
+//! | a struct | a table with a domain for each member |
+//! | any type, if the function takes derivatives | any domain; or `{ value = "0..1", dx = 0.1, dy = 0 }` with the change to the next pixel |
 //!
 //! If a test doesn't set an argument's domain, Karat takes the domain from `[inputs]` in `karat.toml`. Otherwise Karat
 //! derives the domain from the argument's name and type, as `karat hazards` does: `n` is a unit vector, `roughness` is

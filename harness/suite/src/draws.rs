@@ -168,7 +168,7 @@ impl Declared {
         vertex: &str,
         folder: &Path,
     ) -> Result<Mesh, Misdeclared> {
-        let file = self.mesh_file(folder).expect("it is asked for");
+        let file = self.mesh_file(folder).expect("the draw has a mesh");
         let wrong = |message: String| Misdeclared::of("mesh")(message);
         let inputs = program.located_inputs(vertex);
         let first = inputs.iter().find(|input| input.location == 0);

@@ -13,7 +13,7 @@ use karat::unstable::package::unsaved_of;
 use crate::declared;
 use crate::{Broken, Kind, Suite, Test, Wrong};
 
-/// The reason why the search for tests failed.
+/// The reason why no tests were found.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FindError {

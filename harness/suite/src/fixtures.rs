@@ -1,13 +1,13 @@
 //! The fixtures that a declared test or a command binds: textures, samplers and buffers.
 //!
-//! | for | is |
+//! | variable | value |
 //! |---|---|
-//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, of zeros, or with a `value`, or a `range` and a `seed` |
-//! | a texture array, a 3D texture, a cube map | a list of images or colours for its layers, slices or faces; or the value of each texel |
-//! | a cube map of floats | any of these, or `"equirectangular.exr"` |
+//! | a 2D texture | `"image.exr"` or `"image.png"`; the value of all texels: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, whose texels are zeros, copies of a `value`, or samples from a `range` with a `seed` |
+//! | a texture array, a 3D texture, a cube map | a list of images or colours for its layers, slices or faces; or the value of all texels |
+//! | a cube map of floats | the values of other cube maps, or `"equirectangular.exr"` |
 //! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; for a comparison sampler `"linear less_equal"` |
-//! | an array without a length | `{ size = 256 }`, of zeros (the last line of a run counts checks whose passes read such elements before they write them); `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
-//! | a buffer | its value: numbers, lists, or tables of members, the last of which may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
+//! | a runtime-sized array | `{ size = 256 }`, whose elements are zeros (the last line of a run counts the checks whose passes read such elements before they write them); `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
+//! | a buffer | a number, a list, or a table of members, the last of which may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
 //! A depth texture takes its texels from the red channel of an image. A PNG has colours in sRGB. Karat converts them to
 //! linear colours, as textures with an sRGB format do; `"normals.png linear"` prevents that. Depths and integers are
@@ -710,7 +710,7 @@ mod tests {
     fn the_last_array_of_a_structure_has_a_size() {
         let text = "struct All { count: u32, items: array<vec2f> }
                     @group(0) @binding(0) var<storage> v: All; fn f() -> f32 { return v.items[0].x; }";
-        let probed = Probed::new(&Package::from_source("bound", text), "f").expect("it is valid");
+        let probed = Probed::new(&Package::from_source("bound", text), "f").expect("valid WGSL");
         let of = |value: &str| {
             let table: toml::Table = format!("v = {value}").parse().expect("TOML");
             fixture(probed.program(), &probed.function().bindings[0], &table["v"], Path::new(""))
@@ -738,7 +738,7 @@ mod tests {
         let of = |seed: u32| {
             let table = format!("size = 256\nrange = \"0..99\"\nseed = {seed}").parse();
             let element = Shape::Scalar(Scalar::U32);
-            spread("v", (&element, 0), &table.expect("TOML")).expect("it fits")
+            spread("v", (&element, 0), &table.expect("TOML")).expect("valid values")
         };
         let words = of(7);
         assert_eq!(words.len(), 256);
@@ -758,7 +758,7 @@ mod tests {
             multisampled: false,
         };
         let of = |kind, text: &str| {
-            let layers = sized("v", kind, &text.parse().expect("TOML")).expect("it fits");
+            let layers = sized("v", kind, &text.parse().expect("TOML")).expect("valid values");
             layers.into_iter().flat_map(|layer| layer.texels).collect::<Vec<_>>()
         };
         let colours = of(float, "size = [8, 4, 2]\nrange = [\"0..1\", 5, \"2..3\", 1]");
@@ -783,7 +783,7 @@ mod tests {
         let of = |value: &str| {
             let text = "@group(0) @binding(0) var<uniform> v: array<vec4u, 3>; fn f() -> u32 { return v[0].x; }";
             let probed =
-                Probed::new(&Package::from_source("bound", text), "f").expect("it is valid");
+                Probed::new(&Package::from_source("bound", text), "f").expect("valid WGSL");
             let table: toml::Table = format!("v = {value}").parse().expect("TOML");
             fixture(probed.program(), &probed.function().bindings[0], &table["v"], Path::new(""))
         };

@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn members_are_given_once() {
         let text = r#"{"a": [1, -2, 0.5, true, null, "x"], "b": {"a": 1e3}}"#;
-        let plain: Value = serde_json::from_str(text).expect("it is JSON");
+        let plain: Value = serde_json::from_str(text).expect("valid JSON");
         assert_eq!(json(text).expect("nothing is given twice"), plain);
         for twice in [r#"{"a": 1, "a": 1}"#, r#"[{"b": {"a": 1, "c": 2, "a": 3}}]"#] {
             let error = json(twice).expect_err("`a` has two values").to_string();

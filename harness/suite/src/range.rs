@@ -91,7 +91,7 @@ mod tests {
     use super::Range;
 
     #[test]
-    fn a_text_has_its_end_or_not() {
+    fn a_range_may_include_or_exclude_its_upper_end() {
         let bounds =
             |text: &str| Range::try_from(toml::Value::from(text)).map(|one| one.to_string());
         assert_eq!(bounds("0..1").as_deref(), Ok("[0, 1]"));

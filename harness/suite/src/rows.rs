@@ -90,7 +90,7 @@ mod tests {
 
     // Lesson 194
     #[test]
-    fn comments_stand_above_the_head() {
+    fn comment_lines_before_the_header_of_a_table_are_skipped() {
         assert_eq!(head_of(b"# facts\r\n\n#\nx,result\n#1,2\n"), 12);
         assert_eq!((head_of(b"x\n"), head_of(b"# no head"), head_of(b"")), (0, 9, 0));
         let text = b"x\n\r\n#1\n2\n";

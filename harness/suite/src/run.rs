@@ -524,7 +524,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                 return Err(Misdeclared::of("over")(wrong));
             }
             let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), assertion)?;
-            let value = is.as_ref().or(at_most.as_ref()).expect("one of them");
+            let value = is.as_ref().or(at_most.as_ref()).expect("an expected value");
             let expected = wide(&result, value, near)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             match is {
@@ -553,7 +553,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     }
 }
 
-/// A check with the settings that a test has for all of its assertions.
+/// Adds the settings that all assertions of a test share.
 fn settled<'p>(
     mut check: Check<'p, Calls<Words>>,
     Assertion { test, what, .. }: &Assertion,
@@ -584,7 +584,7 @@ fn settled<'p>(
     Ok(check)
 }
 
-/// The position of a parameter, and its first lane.
+/// The position of a parameter, and the index of its first lane.
 fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), String> {
     let known = || parameters.iter().map(|(name, _)| &**name);
     let Some(at) = known().position(|known| known == name) else {
@@ -593,7 +593,7 @@ fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), S
     Ok((at, parameters[..at].iter().map(|(_, shape)| shape.lanes().len()).sum()))
 }
 
-/// The lanes of an expected value in `f64`. A single number sets each component.
+/// The lanes of an expected value in `f64`. A single number is the value of each component.
 pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f64>, String> {
     let scalars = shape.lanes();
     let meant = |(scalar, value): (&Scalar, f64)| numbers::meant(*scalar, value, wanted);
@@ -624,7 +624,7 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
     if let Some(list) = list.filter(|list| list.len() == scalars.len()) {
         return scalars.iter().zip(list).map(|(scalar, number)| expect(scalar, number)).collect();
     }
-    // Structs, arrays and matrices: the values that the shader would have.
+    // For structs, arrays and matrices, the lanes have the values that the shader would have.
     let words = lanes(shape, value)?;
     Ok(scalars.iter().zip(words).map(|(scalar, word)| scalar.decode(word)).collect())
 }
@@ -639,7 +639,7 @@ fn bound(
     let known = || bindings.iter().map(Binding::name);
     let mut all = Vec::new();
     for (name, value) in with {
-        // By the name in its module, or the path in messages.
+        // The key is the name in the variable's module, or the path that messages use.
         let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
         let Some(binding) = bindings.iter().find(is_it) else {
             let message = match bindings {
@@ -655,14 +655,14 @@ fn bound(
     Ok(all)
 }
 
-/// A frame, and the key of a function that doesn't exist.
+/// A frame. If one of its functions doesn't exist, also the key with the function's name.
 type Drawn<'p> = (Option<String>, Result<karat::Frame<'p>, FrameError>);
 
 impl Suite {
-    /// The frame of a `[[frame]]` by name; `None` if there is none.
+    /// The frame of the `[[frame]]` with this name; `None` if there is no such frame.
     ///
     /// # Errors
-    /// If its declaration is wrong.
+    /// If the frame's declaration is wrong.
     #[must_use]
     pub fn frame(&self, name: &str) -> Option<Result<karat::Frame<'_>, Wrong>> {
         let mut tests = self.tests.iter();
@@ -678,11 +678,11 @@ impl Suite {
         })
     }
 
-    /// The passes of a `[[compute]]` whose last entry point has this name, with or without its module; `None` if there
-    /// are none.
+    /// The passes of the `[[compute]]` whose last entry point has this name, with or without its module. `None` if
+    /// there is no such `[[compute]]`.
     ///
     /// # Errors
-    /// If their declaration is wrong.
+    /// If the declaration is wrong.
     #[must_use]
     pub fn compute(&self, name: &str) -> Option<Result<karat::compute::Compute<'_>, Wrong>> {
         let is_it = |path: &str| path == name || path.rsplit("::").next() == Some(name);
@@ -708,7 +708,7 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
     let [width, height] = declared.size.0;
     let program = match Program::of_module(package, module) {
         Ok(program) => program,
-        // Invalid WGSL is reported at its own place.
+        // The error of invalid WGSL has its own position.
         Err(error) if error.diagnostic().is_some() => {
             return Ok((None, Err(DrawError::from(error).into())));
         }
@@ -757,13 +757,13 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
         frame = frame.with_override(name, value.number());
     }
     for (number, draw) in draws.iter().enumerate() {
-        // If a function doesn't exist, drawing reports it.
+        // If the function doesn't exist, drawing reports it.
         let drawn = draw.draw(&program, &declared.folder, unknown.is_some());
         let drawn = drawn.map_err(|wrong| wrong.below(&format!("draws.{number}")))?;
         frame = frame.draw(drawn);
     }
     frame = frame.declared_at(&at.to_string());
-    // The inputs of a function that doesn't exist are unknown; drawing reports it.
+    // If a function doesn't exist, its inputs are unknown, and drawing reports it.
     if unknown.is_none() {
         let all = bound(&program, &bindings, &declared.with, &declared.folder);
         for (name, fixture) in all? {

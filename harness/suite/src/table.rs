@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn columns_come_in_any_order() {
-        let table = of("v.y, result, a, v.x\n2, 0.1, 1, 3\n").expect("it reads");
+        let table = of("v.y, result, a, v.x\n2, 0.1, 1, 3\n").expect("a valid table");
         let words = [1.0_f32, 3.0, 2.0].map(f32::to_bits).to_vec();
         assert_eq!(
             (table.rows[0].clone(), table.expected[&words].clone()),
@@ -229,13 +229,13 @@ mod tests {
             std::fs::write(&file, text).expect("a file");
             elements(&file, &Shape::Scalar(scalar), Wanted::Equal)
         };
-        assert_eq!(of("value\n1\n2\n", Scalar::U32).expect("it reads"), [1.0, 2.0]);
+        assert_eq!(of("value\n1\n2\n", Scalar::U32).expect("a valid table"), [1.0, 2.0]);
         for (text, scalar) in [
             ("value\n1\n\n5.5\n", Scalar::U32),
             ("value\n1\n\nnan\n", Scalar::F32),
             ("value\n1\n\nx\n", Scalar::F32),
         ] {
-            let wrong = of(text, scalar).expect_err("nothing equals it");
+            let wrong = of(text, scalar).expect_err("no value can equal it");
             assert!(wrong.place.is_some_and(|place| place.ends_with(":4:1")), "{text}");
         }
     }

@@ -372,7 +372,7 @@ fn copies_have_attributes_and_numbers() {
 /// On wgpu's GL, shaders see other instance and vertex indices if these don't begin at 0.
 // Lesson 131
 #[test]
-fn numbers_begin_where_a_draw_says() {
+fn instance_and_vertex_indices_begin_at_the_given_offset() {
     if karat::unstable::path::adapter(Path::VULKAN).is_err() {
         return;
     }

@@ -251,7 +251,7 @@ fn overrides_are_set() {
 /// Each case starts with the same storage. The storage after the case is a result.
 // Lesson 124
 #[test]
-fn written_storage_is_a_result_and_starts_anew() {
+fn each_case_begins_with_the_same_storage_and_returns_its_content() {
     let package = check(
         "struct Bins { total: atomic<u32>, count: array<atomic<u32>> }\n\
          @group(0) @binding(0) var<storage, read_write> bins: Bins;\n\

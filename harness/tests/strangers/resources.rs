@@ -58,7 +58,7 @@ fn samplers_clamp_repeat_and_mirror() {
 /// A check fails if the sampler clamps instead of repeating.
 // Lesson 119
 #[test]
-fn a_sampler_that_is_taken_for_another_is_seen() {
+fn a_wrong_sampler_fails_the_check() {
     let package = package("", SAMPLED);
     let repeated = |uv: DVec2| nearest(uv, |texel| texel.rem_euclid(4.0));
     for wrong in [Sampler::NEAREST, Sampler::NEAREST.mirror(), Sampler::LINEAR.repeat()] {

@@ -226,7 +226,7 @@ fn values_that_can_never_agree_are_errors() {
 }
 
 #[test]
-fn a_failure_that_is_declared_leaves_nothing_to_be_looked_at() {
+fn a_declared_failure_leaves_no_pending_file() {
     let (project, case) = (Project::new(), "values/known");
     over(&curve("2.0"))
         .unrecorded()

@@ -1,7 +1,7 @@
 //! Checks many translations with one process of a tool.
 //!
-//! glslang spends most of its time on GLSL's own declarations before it reads a shader. One process checks ten files in
-//! the time of two processes.
+//! glslang spends most of its time on parsing GLSL's built-in declarations, before it reads a shader. One process
+//! checks ten files in the time that two processes need for two files.
 
 use std::io;
 use std::process::Command;
@@ -14,10 +14,10 @@ use crate::{Stage, Target, Tool, Translation, Validation, Verdict};
 const FILES: usize = 32;
 
 impl Tool {
-    /// Checks several translations, with the results of [`validate`](Self::validate) and fewer processes.
+    /// Checks several translations in fewer processes. The results are those of [`validate`](Self::validate).
     ///
     /// # Errors
-    /// As [`validate`](Self::validate), for each translation.
+    /// As [`validate`](Self::validate) for each translation.
     pub fn validate_all(&self, translations: &[&Translation]) -> Vec<io::Result<Validation>> {
         let mut said: Vec<Option<io::Result<Validation>>> =
             translations.iter().map(|_| None).collect();

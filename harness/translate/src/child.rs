@@ -1,4 +1,4 @@
-//! Runs other programs, each in its own process with a time limit. A crash or a timeout counts as a verdict.
+//! Runs other programs, each in its own process and with a time limit. A crash or a timeout counts as a result.
 
 use std::io::{self, Read, Seek};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -147,7 +147,7 @@ mod tests {
         let slow = shell_for("exec sleep 60", Duration::from_millis(300));
         assert_eq!((slow.end, slow.broke().is_some()), (End::TimedOut, true));
         assert_eq!((good.broke(), bad.broke()), (None, None));
-        assert_eq!(shell("exec cat").end, End::Good, "there is no input to wait for");
+        assert_eq!(shell("exec cat").end, End::Good, "the standard input is empty");
     }
 
     // Lesson 117
@@ -156,7 +156,7 @@ mod tests {
         let ran = shell("exec yes 0123456789");
         assert_eq!(ran.end, End::TooMuch);
         assert!(ran.output.len() < 2 * MOST_KEPT as usize, "{} bytes", ran.output.len());
-        assert!(ran.output.ends_with("bytes more"), "nothing is left out in silence");
+        assert!(ran.output.ends_with("bytes more"), "the output counts the missing bytes");
         let long = shell("yes 0123456789 | head -c 100000");
         assert_eq!(long.end, End::Good);
         assert!(long.output.ends_with("... and 34464 bytes more"), "{}", long.output.len());
@@ -165,7 +165,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn child_processes_end_with_their_parent() {
-        // Enough time for the shell to print the process id.
+        // The time limit leaves the shell enough time to print the process id.
         let ran = shell_for("sleep 600 & echo $!; wait", Duration::from_secs(2));
         assert_eq!(ran.end, End::TimedOut);
         assert!(ran.output.parse::<u32>().is_ok(), "no process in {:?}", ran.output);

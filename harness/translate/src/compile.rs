@@ -41,7 +41,7 @@ pub enum CompileError {
         /// The compiler's message.
         message: String,
     },
-    /// The compiler crashed, didn't end, or wrote no SPIR-V.
+    /// The compiler crashed, took too long, or wrote no SPIR-V.
     #[error("`{command}` {how} on naga's {target}:\n{message}")]
     Broke {
         /// The language.
@@ -71,7 +71,7 @@ pub enum CompileError {
         /// The members with different offsets.
         message: String,
     },
-    /// The compiler can't be run.
+    /// The compiler didn't start.
     #[error("`{command}` can't be run: {message}")]
     Unrunnable {
         /// The compiler's command line.

@@ -26,7 +26,7 @@ pub enum TranslateError {
         /// naga's message.
         message: String,
     },
-    /// naga panicked.
+    /// naga panicked while it wrote the translation.
     #[error("naga panics as it writes {target}: {message}")]
     Panicked {
         /// The language.
@@ -94,7 +94,7 @@ pub struct EntryPoint {
     pub name: String,
 }
 
-/// A valid shader, with naga's analysis.
+/// A valid shader as naga's module, with naga's analysis of it.
 #[derive(Debug)]
 pub struct Shader {
     pub(crate) module: Module,
@@ -204,7 +204,7 @@ impl Shader {
     /// Executors that run naga's modules use it.
     ///
     /// # Errors
-    /// If there is no such entry point.
+    /// If the shader has no such entry point.
     pub fn as_it_is(&self, text: &str, entry_point: &str) -> Result<Translation, TranslateError> {
         let one = self.entry_points().into_iter().find(|one| one.name == entry_point);
         let one = one.ok_or_else(|| TranslateError::NoEntryPoint(entry_point.to_owned()))?;

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use crate::child::{self, End, Ran};
 use crate::{Code, EntryPoint, Shader, Target, Translation, compile};
 
-/// The verdict of a tool on a translation.
+/// A tool's verdict on a translation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The tool accepts the translation.
@@ -53,7 +53,7 @@ struct Known {
     /// with this name prints.
     asked: &'static [&'static str],
     says: &'static str,
-    /// Instructions to install it.
+    /// Instructions to install the tool.
     remedy: &'static str,
     /// The languages for which one process of the tool checks several files, and prints the name of each.
     several: &'static [Target],
@@ -135,7 +135,7 @@ static KNOWN: [Known; 6] = [
         },
     },
     Known {
-        // Debian has another program with this name: a panel for desktops.
+        // Debian has another program with this name, a desktop panel.
         name: "tint",
         targets: &[Target::Wgsl],
         asked: &["--help"],

@@ -95,7 +95,7 @@ fn translations_of_naga_are_valid_for_the_installed_tools() {
             }
         }
     }
-    assert!(asked.contains(&"naga"), "naga is always here");
+    assert!(asked.contains(&"naga"), "naga is always available");
     let read = Tool::naga().validate(&translate(Target::Spirv, "add")).expect("naga runs");
     assert_eq!(read.verdict, Verdict::Valid);
 }
@@ -174,7 +174,7 @@ fn immediates_are_written() {
 /// affect the others.
 // Lesson 116
 #[test]
-fn several_are_judged_as_each_alone() {
+fn translations_checked_together_have_the_verdicts_of_each_alone() {
     for target in Target::ALL {
         let good = translate(target, "add");
         let mut bad = good.clone();

@@ -211,7 +211,7 @@ pub(super) fn linked(run: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 fn unread(run: &Path) -> String {
-    format!("can't read what tests used in `{}`", run.display())
+    format!("can't read which packages the tests used in `{}`", run.display())
 }
 
 /// Returns the packages with the features that the tests of a run used.

@@ -288,7 +288,7 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
                 let remedy = remedy.as_deref().unwrap_or_default();
                 writeln!(
                     out,
-                    "{name:<16} {judges}\n{DIM}                 not here: {missing}; {remedy}{DIM:#}"
+                    "{name:<16} {judges}\n{DIM}                 not installed: {missing}; {remedy}{DIM:#}"
                 )?;
             }
         }

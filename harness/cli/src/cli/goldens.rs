@@ -44,7 +44,9 @@ impl FolderArgs {
         let others: Vec<String> = others.map(|other| shown(other)).collect();
         anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
         for other in others.iter().filter(|other| has_pending(other)) {
-            tell(&format!("note: `{other}` has pending frames, too: name it with --goldens"));
+            tell(&format!(
+                "note: `{other}` has pending frames, too: name that folder with --goldens"
+            ));
         }
         Ok(folder)
     }
@@ -66,7 +68,9 @@ impl FolderArgs {
         }
         for other in all.iter().skip(1) {
             let other = shown(&other.folder());
-            tell(&format!("note: `{other}` has pending frames, too: name it with --goldens"));
+            tell(&format!(
+                "note: `{other}` has pending frames, too: name that folder with --goldens"
+            ));
         }
         Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }
@@ -145,16 +149,16 @@ pub(super) struct AcceptArgs {
     /// Names or globs of pending frames; `crate::name` selects frames of one crate
     #[arg(required = true)]
     frames: Vec<String>,
-    /// Keeps this reason with the golden: why the new image is right
+    /// Stores this reason with the golden: why the new image is right
     #[arg(long, value_name = "REASON", alias = "reason")]
     because: String,
-    /// Keeps this name with the golden: who accepted it [default: Git's user.name, else the login name]
+    /// Stores this name with the golden: who accepted it [default: Git's user.name, else the login name]
     #[arg(long, value_name = "NAME")]
     by: Option<String>,
     /// Accepts a frame even if another driver than lavapipe rendered it
     #[arg(long)]
     any_adapter: bool,
-    /// Makes the frame the golden of this profile alone, such as `gl-llvmpipe`, if the golden for all profiles fails
+    /// Makes the frame the golden only for this profile, such as `gl-llvmpipe`, if the golden for all profiles fails
     /// there
     #[arg(long, value_name = "PROFILE")]
     profile: Option<String>,

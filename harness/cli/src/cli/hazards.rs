@@ -218,7 +218,7 @@ fn write_text(
         write_reasons(skipped, out)?;
     }
     for functions in &hazards.needless {
-        let why = "that hazard isn't a fault, so delete the line";
+        let why = "that hazard isn't a fault, so the acceptance isn't needed";
         writeln!(out, "{DIM}karat.toml accepts a hazard of {functions}: {why}{DIM:#}")?;
     }
     write_drawn(drawn, all, out)?;

@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_paths_of_the_second_driver_ask_for_it() {
+    fn the_second_driver_is_loaded_only_for_its_paths() {
         let named = |words: &[&str]| is_named(words.iter().map(|word| OsString::from(*word)));
         assert!(named(&["test", "--paths", "vulkan,vulkan@swiftshader"]));
         assert!(named(&["matrix", "--columns=vulkan:spirv@swiftshader"]));

@@ -28,7 +28,7 @@ pub(super) struct Args {
     name: String,
     /// The image to compare: EXR, or PNG, which is made linear
     image: PathBuf,
-    /// Keeps the name of the program that drew the image
+    /// Stores the name of the program that drew the image
     #[arg(long, value_name = "PROGRAM", default_value = "another program")]
     by: String,
     #[command(flatten)]

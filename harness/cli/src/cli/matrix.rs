@@ -79,7 +79,7 @@ fn requirement(text: &str) -> Result<(String, Status), String> {
 fn bound(text: &str) -> Result<f64, String> {
     let bound = text.parse().map_err(|_| "a bound is a number such as 1e-3")?;
     let usable = |bound: &f64| *bound >= 0.0 && bound.is_finite();
-    Some(bound).filter(usable).ok_or_else(|| "a bound is a number from 0 on".to_owned())
+    Some(bound).filter(usable).ok_or_else(|| "a bound is a number of at least 0".to_owned())
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {

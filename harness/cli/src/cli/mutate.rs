@@ -440,7 +440,7 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
             vec![format!("{tests}; no difference found in {}", counted(*cases, "input"))]
         }
         Lived::Sampler => vec![format!(
-            "{tests}; sample between texels for the filter, and beyond the edge for the address"
+            "{tests}; sample between texels to test the filter, and beyond the edge to test the address mode"
         )],
         Lived::Unknown { reason } => vec![format!("{tests}; {reason}")],
     }
@@ -526,9 +526,13 @@ fn parts(
             let tests = counted(unfit.len(), "test");
             let fail = if unfit.len() == 1 { "fails" } else { "fail" };
             let named = some(&unfit);
-            parts.push(format!("{tests} in Rust {fail} anyway, and not by a check: {named}"));
+            parts.push(format!(
+                "{tests} in Rust {fail} without a mutant, and not by a check: {named}"
+            ));
         }
-        None if is_cargo => parts.push("tests in Rust weren't run: name no folder".to_owned()),
+        None if is_cargo => {
+            parts.push("tests in Rust weren't run: run this command without a folder".to_owned())
+        }
         _ => {}
     }
     parts

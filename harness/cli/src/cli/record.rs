@@ -157,7 +157,7 @@ mod tests {
 
     // Lesson 183
     #[test]
-    fn runners_say_what_they_left_out() {
+    fn skipped_tests_are_read_from_the_output_of_runners() {
         let heard = |lines: &str| {
             let mut heard = Heard::default();
             lines.lines().for_each(|line| heard.hear(line));

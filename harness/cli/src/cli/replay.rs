@@ -86,7 +86,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 .iter()
                 .map(|(name, record)| format!("\n  {name}  {}", called.subject(record)));
             let lines: String = lines.collect();
-            return Err(NotThere(format!("which one?{lines}")).into());
+            return Err(NotThere(format!("name one of these failures:{lines}")).into());
         }
         None => names.first(),
     };
@@ -100,7 +100,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             format!("no failure of the last run is called `{name}`; the failures are {near}");
         return Err(NotThere(none).into());
     };
-    let command = command(record).context("the record has the command")?;
+    let command = command(record).context("the record has no command")?;
     if args.print {
         writeln!(out, "{command}")?;
         return Ok(Ending::Good);

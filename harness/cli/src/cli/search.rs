@@ -1,12 +1,12 @@
 //! The search for packages, and for their files with tests. Each command that runs, validates or lists shaders uses it.
 //!
-//! - If `--shaders`, `--crate` or a command's folder names a package, it is the only one.
-//! - `metadata.karat.packages` of a Cargo.toml lists the packages in its folder and below: the workspace's list is
-//!   for all members, a member's list for itself.
+//! - If `--shaders`, `--crate` or a command's folder names a package, this is the only package.
+//! - `metadata.karat.packages` of a Cargo.toml lists the packages in its folder and below. The workspace's list applies
+//!   to all members, a member's list to the member.
 //! - Without such a list, the packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
 //!   members, and the folders that recorded tests used.
-//! - Without Cargo and without a named folder, the package is the folder `shaders`, or else the working directory. A
-//!   named folder stands for its `shaders` only if that has a karat.toml and all modules.
+//! - Without Cargo and without a named folder, the package is the folder `shaders`, or otherwise the working directory.
+//!   If a named folder contains a `shaders` with a karat.toml and all modules, this `shaders` is the package.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -66,7 +66,7 @@ impl Project {
                 args.roots.iter().partition(|root| root.contains('='));
             if let [first, second, ..] = *own {
                 bail!(
-                    "`--root {first}` and `--root {second}`: a crate has its modules in one folder"
+                    "`--root {first}` and `--root {second}`: a crate can have only one folder of modules"
                 );
             }
             let own = own.first().map(|root| root.as_str());

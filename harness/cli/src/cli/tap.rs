@@ -33,7 +33,7 @@ pub(super) struct Args {
     /// FILE:LINE:COLUMN), or `karat:print`
     #[arg(value_name = "VALUE")]
     values: Vec<String>,
-    /// Shows the value of the Nth time that a pixel computes it, from 1 [default: the last time]
+    /// Shows the value that a pixel computes the Nth time, from 1 [default: the last time]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     round: Option<u32>,
     /// Also prints the value that Karat's engine computes at this pixel or invocation; may be repeated

@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_terminal_is_as_wide_as_it_or_its_user_says() {
+    fn the_terminal_width_comes_from_the_terminal_or_the_user() {
         let size = |columns, rows| Size { columns: Some(columns), rows };
         assert_eq!(of((100, 50), None), size(100, 50));
         assert_eq!(of((100, 50), Some(60)), size(60, 50));

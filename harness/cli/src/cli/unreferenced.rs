@@ -26,11 +26,11 @@ use super::{Ending, NotThere, Outcome, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Lists the unreferenced goldens, then deletes them with their facts (`.toml`)
+    /// Lists the unreferenced goldens, then deletes them with their provenance (`.toml`)
     #[arg(long)]
     delete: bool,
     /// Prints JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same), doubtful {case,
-    /// profile, file, problem} (facts are missing, or don't match the image), stray {file, reason}, deleted (files),
+    /// profile, file, problem} (the provenance is missing, or doesn't match the image), stray {file, reason}, deleted (files),
     /// left (unreferenced goldens that --delete kept)
     #[arg(long)]
     json: bool,
@@ -209,7 +209,7 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     let (unreferenced, stray) = (report.unreferenced.len(), report.stray.len());
     let doubtful = match report.doubtful.len() {
         0 => String::new(),
-        count => format!(", {count} with other facts or none"),
+        count => format!(", {count} with wrong or missing provenance"),
     };
     let style = if unreferenced + stray + report.doubtful.len() == 0 { GOOD } else { BAD };
     let (compared, stray) = (counted(report.compared, "golden"), counted(stray, "stray file"));

@@ -33,10 +33,10 @@ fn folder(limit: &str) -> TempDir {
     folder
 }
 
-/// A call prints, a test that passes prints, and `karat tap` shows what lines print on all pixels.
+/// Printed values appear in a call, in a passing test, and for all pixels in `karat tap`.
 // Lesson 37
 #[test]
-fn lines_print() {
+fn print_comments_show_values_in_calls_tests_and_taps() {
     let folder = folder("5.0");
     let called = karat(folder.path(), &["call", "m::half", "3", "--path=cpu"]).good();
     assert!(called.ends_with("shaders/m.wgsl:4:20: `x` (f32): 1 value\n  3\n"), "{called}");
@@ -55,7 +55,7 @@ fn lines_print() {
     );
 }
 
-/// An assertion that no pixel comes to shows nothing, and the frame's test says so.
+/// If no pixel reaches an assertion, the frame's test names the assertion.
 // Lesson 213
 #[test]
 fn assertions_that_no_pixel_comes_to_are_named() {
@@ -72,7 +72,7 @@ fn assertions_that_no_pixel_comes_to_are_named() {
     assert!(!told.contains("reaches the assertion `(x < 5.0)`"), "{told}");
 }
 
-/// A false assertion fails a call, a sweep and a table, once what they print is shown.
+/// A false assertion makes a call, a sweep and a table fail, after their output is shown.
 // Lesson 37
 #[test]
 fn calls_fail_by_assertions() {
@@ -93,7 +93,8 @@ fn calls_fail_by_assertions() {
     assert!(ran.err.contains("is false 1 of 2 times"), "{}", ran.err);
 }
 
-/// A test that comes to a false assertion fails at its line, declared or in WGSL, alone or of many.
+/// A test that reaches a false assertion fails at the assertion's line. This also holds if several tests run in one
+/// kernel.
 // Lesson 37
 #[test]
 fn tests_fail_by_assertions() {

@@ -1,4 +1,4 @@
-//! `karat browser`, with pages that are no browsers: a liar, a second one, one of elsewhere.
+//! `karat browser` with clients that aren't browsers: one that lies, a second one, and one from another origin.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
@@ -10,20 +10,20 @@ use super::*;
 const TEST: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
                     @test fn one() { expect_near(half(2.0), 1.0, 0.0); }\nimport karat::expect_near;\n";
 
-/// It while it waits for pages.
+/// A running `karat browser` that waits for pages.
 struct Served {
     child: Child,
-    /// `127.0.0.1:PORT`, and the secret.
+    /// `127.0.0.1:PORT`.
     host: String,
     token: String,
-    /// The output behind the URL.
+    /// The output after the URL.
     rest: Option<JoinHandle<String>>,
 }
 
 impl Served {
     fn start(folder: &FilePath, words: &[&str]) -> Self {
         let mut browser = command(folder, &["browser", "--wait", "20"]);
-        // The deadline of a job whose answer never comes.
+        // The deadline of a job without an answer.
         browser.env("KARAT_TIMEOUT", "3");
         let piped = browser.args(words).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = piped.spawn().expect("it starts");
@@ -37,7 +37,8 @@ impl Served {
         Self { child, host, token, rest: Some(rest) }
     }
 
-    /// Sends a request, and gives the status and the body of the answer; 0 once it has ended.
+    /// Sends a request, and returns the status and the body of the response. The status is 0 if `karat browser` has
+    /// ended.
     fn ask(&self, method: &str, place: &str, origin: Option<&str>, body: &str) -> (u16, String) {
         let Ok(mut stream) = TcpStream::connect(&self.host) else { return (0, String::new()) };
         let origin = origin.map_or(String::new(), |origin| format!("Origin: {origin}\r\n"));
@@ -53,13 +54,14 @@ impl Served {
         (status.expect("it has a status"), body.to_owned())
     }
 
-    /// Says something as a page of this server.
+    /// Sends a message as a page of this server.
     fn say(&self, said: &serde_json::Value) -> (u16, String) {
         let own = format!("http://{}", self.host);
         self.ask("POST", &format!("/{}/next", self.token), Some(&own), &said.to_string())
     }
 
-    /// Greets as a page, and answers each job as `answer` says until there are no more. The exit code, and what is printed.
+    /// Greets as a page, and answers each job with `answer` until there are no more jobs. Returns the exit code and the
+    /// output.
     fn answering(
         mut self,
         page: &str,
@@ -109,10 +111,10 @@ fn folder() -> TempDir {
     folder
 }
 
-/// A page of elsewhere, one without the secret, and a second page run nothing.
+/// A page of another origin, a page without the secret, and a second page can't run jobs.
 // Lesson 208
 #[test]
-fn only_the_page_of_the_url_is_heard() {
+fn only_the_page_of_the_printed_url_can_run_jobs() {
     let folder = folder();
     let served = Served::start(folder.path(), &["shaders"]);
     let (own, next) = (format!("http://{}", served.host), format!("/{}/next", served.token));
@@ -130,7 +132,7 @@ fn only_the_page_of_the_url_is_heard() {
     assert_eq!(served.ask("GET", &format!("/{}/else", served.token), None, "").0, 404);
     let (status, page) = served.ask("GET", &format!("/{}/", served.token), None, "");
     assert!(status == 200 && page.contains("requestAdapter"), "{page}");
-    // Nothing of the first page is heard before it has greeted, nor of a second one behind it.
+    // The server ignores the first page before its greeting, and a second page.
     let early = served.say(&serde_json::json!({ "page": "1", "number": 1, "answer": "{}" }));
     assert_eq!(early.0, 409, "{early:?}");
     assert_eq!(served.say(&serde_json::json!({ "page": "1", "greeting": "{}", "more": 1 })).0, 400);
@@ -145,10 +147,10 @@ fn only_the_page_of_the_url_is_heard() {
     assert!(matches!(first.0, 200 | 204), "{first:?}");
 }
 
-/// Answers that are too short, belong to another job or are none fail the tests. So does a page that is closed.
+/// The tests fail if an answer is too short, belongs to another job or is missing, and if the page is closed.
 // Lesson 208
 #[test]
-fn a_page_that_lies_passes_no_test() {
+fn wrong_answers_of_a_browser_page_fail_the_tests() {
     let folder = folder();
     let done = |job: &serde_json::Value, words: Vec<u32>| {
         serde_json::json!({ "id": job["id"], "reply": { "done": [words] } }).to_string()
@@ -163,7 +165,7 @@ fn a_page_that_lies_passes_no_test() {
         ("outputs of [65536] words", &|number, job| told(number, done(job, vec![0; 1 << 16]))),
         ("wrote no result for 1 of 1 cases", &|number, job| told(number, done(job, vec![0; 3]))),
         ("a line that isn't an answer: yes", &|number, _| told(number, "yes".to_owned())),
-        // It belongs to no job, whose deadline comes.
+        // The answer belongs to no job, so the deadline of the job passes.
         ("did not finish within 3 s", &|number, job| told(number - 1, done(job, vec![0; 3]))),
         ("the page was closed", &|_, _| serde_json::json!({ "closed": true })),
     ];
@@ -174,7 +176,7 @@ fn a_page_that_lies_passes_no_test() {
     }
 }
 
-/// Without a page nothing runs, and the message says what to do.
+/// Without a page no test runs, and the message says what to do.
 // Lesson 208
 #[test]
 fn no_page_is_an_error() {

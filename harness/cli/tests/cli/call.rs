@@ -1,4 +1,4 @@
-//! `karat call` with what functions read, sweeps, and tables that are checks.
+//! `karat call` with bindings, sweeps, and tables that check results.
 
 use super::diff::png;
 use super::*;
@@ -26,7 +26,7 @@ fn lit() -> TempDir {
     folder
 }
 
-/// Drivers of Mesa look for a window system, which they miss in CI.
+/// Mesa's drivers search for a window system, and would complain in CI.
 #[test]
 fn drivers_do_not_complain() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -36,7 +36,7 @@ fn drivers_do_not_complain() {
     assert_eq!((ran.code, &*ran.err), (Some(0), ""), "{ran:?}");
 }
 
-/// What a call prints on path `cpu`.
+/// Returns the output of a call on path `cpu`.
 fn called(folder: &TempDir, arguments: &[&str]) -> String {
     karat(folder.path(), &[&["call"][..], arguments, &["--path", "cpu"]].concat()).good()
 }
@@ -79,7 +79,7 @@ fn variables_are_bound_by_names_files_and_numbers() {
 
 // Lesson 134
 #[test]
-fn pointers_derivatives_and_names() {
+fn call_takes_pointers_derivatives_and_named_arguments() {
     let folder = lit();
     let out = called(&folder, &["lit::next", "4"]);
     assert!(out.contains("next(state: ptr<function, u32>) -> u32"), "{out}");
@@ -98,7 +98,7 @@ fn last(s: Scene) -> f32 { return s.exposure * s.materials[1].f0.z; }
 fn sum(a: array<f32, 3>) -> f32 { return a[0] + a[1] + a[2]; }
 ";
 
-/// A structure is written as in the values of buffers.
+/// Structures as arguments have the same form as values of buffers.
 #[test]
 fn arguments_are_json_where_numbers_have_no_names() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -158,7 +158,7 @@ fn wrong_bindings_and_overrides_of_a_call_are_errors() {
 
 // Lesson 134
 #[test]
-fn sweeps_are_tables_and_curves() {
+fn a_sweep_prints_a_table_or_a_plot() {
     let folder = lit();
     let out = called(&folder, &["lit::cubic", "0..1:5", "true"]);
     let lines: Vec<&str> = out.lines().collect();
@@ -178,7 +178,7 @@ fn sweeps_are_tables_and_curves() {
 
 // Lesson 134
 #[test]
-fn a_table_is_a_check() {
+fn a_table_of_expected_values_checks_a_function() {
     let folder = lit();
     let table = "# cubes\nnote,t,up,cube.x,cube.y\nfirst,0.5,true,0.125,0.5\n\
                  second,0x1p-2,false,0x1p-6,-0.25\n";
@@ -328,7 +328,7 @@ fn each_option_of_a_call_is_used_or_refused() {
     told(&[&["lit::cubic", "1", "true"][..], &expect].concat(), "--expect needs a table");
     told(&[&["lit::cubic", "0..1:3", "true"][..], &expect].concat(), "--expect needs a table");
     told(&["lit::cubic", "0...1:3", "true"], "has one dot too many");
-    // What a call returned is what a table expects.
+    // The table expects the results of a call.
     let table = called(&folder, &["lit::cubic", "0..1:7", "false"]);
     write(folder.path(), "returned.csv", &table);
     let again =
@@ -355,7 +355,7 @@ fn a_path_that_is_required_is_not_left_out() {
 }
 
 #[test]
-fn texels_are_data_where_they_are_no_colours() {
+fn depths_and_integers_of_textures_are_given_as_data() {
     let folder = tempfile::tempdir().expect("a folder");
     let texels = "@group(0) @binding(0) var color: texture_2d<f32>;\n\
                   @group(0) @binding(1) var depth: texture_depth_2d;\n\
@@ -366,7 +366,7 @@ fn texels_are_data_where_they_are_no_colours() {
                   fn w() -> u32 { return textureLoad(words, vec2u(), 0).x; }\n\
                   fn v(i: u32) -> vec3f { return vectors[i]; }\n";
     write(folder.path(), "shaders/t.wgsl", texels);
-    // One texel, which is stored as 188: a linear half.
+    // One texel, which is stored as 188. This is a half in linear light.
     png(&folder, "half.png", 1, &[188; 3]);
     let stored = 188.0_f32 / 255.0;
     let out = |arguments: &[&str], part: &str| {
@@ -377,7 +377,7 @@ fn texels_are_data_where_they_are_no_colours() {
     out(&["t::c", "0,0", "--bind", "color=half.png linear"], &stored.to_string());
     out(&["t::d", "--bind", "depth=half.png"], &stored.to_string());
     out(&["t::w", "--bind", "words=half.png"], "cpu      188");
-    // A value for all texels is one for the sixteen of each side.
+    // A single value applies to all sixteen texels of each face.
     out(&["t::c", "15,15", "--bind", "color=0.25"], "cpu      0.25");
     out(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5,6]"], "(4, 5, 6)");
     out(&["t::v", "1", "--bind", "vectors=[[1,2,3],[4,5,6]]"], "(4, 5, 6)");
@@ -392,7 +392,7 @@ fn texels_are_data_where_they_are_no_colours() {
     told(&["t::v", "0", "--bind", "vectors=six.bin"], "it has 6 bytes");
 }
 
-/// Without values a call makes them up, and says which.
+/// Without values, a call generates them, and prints them.
 #[test]
 fn missing_values_of_a_call_are_generated_and_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -424,7 +424,8 @@ fn missing_values_of_a_call_are_generated_and_named() {
     assert!(call(&["0.5", "3", "--arbitrary"]).error().contains("cannot be used with"));
 }
 
-/// naga's writer of GLSL panics at `break if` of what the loop's body declares: that is gl's failure, and `cpu` has its verdict.
+/// naga's writer of GLSL panics if `break if` uses a variable of the loop's body. Then `gl` has an error, and `cpu`
+/// still has its result.
 #[test]
 fn a_panic_of_one_path_leaves_the_others_their_results() {
     let folder = tempfile::tempdir().expect("a temporary folder");

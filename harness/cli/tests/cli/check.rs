@@ -1,9 +1,9 @@
-//! `karat check`: what no test calls is validated.
+//! `karat check`: also validates modules that no test calls.
 
 use super::report::function;
 use super::*;
 
-/// A project whose `cargo test` records a function that passes.
+/// A project whose `cargo test` records a passing function.
 fn tested() -> TempDir {
     let project = project();
     let script = "mkdir -p \"$KARAT_RECORD\"\ncp verdict \"$KARAT_RECORD/1.jsonl\"\n";
@@ -42,14 +42,14 @@ fn a_broken_entry_point_fails_check_list_and_test() {
             assert_eq!(ran.code, Some(1), "{text}\n{ran:?}");
             assert!(ran.out.contains(&place), "{text}\n{}", ran.out);
         }
-        // What is valid is still listed, and called.
+        // Valid functions are still listed, and can be called.
         assert!(karat(project.path(), &["list"]).out.contains("calc::double"));
         karat(project.path(), &["call", "calc::double", "2"]).good();
     }
 }
 
-/// Tests know their packages: one that they use is validated whatever its folder is called, and a folder
-/// that none of them uses fails none.
+/// Packages that tests use are validated, whatever their folder is called. A folder that no test uses makes no command
+/// fail.
 #[test]
 fn the_packages_that_tests_use_are_validated() {
     let project = tested();
@@ -97,7 +97,7 @@ fn a_package_of_nothing_is_no_success() {
     assert!(ran.code != Some(0), "{ran:?}");
 }
 
-/// A declaration of a name that nothing has would declare nothing.
+/// A declaration for an unknown name is an error.
 // Lesson 198
 #[test]
 fn names_in_karat_toml_are_those_of_the_package() {
@@ -126,7 +126,7 @@ fn names_in_karat_toml_are_those_of_the_package() {
         &hazard("calc::half"),
         &hazard("calc::*"),
         &row("calc::half"),
-        // There is more under another condition.
+        // The module has more functions under another condition.
         &hazard("view::shown"),
         &hazard("view::*"),
         &row("view::shown"),

@@ -39,7 +39,8 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
         (&found[0]["change"], &found[0]["paths"][0]["after"]),
         (&"changed".into(), &"3".into())
     );
-    // In a folder of shaders without Cargo, nothing needs to be named; and what can't be called is told.
+    // In a folder of shaders without Cargo, the command needs no folder name. Functions that can't be called are
+    // reported.
     let alone = tempfile::tempdir().expect("a temporary folder");
     let draws = "@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }\n";
     write(
@@ -67,7 +68,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
-    // A line that no input came to is the same only because it didn't run.
+    // A line that no input reaches has the same results only because it didn't run.
     let bounded = "fn bounded(x: f32) -> f32 {\n    if x * x == 1234.56 {\n        return 2.0;\n    }\n    return x;\n}\n";
     write(alone.path(), "calc.wgsl", &bounded.replace("2.0", "3.0"));
     let old = tempfile::tempdir().expect("a temporary folder");
@@ -81,7 +82,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
-    // A function that nothing called before changes nothing.
+    // A new function that no old function calls changes no result.
     write(alone.path(), "calc.wgsl", &format!("{bounded}fn more() -> f32 {{ return 1.0; }}\n"));
     let more = karat(alone.path(), &["compare", &old.path().display().to_string()]).good();
     assert!(more.starts_with("added      calc::more  ("), "{more}");
@@ -98,7 +99,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     }
 }
 
-/// The wrong one of two textures or samplers is seen, and so is another order of them.
+/// `compare` notices if the wrong one of two textures or samplers is used, and if their order changes.
 #[test]
 fn swapped_textures_and_samplers_are_a_change() {
     let old = "@group(0) @binding(0) var ga: texture_2d<f32>;\n\
@@ -131,7 +132,7 @@ fn swapped_textures_and_samplers_are_a_change() {
     assert!(compared("return", "return ").good().contains("0 changed"), "a blank is no edit");
 }
 
-/// Each verdict has its count, and the last line what was too much work.
+/// Each verdict has its number, and the last line counts the inputs that were too much work.
 #[test]
 fn verdicts_come_with_their_count() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -155,7 +156,7 @@ fn verdicts_come_with_their_count() {
         ["1 of 7)", "2 of 7)", "3 of 7)", "4 of 7)", "5 of 7)", "6 of 7)", "7 of 7)"]
     );
     let slow = lines.iter().find(|line| line.contains("m::slow")).expect("it has a verdict");
-    assert!(slow.starts_with("unjudged") && slow.contains("not looked at whole"), "{slow}");
+    assert!(slow.starts_with("unjudged") && slow.contains("not compared completely"), "{slow}");
     let last = ran.out.lines().last().unwrap_or_default();
     assert!(last.contains("1 edited and not judged, 6 edited with the same results"), "{last}");
     assert!(last.contains("inputs not run: too much work"), "{last}");

@@ -1,18 +1,17 @@
-//! Tint's verdict on the author's text, WebGPU's limits, and what is said where Tint isn't asked.
+//! Tint's verdict on the author's text, WebGPU's limits, and the messages if Tint isn't used.
 //!
-//! Where a test needs Tint it takes the one of this machine, which `cargo ci setup` installs. Other tests
-//! bring a program that says what they want.
+//! Tests that need Tint use the one that `cargo ci setup` installs on this machine. Other tests write a script that
+//! prints the answers of Tint.
 
 use super::*;
 
-/// A folder with one module.
 fn folder(text: &str) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "shaders/m.wgsl", text);
     folder
 }
 
-/// `karat` with the Tint of this machine.
+/// Runs `karat` with the Tint of this machine.
 fn with_tint(folder: &FilePath, arguments: &[&str]) -> Ran {
     let ran = output(command(folder, arguments).env_remove("KARAT_TINT"));
     let missing = ran.out.contains("wasn't asked") || ran.err.contains("Tint: not here");
@@ -28,7 +27,7 @@ fn last_line(text: &str) -> &str {
     text.lines().last().unwrap_or_default()
 }
 
-/// Each kind of reason with its place and what to do, in text that naga accepts.
+/// For text that naga accepts, each kind of rejection has its location and a remedy.
 // Lesson 201
 #[test]
 fn errors_of_tint_have_a_place_and_a_remedy() {
@@ -108,7 +107,7 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
         assert!(out.contains(&place), "{text}: not at {place}\n{out}");
         assert!(out.contains(remedy), "{text}\n{out}");
         assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
-        // Asked for, it is no note.
+        // With `--require`, the rejection is an error, not a note.
         let ran = with_tint(folder.path(), &[CHECK, &["--require", "tint"]].concat());
         assert_eq!(ran.code, Some(1), "{text}\n{ran:?}");
         write(folder.path(), "shaders/karat.toml", REQUIRED);
@@ -125,7 +124,7 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// The same verdict in each command that validates.
+/// Each command that validates has the same verdict.
 // Lesson 201
 #[test]
 fn each_command_that_validates_asks_tint() {
@@ -165,22 +164,22 @@ fn each_command_that_validates_asks_tint() {
     }
 }
 
-/// Without Tint each last line says so, and what requires it fails with what to do.
+/// Without Tint, the last line says so, and a package that requires Tint fails with a remedy.
 // Lesson 203
 // Lesson 207
 #[test]
-fn without_tint_nothing_is_silent() {
+fn a_missing_tint_is_reported_by_each_command() {
     let folder = folder(VALID);
     write(folder.path(), "shaders/m.test.toml", "[[test]]\nfunction = \"half\"\nfinite = true\n");
     let bare = |arguments: &[&str]| {
         let mut command = command(folder.path(), arguments);
-        // Many machines have a Node, which would hide that none is needed.
+        // Many machines have Node, which would hide that the test needs no Node.
         let nothing = folder.path().join("nothing");
         command.env_remove("KARAT_TINT").env("PATH", &nothing).env("XDG_CACHE_HOME", &nothing);
         output(&mut command)
     };
     let out = bare(CHECK).good();
-    // On a machine with a browser in its usual place that is said, too.
+    // If a browser is installed in its usual folder, the message mentions it.
     assert!(last_line(&out).starts_with("1 package valid; Tint wasn't asked: not here"), "{out}");
     let test = ["test", "shaders", "--paths", "cpu"];
     let out = bare(&test).good();
@@ -204,7 +203,7 @@ fn without_tint_nothing_is_silent() {
 }
 
 #[test]
-fn karat_tint_names_one_or_says_why_not() {
+fn a_karat_tint_without_tint_is_reported_with_the_reason() {
     let folder = folder(VALID);
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     write(folder.path(), "empty/readme", "");
@@ -221,7 +220,7 @@ fn karat_tint_names_one_or_says_why_not() {
     }
 }
 
-/// A package declares its native features, and a declaration that no module needs is an error.
+/// A package declares the native features that it needs. A declaration that no module needs is an error.
 // Lesson 204
 #[test]
 fn features_of_wgpu_alone_must_be_declared() {
@@ -254,7 +253,7 @@ fn features_of_wgpu_alone_must_be_declared() {
     }
 }
 
-/// Limits are a note, until a table says which are meant.
+/// An exceeded limit is a note, unless a table requires the limit.
 // Lesson 205
 #[test]
 fn an_exceeded_limit_is_reported_at_its_place() {
@@ -343,7 +342,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
             "{ran:?}"
         );
     }
-    // A module within its limits has no finding: neither by the default limits, nor by others.
+    // A module within its limits has no finding, neither with the default limits nor with declared ones.
     let more = "[limits]\nmaxComputeInvocationsPerWorkgroup = 512\n\
                 maxComputeWorkgroupStorageSize = 32768\n";
     let stages = "[limits]\nmaxStorageBuffersPerShaderStage = 12\n";
@@ -354,7 +353,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
     let nine = format!(
         "{nine}@vertex fn main() -> @builtin(position) vec4f {{ return vec4f(0.0{sum}); }}\n"
     );
-    // No entry point uses it, so it is in no layout.
+    // No entry point uses the variable, so it is in no pipeline layout.
     let unused = "@group(7) @binding(0) var<uniform> u: f32;\nfn f() -> f32 { return u; }\n";
     for (text, limits) in [
         (workgroup, more),
@@ -373,9 +372,9 @@ fn an_exceeded_limit_is_reported_at_its_place() {
     assert!(ran.code == Some(2) && ran.err.contains("did you mean `maxBindGroups`?"), "{ran:?}");
 }
 
-/// Limits that the project requests are requested: Tint's own pipelines are made with the default ones.
+/// Karat requests the limits that the project declares. Tint's own pipelines use the default limits.
 #[test]
-fn limits_that_are_requested_are_no_rejection() {
+fn tint_accepts_a_module_within_the_requested_limits() {
     let text = "@compute @workgroup_size(512) fn main() { }\n";
     let folder = folder(text);
     let limits = "[compilers]\nrequire = [\"tint\"]\n[limits]\n\
@@ -383,7 +382,7 @@ fn limits_that_are_requested_are_no_rejection() {
     write(folder.path(), "shaders/karat.toml", limits);
     let out = with_tint(folder.path(), CHECK).good();
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
-    // A required limit is an error, which the output has once.
+    // A required limit is an error, which the output contains once.
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     let ran = with_tint(folder.path(), CHECK);
     assert_eq!(
@@ -393,7 +392,6 @@ fn limits_that_are_requested_are_no_rejection() {
     );
 }
 
-/// In compatibility mode Tint and Dawn have more rules.
 #[test]
 fn compatibility_mode_has_its_own_rules() {
     let text = "@fragment fn main(@location(0) @interpolate(linear) a: f32) -> @location(0) vec4f \
@@ -406,7 +404,7 @@ fn compatibility_mode_has_its_own_rules() {
     assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
 }
 
-/// Of an override without a value only its program knows what fits.
+/// Karat gives no value to an override without a default: only the program knows a valid value.
 #[test]
 fn an_override_without_a_value_is_given_none() {
     let text = "override count: u32;\nvar<workgroup> w: array<f32, count - 1u>;\n\
@@ -416,10 +414,10 @@ fn an_override_without_a_value_is_given_none() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// Tests in files that engines load are told, and the text without them is printed.
+/// Karat reports tests in files that engines load, and prints the text without tests.
 // Lesson 206
 #[test]
-fn files_that_are_shipped_stay_shippable() {
+fn tests_in_shipped_files_are_reported_and_can_be_stripped() {
     let folder = folder(VALID);
     let mixed = "/// Twice.\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n\n\
                  @test fn is_two() { expect(twice(1.0) == 2.0); }\n\
@@ -436,7 +434,7 @@ fn files_that_are_shipped_stay_shippable() {
     assert!(error.contains("did you mean `n`?"), "{error}");
 }
 
-/// An error of naga's says where Tint accepts the module.
+/// If naga reports an error and Tint accepts the module, the message says so.
 #[test]
 fn an_error_of_naga_says_if_tint_accepts_the_module() {
     let folder = folder("requires linear_indexing;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
@@ -451,9 +449,9 @@ fn an_error_of_naga_says_if_tint_accepts_the_module() {
     assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
 }
 
-/// A module with a line that browsers want and naga doesn't know is valid, with a warning.
+/// A module with a directive that browsers need and naga doesn't know is valid, with a warning.
 #[test]
-fn a_line_that_browsers_want_is_left_out_for_naga() {
+fn an_enable_line_unknown_to_naga_is_a_warning() {
     let text = "enable subgroups;\n@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n";
     let folder = folder(text);
     let out = with_tint(folder.path(), CHECK).good();
@@ -468,13 +466,12 @@ fn a_line_that_browsers_want_is_left_out_for_naga() {
     assert!(!ran.out.contains("naga doesn't know this line"), "{ran:?}");
 }
 
-/// A browser has the same verdict.
 #[cfg(unix)]
 #[test]
-fn a_chromium_is_asked_where_it_is_named() {
+fn chromium_can_validate_modules_instead_of_tint() {
     let folder = folder("fn shift(x: u32) -> u32 { return x << x + 1u; }\n");
     write(folder.path(), "shaders/valid.wgsl", VALID);
-    // Its device is a software one, without halves: that is no fault of the text.
+    // The browser's software device has no `f16`. The text isn't at fault.
     write(
         folder.path(),
         "shaders/half.wgsl",
@@ -495,14 +492,14 @@ fn a_chromium_is_asked_where_it_is_named() {
     assert!(ran.out.contains("this browser's device lacks a feature"), "{ran:?}");
 }
 
-/// Programs in the place of Tint.
+/// Programs that imitate Tint.
 #[cfg(unix)]
 mod fakes {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
 
-    /// FNV-1a, as an answer has it of its text.
+    /// FNV-1a of the text, as an answer contains it.
     fn sum(text: &str) -> u32 {
         let units = text.encode_utf16();
         units.fold(0x811c_9dc5, |sum, unit| (sum ^ u32::from(unit)).wrapping_mul(0x0100_0193))
@@ -518,7 +515,7 @@ mod fakes {
         std::fs::set_permissions(file, all).expect("it is ours");
     }
 
-    /// `karat check` with a Node that runs a script; what it reads goes to `got`.
+    /// Runs `karat check` with a Node that runs a script. The script's input goes to `got`.
     fn check(folder: &FilePath, own: &str, more: &[&str]) -> Ran {
         write(folder, "package/package.json", "{}");
         write(folder, "package/dist/readme", "");
@@ -527,14 +524,14 @@ mod fakes {
         let path = std::env::join_paths([folder.join("bin"), "/usr/bin".into(), "/bin".into()]);
         let mut command = command(folder, &[CHECK, more].concat());
         command.env("KARAT_TINT", folder.join("package")).env("PATH", path.expect("folders"));
-        // Hung is what takes longer than this.
+        // A program that takes longer than this counts as hung.
         command.env("XDG_CACHE_HOME", folder).env("KARAT_TIMEOUT", "1");
         output(&mut command)
     }
 
     const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
 
-    /// A provider that fails has no verdict, and what requires one fails.
+    /// A compiler that fails has no verdict. A package that requires its verdict fails.
     // Lesson 203
     #[test]
     fn a_tint_that_fails_has_no_verdict() {
@@ -575,7 +572,7 @@ mod fakes {
         }
     }
 
-    /// One text that ends the process costs no other its verdict.
+    /// If one text ends the process, the other texts still get a verdict.
     // Lesson 203
     #[test]
     fn a_text_that_ends_tint_is_alone_without_a_verdict() {
@@ -583,7 +580,7 @@ mod fakes {
         write(folder.path(), "shaders/n.wgsl", "fn one() -> f32 { return 1.0; }\n");
         let (first, second, last) =
             (answer(1, "fn one() -> f32 { return 1.0; }\n"), answer(1, VALID), answer(2, ""));
-        // The first process ends at its first text, the second one has the other.
+        // The first process ends at its first text. The second process gets the other text.
         let own = format!(
             "{GREETING}read line\nif [ ! -e ended ]; then : > ended; exit 3; fi\n\
              echo '{first}' >&2\necho '{last}' >&2\ncat >/dev/null\n"
@@ -593,8 +590,7 @@ mod fakes {
         assert_eq!(last_line(&ran.out), sum, "{second}\n{ran:?}");
     }
 
-    /// The text is the author's: bytes of the file where nothing is linked, and with linked names alone
-    /// where something is.
+    /// Tint gets the author's text: the bytes of the file if nothing is linked, and otherwise only linked names differ.
     // Lesson 202
     #[test]
     fn tint_gets_the_authors_bytes() {
@@ -609,7 +605,7 @@ mod fakes {
         };
         let folder = folder(text);
         assert_eq!(got(folder.path()), text);
-        // A test is left out, and an import stands for its declaration.
+        // The test is left out, and an import is replaced by its declaration.
         let tested = format!("{text}@test fn is_none() {{ expect(half(0.0) == 0.0); }}\n");
         write(folder.path(), "shaders/m.wgsl", &tested);
         assert_eq!(got(folder.path()).trim_end(), text.trim_end());
@@ -624,7 +620,6 @@ mod fakes {
         }
     }
 
-    /// The compiler's own binary, by what it prints.
     // Lesson 203
     #[test]
     fn a_tint_binary_is_read() {
@@ -658,9 +653,9 @@ mod fakes {
     }
 }
 
-/// A barrier that some invocations miss has Tint's word beside it, which looks at the text and not at a run.
+/// For a barrier that some invocations miss, the message also has Tint's verdict. Tint judges the text, not a run.
 #[test]
-fn a_barrier_that_some_miss_has_tints_word() {
+fn a_barrier_that_some_invocations_miss_shows_the_error_of_tint() {
     let entry = |condition: &str| {
         format!(
             "@group(0) @binding(0) var<storage, read_write> sums: array<u32>;\n\
@@ -685,7 +680,7 @@ fn a_barrier_that_some_miss_has_tints_word() {
     assert!(!alone.out.contains("Tint says"), "{}", alone.out);
 }
 
-/// A program that doesn't answer `--help` is given up, and the reason is told.
+/// If a program doesn't answer `--help`, Karat stops waiting, and reports the reason.
 #[cfg(unix)]
 #[test]
 fn a_help_that_hangs_is_given_up() {
@@ -693,7 +688,7 @@ fn a_help_that_hangs_is_given_up() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * x; }\n");
     let program = folder.path().join("tint");
-    // One that is waited for, and one that leaves its output to another process.
+    // The first program is slow. The second one leaves its output to another process.
     for script in ["exec sleep 1000", "sleep 1000 & exit 0"] {
         std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).expect("it is ours");
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("ours");

@@ -29,7 +29,7 @@ fn looked_at(x: f32) -> f32 {
 const TESTS: &str = "[[test]]\nfunction = \"side\"\nover = { x = \"1..2\" }\nfinite = true\n\
                      [[test]]\nfunction = \"looked_at\"\nover = { x = 2 }\nequals = 6\ntolerance = \"1 ulp\"\n";
 
-/// An assertion that sees nothing of what is computed.
+/// The assertion ignores the computed value.
 const WGSL_TEST: &str = "import karat::expect_true;\nimport package::calc::side;\n\
                          @test fn throws_away() {\n    let gone = side(-1.0);\n    expect_true(true);\n}\n";
 
@@ -56,7 +56,7 @@ fn uncovered_lines_branches_and_results_are_listed() {
     ] {
         assert!(out.contains(part), "no `{part}` in:\n{out}");
     }
-    // `-x` runs, and by a test alone that throws it away.
+    // `-x` runs, but only in a test that drops its value.
     assert!(out.contains("5 no test checks its value, in `calc::side`"), "{out}");
     assert!(out.contains("no test checks the value of 2 lines"), "{out}");
     assert!(!out.contains("calc_test"), "tests aren't tested: {out}");
@@ -64,14 +64,14 @@ fn uncovered_lines_branches_and_results_are_listed() {
     let few = karat(folder.path(), &["coverage", "--fail-under-lines", "80"]);
     assert_eq!(few.code, Some(1));
     assert!(few.out.contains("the options require 80% of the lines"), "{few:?}");
-    // A filter runs a part of the tests, and says so by the counts.
+    // A filter runs a part of the tests, and the counts show that.
     let part = karat(folder.path(), &["coverage", "--tests", "looked_at"]).good();
     assert!(part.contains("lines 28.5% (2 of 7)") && part.contains("by 1 test"), "{part}");
     let record = folder.path().join("shaders/.karat/run/record");
     assert!(record.is_dir() && !record.join("last").exists(), "it isn't the last run");
 }
 
-/// A line that only an assertion reads is looked at, and one that only a print reads isn't.
+/// A line whose value an assertion reads counts as checked. A line whose value is only printed doesn't.
 // Lesson 209
 #[test]
 fn a_value_that_an_assertion_reads_is_covered() {
@@ -89,13 +89,13 @@ fn a_value_that_an_assertion_reads_is_covered() {
     }
 }
 
-/// LCOV's own program reads the file, and its sums are those of the last line.
+/// The program of LCOV reads the file, and computes the sums of the last line.
 #[test]
-fn lcov_is_what_lcov_reads() {
+fn the_program_lcov_reads_the_report_with_equal_sums() {
     let folder = folder();
     karat(folder.path(), &["coverage", "--lcov", "lcov.info"]).good();
     let text = std::fs::read_to_string(folder.path().join("lcov.info")).expect("it is written");
-    // A record for what there is, and one for each test.
+    // One record has all lines, and each test has a record.
     let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("TN:")).collect();
     assert_eq!(
         names,
@@ -112,7 +112,6 @@ fn lcov_is_what_lcov_reads() {
         .current_dir(folder.path())
         .output();
     let Ok(summary) = summary else {
-        // `cargo ci setup` installs it there.
         assert!(!cfg!(target_os = "linux") || std::env::var_os("CI").is_none(), "CI has lcov");
         return;
     };
@@ -123,9 +122,8 @@ fn lcov_is_what_lcov_reads() {
     }
 }
 
-/// Each variant is counted, and all of them together.
 #[test]
-fn variants_are_counted_apart_and_together() {
+fn coverage_is_counted_for_each_variant_and_for_all() {
     let folder = folder();
     let scaled = "override SCALE: f32 = 1.0;\nfn scaled(x: f32) -> f32 {\n    if (SCALE > 1.5) {\n        return x * SCALE;\n    }\n    return x;\n}\n";
     write(&folder.path().join("shaders"), "scaled.wgsl", scaled);
@@ -146,9 +144,8 @@ fn variants_are_counted_apart_and_together() {
     assert_eq!([row("no feature"), row("SCALE=2")], [["6", "7"], ["1", "2"]], "{ran:?}");
 }
 
-/// A page has each line with its count, and its tests with their inputs.
 #[test]
-fn a_page_shows_who_comes_to_a_line() {
+fn the_coverage_page_shows_which_tests_reach_a_line() {
     let folder = folder();
     karat(folder.path(), &["coverage", "--html", "page.html"]).good();
     let page = std::fs::read_to_string(folder.path().join("page.html")).expect("it is written");
@@ -163,7 +160,7 @@ fn a_page_shows_who_comes_to_a_line() {
 }
 
 #[test]
-fn an_edit_is_measured_by_its_lines() {
+fn coverage_in_a_diff_counts_only_edited_lines() {
     let folder = folder();
     let at = folder.path();
     git(at, &["init", "--quiet"]);
@@ -177,7 +174,7 @@ fn an_edit_is_measured_by_its_lines() {
     assert!(edited.out.contains("lines 0% (0 of 1)"), "{edited:?}");
 }
 
-/// A frame that the engine doesn't draw leaves its functions unmeasured, and not uncovered.
+/// If the engine doesn't draw a frame, the frame's functions are unmeasured, not uncovered.
 // Lesson 209
 #[test]
 fn functions_of_frames_are_not_measured() {
@@ -207,10 +204,10 @@ fn tests_beside_a_file_are_named() {
     }
 }
 
-/// A test that fails, a path that counts nothing and a filter that finds nothing are no figures.
+/// The command prints no numbers if a test fails, if a path counts nothing, or if a filter finds nothing.
 // Lesson 28: lines, branches and results that no test compares
 #[test]
-fn nothing_is_measured_without_evidence() {
+fn coverage_is_refused_if_tests_fail_or_none_runs() {
     let folder = folder();
     let path = karat(folder.path(), &["coverage", "--paths", "vulkan"]);
     assert_eq!(path.code, Some(2));
@@ -226,7 +223,7 @@ fn nothing_is_measured_without_evidence() {
     assert_eq!(red.code, Some(1));
     assert!(red.out.contains("tests failed, see above"), "{red:?}");
     assert!(red.err.contains("calc::looked_at equals"), "{red:?}");
-    // Invalid modules are counted, and a file that can't be written is an error.
+    // Invalid modules are counted. An output file that can't be written is an error.
     write(&folder.path().join("shaders"), "broken.wgsl", "fn f() -> f32 { return true; }\n");
     let broken = karat(folder.path(), &["coverage"]);
     assert!(broken.out.contains("1 module not valid: broken"), "{broken:?}");

@@ -1,8 +1,8 @@
-//! Shaders of crates, by their names.
+//! Shaders of crates that are named by `--crate`.
 
 use super::*;
 
-/// What a project needs to be one.
+/// The smallest manifest of a project.
 fn manifest(name: &str, dependencies: &str) -> String {
     format!(
         "[package]\nname = \"{name}\"\nversion = \"1.2.3\"\nedition = \"2024\"\n\n\
@@ -18,7 +18,6 @@ const LIGHTS: &str = "import engine_core::maths::PI;\n\nconst GAIN: f32 = 2.0;\n
                       @if(DOUBLE) const FACTOR = 2.0;\n@if(!DOUBLE) const FACTOR = 1.0;\n\n\
                       fn flux(intensity: f32) -> f32 {\n    return 4.0 * PI * intensity * FACTOR;\n}\n";
 
-/// Two crates with shaders and one without.
 fn crates(folder: &FilePath) {
     let (core, pbr, tool) =
         (folder.join("engine-core"), folder.join("engine-pbr"), folder.join("tool"));
@@ -42,7 +41,6 @@ struct Place {
 }
 
 impl Place {
-    /// A project that builds the crates.
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         crates(&folder.path().join("crates"));
@@ -59,7 +57,7 @@ impl Place {
         if let Some(cargo) = std::env::var_os("CARGO") {
             command.env("CARGO", cargo);
         }
-        // What cargo says is kept there, and cargo is to ask nobody.
+        // Cargo keeps its output there, and must not use the network.
         let home = self.folder.path().join("home");
         let ran = output(command.env("CARGO_HOME", home).env("CARGO_NET_OFFLINE", "true"));
         let folder = self.folder.path().canonicalize().expect("it is there").display().to_string();
@@ -91,7 +89,7 @@ fn a_crate_that_the_project_builds_opens_by_its_name() {
     assert!(call(&["--feature", "DOUBLE=false"]).contains(" 12.566371"));
     let other = ["list", "--crate", "engine-pbr", "--root", "shaders"];
     assert!(place.karat("game", &other).good().contains("other::one"));
-    // From a folder below the project, too.
+    // The command also works from a folder below the project.
     assert!(place.karat("game/src", &["list", "--crate", "engine-pbr"]).good().contains("flux"));
 }
 
@@ -113,7 +111,7 @@ fn a_crate_that_is_imported_from_may_have_another_folder() {
     for (roots, part) in [
         (&["--root", "engine-core=wgls"][..], "engine-core`: the crate has no folder `"),
         (&["--root", "engine-cor=wgsl"], "ships shaders to `engine-pbr`; did you mean"),
-        (&["--root", "a", "--root", "b"], "a crate has its modules in one folder"),
+        (&["--root", "a", "--root", "b"], "a crate can have only one folder of modules"),
     ] {
         let error = call(roots).error();
         assert!(error.contains(part), "{error}");
@@ -140,7 +138,7 @@ fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
         text.replace("[dependencies]\n", "[dependencies]\nlate = { path = \"../crates/late\" }\n");
     write(&game, "Cargo.toml", &with);
     assert!(list("late").good().contains("a::f"));
-    // A crate beside the project gets its first shader, and another folder for its modules.
+    // A crate beside the project gets its first shader, and a new folder for its modules.
     let tool = place.folder.path().join("crates/tool");
     assert!(list("tool").error().contains("the crate ships no .wgsl or .wesl file"));
     write(&tool.join("src"), "first.wgsl", "fn first(x: f32) -> f32 { return x; }\n");
@@ -149,12 +147,12 @@ fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     let rooted = manifest("tool", "") + "\n[package.metadata.karat]\nroot = \"shaders\"\n";
     write(&tool, "Cargo.toml", &rooted);
     assert!(list("tool").good().contains("second::second"));
-    // A folder that is gone isn't believed.
+    // The crate's metadata may name a folder that no longer exists.
     std::fs::rename(&late, late.with_file_name("later")).expect("renamed");
     assert!(list("late").error().contains("cargo says:"));
 }
 
-/// What no project builds: cargo fetches it, here from a folder that stands for crates.io.
+/// If no project builds the crate, cargo fetches it. In this test a folder stands for crates.io.
 // Lesson 34
 #[test]
 fn a_crate_at_a_version_needs_no_project() {
@@ -181,7 +179,7 @@ fn a_crate_at_a_version_needs_no_project() {
     write(&folder.join("home"), "config.toml", &config);
     std::fs::create_dir(folder.join("nowhere")).expect("a folder");
     let call = ["call", "lights::flux", "1", "--crate", "engine-pbr@1.2.3"];
-    // The crate that it imports from isn't a dependency: its metadata name it.
+    // The crate that it imports from isn't a dependency. The metadata names that crate.
     assert!(place.karat("nowhere", &call).good().contains(" 12.566371"));
     assert_eq!(place.kept(), 1);
     std::fs::rename(folder.join("home/config.toml"), folder.join("config")).expect("renamed");
@@ -191,7 +189,7 @@ fn a_crate_at_a_version_needs_no_project() {
     assert_eq!(place.kept(), 1, "nothing is left of what failed");
 }
 
-/// Shaders of a crate's examples import what its examples depend on, which cargo leaves out of what it fetches.
+/// Shaders of a crate's examples import from dev-dependencies. Cargo doesn't fetch these with the crate.
 #[test]
 fn examples_import_development_dependencies() {
     let place = Place::new();
@@ -208,7 +206,7 @@ fn examples_import_development_dependencies() {
         "import sky_kit::sky::twice;\nfn four(x: f32) -> f32 { return twice(twice(x)); }\n";
     let developed = |more: &str| format!("\n[dev-dependencies]\n{more}unrelated = \"9.9.9\"\n");
     vendored("clouds", &developed("sky-kit = \"1.2\"\n"), "clouds.wesl", example);
-    // One that can't be had is an import that isn't found, and the rest of the crate is there.
+    // If such a crate can't be fetched, its import isn't found, but the other modules work.
     let gone = example.replace("twice", "thrice").replace("sky_kit", "gone_kit");
     vendored("rain", &developed("gone-kit = \"1.2\"\n"), "rain.wesl", &gone);
     let config = format!(

@@ -1,8 +1,8 @@
-//! `karat doctor PACKAGE`: what to write into `karat.toml`.
+//! `karat doctor PACKAGE`: the lines that `karat.toml` needs.
 
 use super::*;
 
-/// A package with a fault of each kind that a line mends.
+/// A package with one fault of each kind that a line can mend.
 fn broken() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaders = folder.path().join("shaders");
@@ -16,7 +16,7 @@ fn broken() -> TempDir {
         "uses.wesl",
         "import package::fast::f;\nimport noise::value::hash;\nfn g() -> f32 { return f() + hash(1.0); }\n",
     );
-    // Declared in the module itself, under a condition.
+    // The module declares the name, but under a condition.
     write(&shaders, "own.wesl", "@if(slow) const J = 1.0;\nfn j() -> f32 { return J; }\n");
     write(
         &folder.path().join("noise"),
@@ -27,7 +27,7 @@ fn broken() -> TempDir {
 }
 
 #[test]
-fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
+fn doctor_prints_and_writes_the_lines_that_karat_toml_lacks() {
     let folder = broken();
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -41,7 +41,7 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
         "fast = true # a declaration needs it",
         "slow = true # a declaration needs it",
         "noise = { path = \"../noise\" }",
-        "then 7 of 7 modules are whole",
+        "then 7 of 7 modules are complete",
     ] {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }
@@ -57,16 +57,16 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
         "{text}"
     );
     let again = karat(folder.path(), &["doctor", "shaders"]).good();
-    // A path that is required is looked at, too.
+    // The required path is tried, too.
     let required = karat(folder.path(), &["doctor", "shaders", "--require", "banana"]).error();
     assert!(required.contains("banana"), "{required}");
     karat(folder.path(), &["doctor", "shaders", "--require", "cpu"]).good();
-    assert!(again.contains("8 modules, all whole"), "{again}");
+    assert!(again.contains("8 modules, all complete"), "{again}");
     karat(folder.path(), &["check", "--shaders", "shaders"]).good();
 }
 
 #[test]
-fn a_doctor_leaves_what_no_line_mends() {
+fn doctor_reports_errors_that_karat_toml_cannot_repair() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaders = folder.path().join("shaders");
     write(&shaders, "a.wgsl", "#use Mode\nfn f() -> f32 { return 1.0; }\n");
@@ -79,16 +79,16 @@ fn a_doctor_leaves_what_no_line_mends() {
         "preprocess = [..]",
         "no definition in scope for identifier: `lower`",
         "[dependencies] sky = { path = \"../sky\" }, or { crate = \"sky@1.2.3\" }",
-        "3 modules not whole",
+        "3 modules not complete",
     ] {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }
     assert!(!shaders.join("karat.toml").exists(), "there is nothing to write");
-    // A feature that an engine sets, and nothing asks about.
+    // The engine sets a feature that no condition uses.
     write(&shaders, "karat.toml", "[features]\nMAX_LIGHTS = 3\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert!(ran.out.contains("set_by_engine = [\"MAX_LIGHTS\"]"), "{ran:?}");
-    // A misspelt one isn't the engine's.
+    // The name is misspelt, so it isn't a feature of the engine.
     write(&shaders, "d.wesl", "@if(SHADOWS) fn s() -> f32 { return 1.0; }\n");
     write(&shaders, "karat.toml", "[features]\nSHADOW = true\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
@@ -102,9 +102,9 @@ fn a_doctor_leaves_what_no_line_mends() {
     assert!(without.contains("<PACKAGE>"), "{without}");
 }
 
-/// The file stays one that can be read, and keeps its form.
+/// The file stays readable, and keeps its form.
 #[test]
-fn a_doctor_breaks_no_file() {
+fn doctor_does_not_damage_karat_toml() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaders = folder.path().join("shaders");
     write(&shaders, "a.wgsl", "fn rows() -> u32 { return {{ROWS}}u + OLD; }\n");
@@ -126,11 +126,11 @@ fn a_doctor_breaks_no_file() {
         text.starts_with("[values]\r\nROWS = 64") && text.ends_with("\r\nOLD = 3\r\n"),
         "{text:?}"
     );
-    // A value that stands nowhere is `karat check`'s to refuse, and not silence here.
+    // `karat check` refuses a value that no module uses. `karat doctor` must report that, too.
     write(&shaders, "karat.toml", "[values]\nROWS = 1\nOLD = 3\nROW = 2\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert!(ran.code == Some(1) && ran.out.contains("`ROW`"), "{ran:?}");
-    // A type in a placeholder's place: a number doesn't help, and isn't written.
+    // A placeholder stands for a type. A number doesn't help, so no line is written.
     write(&shaders, "a.wgsl", "alias S = {SCALAR};\nfn s(x: S) -> S { return x; }\n");
     std::fs::remove_file(&file).expect("it is there");
     let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);

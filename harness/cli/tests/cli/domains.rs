@@ -18,7 +18,6 @@ fn turn(v: vec2f) -> vec2f { return vec2f(-v.y, v.x); }
 fn capped(x: f32) -> f32 { return min(x, 1.0); }
 ";
 
-/// The tests of a file, run on the engine.
 fn declared(tests: &str) -> Ran {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "f.wgsl", SHADERS);
@@ -28,7 +27,7 @@ fn declared(tests: &str) -> Ran {
 }
 
 #[test]
-fn domains_say_what_they_mean() {
+fn declared_domains_draw_the_cases_that_they_describe() {
     let ran = declared(
         "[[test]]\nfunction = \"tangent\"\nover = { n = \"unit_vector\" }\nperpendicular_to = \"n\"\nunit = true\n\
          [[test]]\nfunction = \"frame\"\nright_handed_frame = true\n\
@@ -47,7 +46,7 @@ fn domains_say_what_they_mean() {
     for part in ["is perpendicular to `n`", "is a right-handed frame", "has length 1"] {
         assert!(ran.contains(part), "{part}: {ran}");
     }
-    // All that a filter keeps of a small domain is enumerated.
+    // A filter that leaves few values is enumerated.
     let of_filter = |line: &&str| line.contains("lies in 2..=4");
     let line = ran.lines().find(of_filter).expect("its row");
     assert_eq!(line.split_whitespace().nth(3), Some("2"), "{line}");

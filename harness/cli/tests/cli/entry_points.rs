@@ -1,4 +1,4 @@
-//! Entry points without a test in Rust: listed, called, dispatched, compared, and declared as `[[compute]]`.
+//! Entry points without a test in Rust: they are listed, called, dispatched, compared, and declared as `[[compute]]`.
 
 use super::*;
 
@@ -40,7 +40,7 @@ fn an_entry_point_is_listed_and_called() {
     let traced = ["call", "m::shade", "--arbitrary", "--path", "cpu", "--trace"];
     let traced = karat(folder.path(), &traced).good();
     assert!(traced.contains("fwidth(in.pixel.x)"), "{traced}");
-    // What writes a buffer, and returns nothing.
+    // The entry point writes a buffer, and returns nothing.
     let traced = ["call", "m::root", "2", "--bind", "out=[1, 4, 9]", "--path", "cpu", "--trace"];
     let traced = karat(folder.path(), &traced).good();
     let row = traced.lines().find(|line| line.contains("sqrt(out[i])"));
@@ -48,7 +48,7 @@ fn an_entry_point_is_listed_and_called() {
     assert!(row.contains("m.wgsl:12") && row.contains(" 3 "), "{row}");
 }
 
-/// A pixel that is discarded is a result, whose value nothing sees.
+/// A discarded pixel is a result. Its value isn't visible.
 #[test]
 fn a_function_that_discards_is_called() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -72,7 +72,7 @@ fn a_function_that_discards_is_called() {
         ("0.125", "{ value: (0, 0, 0, 0), discarded: true }"),
         ("0.5", "{ value: (0.5, 0.5, 0.5, 0.5), discarded: false }"),
     ] {
-        // A value that is dropped is NaN, and nothing of it is left on a driver either.
+        // A dropped value is NaN, and drivers don't return it either.
         let called = call(&["m::leaf", alpha]);
         assert!(called.lines().filter(|line| line.contains(result)).count() >= 2, "{called}");
     }
@@ -96,7 +96,7 @@ tolerance = \"1 ulp\"
     let ran = karat(folder.path(), &["test"]);
     assert!(ran.out.contains("1 passed; 1 failed"), "{ran:?}");
     assert!(ran.out.contains("it fails where alpha is at least 0.5"), "{ran:?}");
-    // Textures and samplers are parameters, too, and comments are no code.
+    // Textures and samplers are parameters, too. Comments aren't code.
     let sampled = "fn cut(t: texture_2d<f32>, s: sampler, uv: vec2f) -> vec4f // discard;
 { let c = textureSampleLevel(t, s, uv, 0.0); if c.a < uv.x { discard; } return c; }
 ";
@@ -112,8 +112,8 @@ tolerance = \"1 ulp\"
     assert_ne!(karat(folder.path(), &["call", "m::late", "0.5"]).code, Some(0));
 }
 
-/// A fragment function that counts its pixels, with the storage that it leaves: order-independent transparency in small.
-/// The pixel goes on as a helper where it is discarded, and the others of its quad are helpers from the start.
+/// A fragment function that counts its pixels and stores them, as order-independent transparency does. A discarded
+/// pixel continues as a helper. The other pixels of its quad are helpers from the start.
 #[test]
 fn pixels_that_write_storage_discard_and_have_derivatives() {
     let folder = shaders("");
@@ -152,7 +152,7 @@ fn slope(x: f32) -> f32 {
     };
     let nodes = "nodes=[1, 2, 3, 4]";
     for (alpha, parts) in [
-        // An argument is the same at all pixels of a quad.
+        // An argument is equal at all pixels of a quad.
         ("0.75", ["discarded: false", "count: 2", "nodes: [1, 0.75, 3, 7]"]),
         ("0.25", ["discarded: true", "count: 1", "nodes: [1, 2, 3, 7]"]),
     ] {
@@ -162,7 +162,7 @@ fn slope(x: f32) -> f32 {
             assert!(count >= 2, "`{part}` on each path of:\n{called}");
         }
     }
-    // Neighbours that are discarded have values for derivatives on each path.
+    // Discarded neighbours have values for derivatives on each path.
     let table = "x.value,x.dx,x.dy\n0.75,0.5,-0.25\n0.625,0.5,-0.25\n0.375,0.5,-0.25\n";
     write(folder.path(), "in.csv", table);
     let gl = karat::unstable::path::adapter(karat::Path::GL).is_ok();
@@ -178,21 +178,21 @@ fn slope(x: f32) -> f32 {
         }
         assert_eq!(left.lines().count(), 4, "{path}: {left}");
     }
-    // How steep a slope is decides about texels, and WGSL leaves open how exact it is.
+    // The slope determines the texels, and WGSL doesn't define its precision.
     let columns = if gl { "vulkan,gl,cpu" } else { "vulkan,cpu" };
     let judged = karat(folder.path(), &["matrix", "--only", "o::", "--columns", columns]);
     assert!(judged.good().contains("cpu          4 translated, 4 valid, 4 executed, 4 agrees"));
-    // Beside each other pixels race, and those that are discarded don't.
+    // Neighbouring pixels race. Discarded pixels don't.
     let hazards = karat(folder.path(), &["hazards"]);
     assert!(hazards.out.contains("nodes[3]") && hazards.out.contains("pixel ("), "{hazards:?}");
-    // Of the functions that write, the one that is no entry point.
+    // Of the functions that write, one isn't an entry point.
     let unseen = hazards.out.lines().filter(|line| line.starts_with("not checked: "));
     let unseen: Vec<&str> = unseen.collect();
     assert!(matches!(unseen[..], [one] if one.contains("o::slope")), "{unseen:?}");
 }
 
 #[test]
-fn a_pass_is_dispatched_and_looked_through() {
+fn call_dispatches_a_compute_pass_and_checks_for_races() {
     let folder = shaders("");
     let call = |arguments: &[&str]| {
         let all = ["call"].into_iter().chain(arguments.iter().copied()).chain(["--path", "cpu"]);
@@ -204,7 +204,7 @@ fn a_pass_is_dispatched_and_looked_through() {
     let sum =
         ["m::add", "--dispatch", "2,1", "--bind", "input=[1,2,3,4,5,6,7,8,9]", "--bind", "total=1"];
     assert!(call(&sum).good().contains("total = 46"));
-    // The steps of one invocation: it reads what those before it have left.
+    // The steps of one invocation read the values that earlier invocations wrote.
     let pages = tempfile::tempdir().expect("a temporary folder");
     let page = pages.path().join("t.html");
     let to = ["--trace", "--html", page.to_str().expect("it is text")];
@@ -297,7 +297,7 @@ in_range = [0, 9]
     assert!(ran.contains("1 accepted race"), "{ran}");
 }
 
-/// A counter and what is appended behind it, which comes in another order on each driver.
+/// A counter and the appended elements. Their order differs between drivers.
 #[test]
 fn appended_elements_are_compared_up_to_their_order() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -322,9 +322,10 @@ fn appended_elements_are_compared_up_to_their_order() {
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = 2"), "{wrong:?}");
 }
 
-/// A test asserts of one member of each element, and a failure names the row and the column of an element in a grid.
+/// A test may assert about one member of each element. For a grid, a failure names the row and the column of the
+/// element.
 #[test]
-fn members_and_grids_of_buffers() {
+fn a_test_can_check_members_and_grids_of_buffers() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(
         folder.path(),
@@ -366,7 +367,7 @@ fn members_and_grids_of_buffers() {
     assert!(wrong.code == Some(1) && wrong.out.contains("first: [2]\n"), "{wrong:?}");
     let wrong = members("[[1, 0], [1, 1], [4, 2]]", "[0, 1, 2]");
     assert!(wrong.out.contains("first: [2].x\n"), "{wrong:?}");
-    // `written` asks about the member alone.
+    // `written` applies only to the member.
     let wrong = tested("step", "[compute.after.\"particles.mass\"]\nwritten = true\n");
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = written"), "{wrong:?}");
     let wrong = tested("step", "[compute.after.\"particles.positon\"]\nfinite = true\n");
@@ -382,7 +383,7 @@ fn members_and_grids_of_buffers() {
     assert!(grid(3).out.contains("p.test.toml:7:1"), "{:?}", grid(3));
 }
 
-/// One element that is wrong moves no other one.
+/// One wrong element doesn't change the order of the others.
 #[test]
 fn a_wrong_element_is_reported_in_any_order() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -406,7 +407,6 @@ fn a_wrong_element_is_reported_in_any_order() {
     }
 }
 
-/// A record names the last pass of a test.
 #[test]
 fn passes_before_the_last_one_are_tested_too() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -433,9 +433,9 @@ fn passes_before_the_last_one_are_tested_too() {
     assert!(of("other").contains("no"), "{list}");
 }
 
-/// WGSL asks for a line that naga doesn't know.
+/// WGSL requires a directive that naga doesn't know.
 #[test]
-fn subgroups_have_their_directive() {
+fn a_module_that_enables_subgroups_runs_with_its_own_lines() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let text = "enable subgroups;\n\
                 @group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\
@@ -447,13 +447,12 @@ fn subgroups_have_their_directive() {
     let declared = format!("{declared}{}]\n", ["1"; 64].join(", "));
     write(folder.path(), "s.test.toml", &declared);
     karat(folder.path(), &["test", ".", "--paths", "cpu,vulkan"]).good();
-    // Errors stand where their author wrote them.
+    // Errors have the author's line numbers.
     write(folder.path(), "s.wgsl", &text.replace("out[i] =", "out[j] ="));
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
     assert!(ran.code == Some(1) && format!("{ran:?}").contains("s.wgsl:5:9"), "{ran:?}");
 }
 
-/// Each expectation fails where it is wrong, at the entry point, with the element.
 #[test]
 fn wrong_passes_fail_with_the_element() {
     let of = |entry: &str, with: &str, after: &str| {
@@ -617,7 +616,7 @@ fn wrong_passes_fail_with_the_element() {
     }
 }
 
-/// A pass that isn't there is blamed by its own name, and not a resource that it alone reads.
+/// If a pass doesn't exist, the message names the pass, not a resource that only this pass reads.
 #[test]
 fn a_misspelt_later_pass_is_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -643,7 +642,7 @@ fn a_misspelt_later_pass_is_named() {
     assert!(slip.out.contains("`m::sekond` isn't a compute entry point; did you mean"), "{slip:?}");
     assert!(!slip.out.contains("there is no variable"), "{slip:?}");
     ran("second", "right.csv").good();
-    // The row of a table that an element isn't, and the resource in the check's name.
+    // The message has the row of the table that differs, and the name of the check has the resource.
     let differs = ran("second", "wrong.csv");
     assert!(differs.out.contains("  row of the first element: wrong.csv:5:1"), "{}", differs.out);
     assert!(differs.out.contains("after.other.agrees_with"), "{}", differs.out);
@@ -652,7 +651,7 @@ fn a_misspelt_later_pass_is_named() {
     assert!(half.out.contains("half.csv:4:1"), "{}", half.out);
 }
 
-/// A race fails each assertion of its passes, in whatever order they run.
+/// A race fails each assertion about its passes, in any order.
 #[test]
 fn one_race_has_one_message() {
     let folder = shaders(
@@ -665,7 +664,7 @@ fn one_race_has_one_message() {
     assert!(ran.out.contains("\n  as under `m::wait keys in_range`\n"), "{}", ran.out);
 }
 
-/// A sanitizer looks through passes, and not through draws: the last line says it of those that write.
+/// The sanitizer checks passes, but not draws. The last line counts the draws that write.
 #[test]
 fn draws_that_write_are_counted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -683,7 +682,7 @@ fn draws_that_write_are_counted() {
         ran.out.contains("; 1 check of passes or draws wasn't checked completely by the sanitizer")
     };
     assert!(last("collect", "with = { count = 0 }\n"));
-    // A test that needs no frame runs without.
+    // A test without a frame still runs.
     let test = "[[test]]\nfunction = \"plain\"\nfinite = true\n";
     let declared = std::fs::read_to_string(folder.path().join("m.test.toml")).expect("written");
     write(folder.path(), "m.test.toml", &format!("{declared}{test}"));
@@ -709,7 +708,7 @@ fn edits_of_entry_points_are_compared() {
     assert!(ran.out.contains("words changed") && ran.out.contains("keys["), "{}", ran.out);
 }
 
-/// A frame of several draws: a background, a mesh from a table behind which depth hides, one that adds.
+/// A frame with several draws: a background, a mesh from a table whose depth hides another draw, and a draw that adds.
 #[test]
 fn a_frame_has_draws_with_meshes() {
     let shader = "\
@@ -744,7 +743,7 @@ blend = \"add\"
 depth_compare = \"always\"
 depth_write = false
 ";
-    // The second one lies behind the first, and covers what that leaves.
+    // The second draw is behind the first one, and covers the remaining pixels.
     let mesh = "position.x,position.y,position.z,color.x,color.y,color.z,layer
 -1,-1,0.5,1,0,0,0
 1,-1,0.5,1,0,0,0
@@ -802,7 +801,7 @@ depth_write = false
         write(folder.path(), "m.test.toml", &text);
         let ran = test();
         assert!(ran.code != Some(0) && ran.out.contains(part), "{to}: {ran:?}");
-        // At its own line, whichever draw it is of.
+        // The error is at its own line, whatever draw it belongs to.
         if to.ends_with("= 0") || to.ends_with("\"plus\"") {
             let own = to.lines().last().unwrap_or_default();
             let line = text.lines().position(|line| line == own).expect("it is there") + 1;
@@ -811,7 +810,8 @@ depth_write = false
     }
 }
 
-/// A result that depends on an order fails, by orders that can be left out, and is run again by its name.
+/// A result that depends on the order makes the test fail. Orders can be excluded, and the failure is replayed by its
+/// name.
 #[test]
 fn an_order_that_matters_is_replayed() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,4 +1,4 @@
-//! Text of others is shown, and does nothing to the terminal that shows it.
+//! Karat shows foreign text, but the text can't control the terminal.
 
 use karat::Image;
 use karat::image::Precision;
@@ -9,19 +9,19 @@ use super::pending::{LAVAPIPE, provenance, zip};
 use super::report::function;
 use super::*;
 
-/// Retitles the window, clears the screen, goes to the start of the line, hides text, as an 8-bit
-/// control, and turns the direction of what follows.
+/// Sequences that retitle the window, clear the screen, go to the start of the line, hide text, and act as an 8-bit
+/// control. The last ones reverse the direction of the text.
 const HOSTILE: &str = "a\u{1b}]0;owned\u{7}\u{1b}[2J\r\u{1b}[8mb\u{9b}31m\u{7f}\u{202e}c\u{2066}";
-/// The same, as it is shown.
+/// The visible form of [`HOSTILE`].
 const SHOWN: &str = r"a\u{1b}]0;owned\u{7}\u{1b}[2J\u{d}\u{1b}[8mb\u{9b}31m\u{7f}\u{202e}c\u{2066}";
-/// Alone, what isn't a control character.
+/// Characters that aren't control characters.
 const TURNED: &str = "x\u{202e}c\u{2066}";
 const TURNED_SHOWN: &str = r"x\u{202e}c\u{2066}";
-/// What a file's name can hold.
+/// Characters that a file name can contain.
 const NAME: &str = "a\u{1b}]0;owned\u{7}\u{1b}[31mb\u{9b}31m\u{202e}c";
 const NAME_SHOWN: &str = r"a\u{1b}]0;owned\u{7}\u{1b}[31mb\u{9b}31m\u{202e}c";
 
-/// Nothing in it commands a terminal.
+/// Checks that a text contains nothing that controls a terminal.
 #[track_caller]
 fn assert_tame(text: &str, of: &[&str]) {
     let wild = |c: char| {
@@ -31,14 +31,14 @@ fn assert_tame(text: &str, of: &[&str]) {
     assert!(!text.contains(wild), "{of:?}: {text:?}");
 }
 
-/// Runs a command, whose output must be tame with and without colours; what it printed.
+/// Runs a command, checks its output with and without colours, and returns the output.
 #[track_caller]
 fn tame(folder: &FilePath, arguments: &[&str]) -> String {
     let ran = karat(folder, arguments);
     for text in [&ran.out, &ran.err] {
         assert_tame(text, arguments);
     }
-    // Colours are Karat's own, and all that is left.
+    // Only Karat's own colours remain.
     let coloured = output(command(folder, arguments).env("CLICOLOR_FORCE", "1"));
     for text in [&coloured.out, &coloured.err] {
         let mut plain = text.clone();
@@ -90,7 +90,7 @@ fn names_of_files_are_shown_and_not_obeyed() {
             assert!(text.contains(NAME_SHOWN), "{arguments:?}: {text}");
         }
     }
-    // JSON says the same, and is JSON.
+    // JSON has the same text, and is valid.
     for arguments in [
         &["list", "--json"][..],
         &["pending", "--json"],
@@ -103,7 +103,7 @@ fn names_of_files_are_shown_and_not_obeyed() {
     }
 }
 
-/// What files say: zips, images, records, and the shader itself.
+/// Text from files: zips, images, records, and shaders.
 // Lesson 62
 #[test]
 fn contents_of_files_are_shown_and_not_obeyed() {
@@ -113,9 +113,9 @@ fn contents_of_files_are_shown_and_not_obeyed() {
     std::fs::create_dir(&golden).expect("a folder");
     zip(&folder.join("slip.zip"), &[(&format!("../{HOSTILE}.new.exr"), b"")]);
     zip(&folder.join("bad.zip"), &[(&format!("{HOSTILE}.new.exr"), b"")]);
-    // The driver and the folder of goldens, of a frame that came from elsewhere.
+    // A frame from elsewhere has a hostile driver name and folder of goldens.
     let image = Image::new(2, 1, vec![[0.25; 4]; 2]);
-    // Control characters are refused there; what turns the direction is none.
+    // This file refuses control characters. Characters that reverse the direction aren't control characters.
     let facts = provenance("scene", &image.hash(), &format!("{TURNED} {LAVAPIPE}"), "");
     let metadata = serde_json::to_string(&facts).expect("plain data");
     let frame = golden.join("scene.new.exr");
@@ -126,7 +126,7 @@ fn contents_of_files_are_shown_and_not_obeyed() {
         let frame = golden.join(format!("{case}.new.exr"));
         image.write_exr(&frame, Precision::Half, Some(&metadata)).expect("written");
     }
-    // Names of parts.
+    // The names of parts are hostile.
     let part = |name: &str| Part::new(name, Precision::Half, image.clone());
     let name = "n".repeat(HOSTILE.len());
     let parts = ExrFile { parts: vec![part("color"), part(&name)], metadata: None };
@@ -155,20 +155,20 @@ fn contents_of_files_are_shown_and_not_obeyed() {
         (&["call", "hostile::f"], true),
     ] {
         let text = tame(folder, arguments);
-        // The names of entries are shown as Rust has them, with `\r`.
+        // The names of entries are escaped as in Rust, with `\r`.
         let shown = text.contains(TURNED_SHOWN)
             || text.contains(SHOWN)
             || text.contains(&SHOWN.replace(r"\u{d}", r"\r"));
         assert!(shown || !told, "{arguments:?}: {text}");
     }
-    // A reason that was pasted with its colours is kept so that it can be read again.
+    // If a reason is pasted with colours, it is stored in a readable form.
     let (_, facts) = Image::read_exr(&golden.join("scene.exr")).expect("accepted");
     let facts = Provenance::parse(&facts.expect("it has facts")).expect("they can be read");
     assert_eq!(facts.because, SHOWN);
     let parts = karat(folder, &["diff", "parts.exr", "parts.exr", "--json"]).good();
     assert_tame(&parts, &["diff"]);
     assert!(json(&parts).to_string().contains('\u{9b}'), "{parts}");
-    // Files for people and programs.
+    // These files are for people and programs.
     let junit = ["report", "--record", "record", "--junit", "junit.xml"];
     let summary = folder.join("summary.md");
     let mut report = command(folder, &junit);
@@ -181,7 +181,6 @@ fn contents_of_files_are_shown_and_not_obeyed() {
     }
 }
 
-/// What tests print passes through `karat test`.
 // Lesson 62
 #[cfg(unix)]
 #[test]
@@ -201,7 +200,7 @@ fn escapes_in_the_output_of_tests_are_not_obeyed() {
     assert!(ran.out.contains("\nred\n") && ran.err.contains(" err\n"), "colours go: {ran:?}");
 }
 
-/// A line that is longer than a screen is cut around the place, which is told as it is.
+/// A line that is longer than the screen is cut around its column. The location in the message is unchanged.
 // Lesson 63
 #[test]
 fn a_long_line_is_cut_around_the_caret() {

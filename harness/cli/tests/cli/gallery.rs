@@ -1,4 +1,4 @@
-//! `karat render` in a project of its own, whose gallery it builds and runs.
+//! `karat render` in a separate project. It builds and runs the project's gallery.
 
 use std::path::Path as FilePath;
 use std::process::Command;
@@ -37,7 +37,7 @@ fn main() -> std::process::ExitCode {
 }
 "#;
 
-/// Features that the workspace has of common libraries, so that none is compiled once more: as in
+/// The features of common libraries in this workspace. With the same features, no library is compiled again, as in
 /// `tests/stranger.rs`.
 const SHARED: &str = "\
     indexmap = \"2\"\n\
@@ -70,11 +70,11 @@ impl Project {
         let gallery = karat.join("gallery");
         let repository = karat.parent().expect("it is in the workspace");
         let root = read(&repository.join("Cargo.toml"));
-        // With our profiles, our lock file, our features and our folder of intermediate output,
-        // Karat alone is compiled once more, without optimisation to save time: as
-        // `tests/stranger.rs` does.
+        // The project uses our profiles, lock file, features and folder of intermediate output. So only Karat is
+        // compiled again, without optimisation to save time. `tests/stranger.rs` does the same.
         let profiles = root.find("[profile.dev]").map(|at| &root[at..]).expect("it has profiles");
-        // The engine isn't what is tested: optimised as ours it takes longer than all the rest.
+        // The engine isn't tested here. With the workspace's optimisation, its build would take longer than everything
+        // else.
         let engine = "[profile.dev.package.karat-engine]\nopt-level = 3\ncodegen-units = 1\n";
         assert!(profiles.contains(engine), "the profile of the engine has changed");
         let quick = "[profile.dev.package.karat-engine]\nopt-level = 1\n";
@@ -102,7 +102,6 @@ impl Project {
         project
     }
 
-    /// Writes the manifest with this table of settings.
     fn declare(&self, settings: &str) {
         self.write("Cargo.toml", &format!("{}{settings}", self.manifest));
     }
@@ -113,7 +112,6 @@ impl Project {
         std::fs::write(path, text).expect("written");
     }
 
-    /// Runs a program in a folder of the project.
     fn run(&self, program: &FilePath, folder: &str, arguments: &[&str]) -> Ran {
         let mut command = Command::new(program);
         for (name, _) in std::env::vars_os() {
@@ -137,13 +135,13 @@ impl Project {
         Ran { code: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
     }
 
-    /// `karat render` in a folder of the project.
+    /// Runs `karat render` in a folder of the project.
     fn render(&self, folder: &str, arguments: &[&str]) -> Ran {
         let karat = FilePath::new(env!("CARGO_BIN_EXE_karat"));
         self.run(karat, folder, &[&["render"], arguments].concat())
     }
 
-    /// The frame of a name in a folder of frames, which holds its PNG, too.
+    /// Reads a frame from a folder of frames. The folder must also contain its PNG.
     fn frame(&self, folder: &str, name: &str) -> Image {
         let folder = self.folder.path().join(folder);
         let png = std::fs::read(folder.join(name).with_extension("png")).expect("written");
@@ -176,7 +174,7 @@ impl Ran {
         assert!(self.out.contains(part) || self.err.contains(part), "no `{part}` in: {self:?}");
     }
 
-    /// The one line about a rendered frame without the seconds, which can't be known.
+    /// Returns the only line about a rendered frame, without the seconds.
     #[track_caller]
     fn line(&self) -> String {
         let (before, after) = self.out.split_once(" s  ").unwrap_or_else(|| panic!("{self:?}"));
@@ -189,7 +187,7 @@ impl Ran {
 const FLAT_DIM: [f32; 4] = [0.25, 0.5, 1.0, 1.0];
 const FLAT_BRIGHT: [f32; 4] = [2.0, 4.0, 8.0, 1.0];
 
-/// One test, since what it costs is to compile the project.
+/// All checks are one test, because compiling the project takes the time.
 #[test]
 fn a_project_renders_its_own_frames() {
     let project = Project::new();
@@ -209,14 +207,14 @@ fn a_project_renders_its_own_frames() {
     let image = project.frame("target/karat/frames", "flat");
     assert_eq!((image.width(), image.pixels()), (3, &[FLAT_DIM; 6][..]));
 
-    // Relative paths are those of the user, who is in another folder than Cargo.toml.
+    // Relative paths start at the user's folder. This isn't the folder of Cargo.toml.
     let arguments = ["--first", "--size", "2x1", "--samples", "2", "--out", "a b", "--path", &path];
     let ran = project.render("frames", &arguments);
     assert_eq!(ran.line(), format!("flat  2 x 1  {path}  {}", files("a b")));
     let image = project.frame("frames/a b", "flat");
     assert_eq!((image.width(), image.pixels()), (2, &[FLAT_BRIGHT; 2][..]));
 
-    // One frame that fails doesn't keep the other from being rendered.
+    // If one frame fails, the other frame is still rendered.
     let ran = project.render("", &["--all", "--out", "all", "--exposure", "-1"]);
     assert!(ran.line().starts_with("flat      3 x 2"), "{ran:?}");
     assert_eq!(ran.code, Some(1));
@@ -246,12 +244,12 @@ fn a_project_renders_its_own_frames() {
     project.render("", &["flat", "--out", "Cargo.toml/none"]).says(2, message);
     assert!(!project.has("none/flat.exr"), "nothing is rendered when a name is wrong");
 
-    // The program is a command line of its own.
+    // The program has its own command line.
     let gallery = project.folder.path().join("target/debug/gallery");
     let gallery = gallery.with_extension(std::env::consts::EXE_EXTENSION);
     project.run(&gallery, "", &["--list"]).gives(0, list, "");
     project.run(&gallery, "", &["--help"]).says(0, "--environment <FILE>");
-    project.run(&gallery, "", &["--size", "640"]).says(2, "write them as 640x360");
+    project.run(&gallery, "", &["--size", "640"]).says(2, "write digits, as in 640x360");
     let ran = project.run(&gallery, "frames", &["flat"]);
     let folder = project.folder.path().canonicalize().expect("it is there");
     let folder = folder.join("target/karat/frames");

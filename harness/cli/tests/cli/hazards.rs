@@ -20,7 +20,7 @@ fn hazards_are_reported_with_their_line() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
         "fresnel::schlick with f0 = ",
-        // Cosines of unit vectors round above 1.
+        // Cosines of unit vectors may round above 1.
         "fault: NaN  pow(1.0 - v_dot_h, 5.0)  shaders/fresnel.wgsl:2:30",
         "for other inputs unbounded",
         "it fails where v_dot_h is 1\n",
@@ -35,7 +35,7 @@ fn hazards_are_reported_with_their_line() {
         (&"fault".into(), &"nan".into())
     );
     karat(folder.path(), &["hazards", "--kind", "lost-digits"]).good();
-    // A kind is asked for beside the worst one of an operation, too.
+    // `--kind` also selects a kind that isn't the worst one of its operation.
     let unbounded = karat(folder.path(), &["hazards", "--kind", "unbounded"]);
     assert!(unbounded.code == Some(1) && unbounded.out.contains("1 fault"), "{unbounded:?}");
     karat(folder.path(), &["hazards", "--only", "lambert"]).good();
@@ -54,7 +54,7 @@ fn hazards_are_reported_with_their_line() {
     }
 }
 
-/// What naga rejects is counted, and no run that passes.
+/// Functions that naga rejects are counted, and make the run fail.
 #[test]
 fn functions_that_are_not_valid_fail_a_run() {
     let folder = shaders("fn twice(x: f32) -> f32 { return 2.0 * x; }\n");
@@ -69,8 +69,8 @@ fn functions_that_are_not_valid_fail_a_run() {
     assert!(ran.out.contains("0 faults and 0 requirements in 1 function,"), "{ran:?}");
 }
 
-/// A requirement names the inputs that avert it, and fails a run that denies requirements. What callers meet and what is dropped is
-/// counted.
+/// A requirement names the inputs that avert it. It fails a run that denies requirements. Requirements that callers
+/// meet and dropped values are counted.
 // Lesson 97
 #[test]
 fn requirements_fail_a_run_that_denies_them() {
@@ -93,7 +93,7 @@ fn requirements_fail_a_run_that_denies_them() {
     for part in ["met: infinite  1.0 / x  shaders/", "dropped: NaN  normalize(s)  shaders/"] {
         assert!(all.contains(part), "no `{part}` in {all}");
     }
-    // Declared, it is a fault.
+    // With a declared input, the requirement is a fault.
     let declared = karat(folder.path(), &["hazards", "--input", "k=0..1"]);
     assert_eq!(declared.code, Some(1), "{declared:?}");
     karat(
@@ -103,9 +103,9 @@ fn requirements_fail_a_run_that_denies_them() {
     .good();
 }
 
-/// A name that means a number says nothing of a truth value.
+/// If the name of a boolean suggests a range, Karat ignores the name.
 #[test]
-fn a_truth_value_may_have_any_name() {
+fn a_bool_may_have_a_name_that_suggests_a_number() {
     let text = "struct Hit { diffuse: bool, roughness: f32 }\n\
                 fn f(hit: Hit, albedo: bool) -> f32 { return select(1.0, 0.5 * hit.roughness, \
                 hit.diffuse && albedo); }\n";
@@ -116,9 +116,9 @@ fn a_truth_value_may_have_any_name() {
     assert!(error.contains("no bool lies there"), "{error}");
 }
 
-/// An input of one of several packages is declared for that one; one of none is an error.
+/// An input that one of several packages has is declared for that package. An unknown input is an error.
 #[test]
-fn an_input_is_one_packages_of_several() {
+fn an_input_may_be_declared_for_one_of_several_packages() {
     let folder = shaders(SCHLICK);
     write(folder.path(), "other/tone.wgsl", "fn map(gain: f32) -> f32 { return 0.5 * gain; }\n");
     let manifest = "[workspace]\n[workspace.metadata.karat]\npackages = [\"shaders\", \"other\"]\n";
@@ -127,7 +127,7 @@ fn an_input_is_one_packages_of_several() {
     let out = karat(folder.path(), &inputs).good();
     assert!(out.contains("shaders: 0 faults") && out.contains("other: 0 faults"), "{out}");
     let error = karat(folder.path(), &[&inputs[..], &["--input", "gian=0..1"]].concat()).error();
-    assert!(error.contains("the input `gian` is declared, and no function"), "{error}");
+    assert!(error.contains("the input `gian` is declared, but no checked function"), "{error}");
 }
 
 #[test]
@@ -185,7 +185,7 @@ fn loops_that_may_not_end_are_hazards() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
-    // What has a bound may be long; the deadline holds there, too.
+    // A function with bounded loops may take long. The deadline applies to it, too.
     let mut long = command(folder.path(), &["call", "fresnel::long", "--path", "cpu"]);
     let error = output(long.env("KARAT_TIMEOUT", "0.2")).error();
     assert!(error.contains("this loop was still running after 0.2 s"), "{error}");
@@ -193,7 +193,7 @@ fn loops_that_may_not_end_are_hazards() {
 }
 
 #[test]
-fn acceptances_are_true() {
+fn an_accepted_hazard_must_exist() {
     let folder = shaders(SCHLICK);
     let accept = |functions: &str, text: &str| {
         let declared =
@@ -250,8 +250,7 @@ fn each_round_of_a_loop_and_half_precision_have_rows() {
     assert!(half.lines().any(|line| line.contains("x * 0.5h") && line.contains("1.5")), "{half}");
 }
 
-/// Integers with their sign, conditions with both outcomes where WGSL decides neither, and the names of
-/// `let`s.
+/// Signed integers, conditions with both outcomes if WGSL allows both, and the names of `let`s.
 #[test]
 fn integers_conditions_and_names_are_in_a_trace() {
     let folder = shaders(
@@ -270,14 +269,14 @@ fn integers_conditions_and_names_are_in_a_trace() {
     };
     assert_eq!(row("n - 3")[1..], ["below = n - 3", "-2", "-2", "-2"], "{trace}");
     assert!(row("sqrt(x)")[1].starts_with("root = "), "{trace}");
-    // Rounding decides, so WGSL doesn't.
+    // Rounding determines the outcome, so WGSL allows both.
     assert_eq!(row("root * root < x")[4], "false or true", "{trace}");
-    // In double precision the root is exact, and the branch isn't taken.
+    // In `f64` the root is exact, so the branch isn't taken.
     assert_eq!(row("below < 0")[2..], ["true", "another way", "true"], "{trace}");
     assert_eq!(row("select(root")[2], "2", "{trace}");
 }
 
-/// A variance of four samples by the difference of two sums cancels where they are nearly equal.
+/// The variance of four samples as the difference of two sums cancels if the samples are nearly equal.
 #[test]
 fn nearly_equal_arguments_are_tried() {
     let folder = shaders(
@@ -288,12 +287,12 @@ fn nearly_equal_arguments_are_tried() {
     );
     let ran = karat(folder.path(), &["hazards"]);
     assert!(ran.code == Some(0) && ran.out.contains("squares - mean * mean"), "{ran:?}");
-    // With what was subtracted from what.
+    // The message names the operands of the subtraction.
     let about = ran.out.lines().find(|line| line.contains("are rounding errors (0."));
     assert!(about.is_some_and(|line| line.contains(", 0.") && line.contains("in f64")), "{ran:?}");
 }
 
-/// Each crate of a workspace has a folder of one name.
+/// Each crate of a workspace has a folder of the same name.
 #[test]
 fn packages_with_the_same_name_are_named_by_their_folders() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -306,7 +305,7 @@ fn packages_with_the_same_name_are_named_by_their_folders() {
     );
     write(&folder.path().join("a/shaders"), "m.wgsl", over);
     write(&folder.path().join("b/shaders"), "m.wgsl", plain);
-    // The override of one of them is no error of the other.
+    // The override of one package isn't an error in the other package.
     let ran = karat(folder.path(), &["hazards", "--override", "A=2"]).good();
     assert!(ran.contains("a/shaders: 0 faults") && ran.contains("b/shaders: 0 faults"), "{ran}");
     let checked = karat(folder.path(), &["check"]).good();
@@ -317,7 +316,7 @@ fn packages_with_the_same_name_are_named_by_their_folders() {
     let twice = ["hazards", "--input", "x=0..1", "--input", "x=0..2"];
     let error = karat(folder.path(), &twice).error();
     assert!(error.contains("the input is given twice: --input x"), "{error}");
-    // Two names of one override.
+    // These are two names of the same override.
     let twice = ["hazards", "--override", "A=2", "--override", "m::A=3"];
     let error = karat(folder.path(), &twice).error();
     assert!(error.contains("has two values, under two of its names"), "{error}");

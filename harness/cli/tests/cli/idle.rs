@@ -1,4 +1,4 @@
-//! Karat refuses at its key a check that would do nothing or can't fail, and counts a value that is dropped.
+//! Karat reports an error at the key of a check that would do nothing or can't fail. It counts dropped values.
 
 use super::*;
 
@@ -17,7 +17,7 @@ fn shaders() -> TempDir {
 
 // Lesson 175
 #[test]
-fn checks_that_can_not_fail_are_refused_at_their_key() {
+fn checks_that_cannot_fail_are_errors_at_their_place() {
     for (declared, place, message) in [
         (
             "function = \"count\"\nin_range = [0, 4294967295]\n",
@@ -49,7 +49,7 @@ fn checks_that_can_not_fail_are_refused_at_their_key() {
         assert!(ran.code != Some(0), "{declared}: {said}");
         assert!(said.contains(place) && said.contains(message), "{declared}: {said}");
     }
-    // What a driver makes of a function is compared with what WGSL allows of it.
+    // The results of a driver are compared with the range that WGSL allows.
     let folder = shaders();
     let text = "[[test]]\nfunction = \"half\"\nagrees_with = \"half\"\ntolerance = \"spec\"\n\
                 over = { x = \"0..1\" }\n";
@@ -57,7 +57,7 @@ fn checks_that_can_not_fail_are_refused_at_their_key() {
     karat(folder.path(), &["test", ".", "--paths", "cpu"]).good();
 }
 
-/// A driver may leave out what may be anything: a call has a result on each path.
+/// A driver may leave out code whose result may be anything. Still, each path returns a result.
 // Lesson 174
 #[test]
 fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
@@ -74,7 +74,7 @@ fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
     }
 }
 
-/// A hazard that a later operation hides is one, and comes last.
+/// If a later operation hides a hazard, the hazard is listed last.
 // Lesson 178
 #[test]
 fn a_dropped_value_is_counted() {

@@ -3,7 +3,7 @@
 use super::report::function;
 use super::*;
 
-/// In a project that depends on Karat what tests wait for is optimised; what somebody chose stays.
+/// In a project that depends on Karat, `karat init` optimises the crates that tests wait for. Existing profiles stay.
 #[test]
 fn a_project_gets_the_profiles_that_tests_need() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -11,7 +11,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
     let manifest = "[package]\nname = \"a\"\n\n[profile.dev.package]\nkarat.opt-level = 0";
     write(folder.path(), "Cargo.toml", manifest);
     let read = || std::fs::read_to_string(folder.path().join("Cargo.toml")).expect("it is there");
-    // Of what isn't there Cargo would warn.
+    // Cargo would warn of profiles for missing crates.
     karat(folder.path(), &["init", "shaders"]).good();
     assert_eq!(read(), manifest);
     write(folder.path(), "Cargo.lock", "[[package]]\nname = \"karat\"\n");
@@ -20,7 +20,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
         ran.contains("added profiles of karat-core, karat-engine, naga to Cargo.toml"),
         "{ran}"
     );
-    // Its Rust tests run in CI, too, and what they leave is kept.
+    // CI also runs the Rust tests, and keeps their records.
     karat(folder.path(), &["init", "--github", "--gitlab"]);
     for file in [".github/workflows/karat.yml", ".gitlab-ci.karat.yml"] {
         let text = std::fs::read_to_string(folder.path().join(file)).expect("it is there");
@@ -38,7 +38,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
     assert_eq!(read(), written, "once");
 }
 
-/// Where `package.json` has Karat, jobs install it by npm.
+/// If `package.json` has Karat, the jobs install Karat with npm.
 #[test]
 fn jobs_of_an_npm_project_use_npm() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -90,14 +90,14 @@ fn a_first_test_is_written_and_passes() {
     assert_eq!(read(".gitignore"), "target\n**/.karat/run/\n*.new.exr\n*.new.csv\n*.new.png\n");
     assert!(read("shaders/brdf.test.toml").contains("finite = true"));
     assert!(read(".github/workflows/karat.yml").contains("karat test shaders --paths vulkan"));
-    // Broken, the first test fails.
+    // With a broken function, the first test fails.
     write(
         &folder.path().join("shaders"),
         "brdf.wgsl",
         "fn lambert(n_dot_l: f32) -> f32 { return 0.31830987 / n_dot_l; }\n",
     );
     assert_eq!(karat(folder.path(), &["test", "shaders"]).code, Some(1));
-    // A second time nothing is overwritten.
+    // A second call overwrites nothing.
     write(
         folder.path(),
         "shaders/brdf.test.toml",
@@ -112,7 +112,7 @@ fn a_first_test_is_written_and_passes() {
     assert!(!read("shaders/brdf.test.toml").contains("finite"));
 }
 
-/// A project with Rust tests gets one of a function that they leave out, and keeps the record of its last run.
+/// A project with Rust tests gets a test of a function without a Rust test. The record of its last run stays.
 #[test]
 fn init_skips_functions_that_rust_tests_check() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -126,7 +126,7 @@ fn init_skips_functions_that_rust_tests_check() {
     let record = path.join("target/karat/record");
     write(&record, "1.jsonl", &function("a::g", "cpu", "pass", None));
     write(&record, "run.json", r#"{"schema":5,"selected":[],"passed":true}"#);
-    // Who asks for a workflow wants that alone.
+    // With `--github`, a project with Rust tests gets only the workflow.
     let ran = karat(path, &["init", "--github"]).good();
     assert!(ran.contains("there are tests in Rust, so no test is written"), "{ran}");
     assert!(!path.join("shaders/a.test.toml").exists());
@@ -137,7 +137,7 @@ fn init_skips_functions_that_rust_tests_check() {
     assert!(ran.contains("1 passed") && ran.contains("the record of the last run stays"), "{ran}");
     let report = karat(path, &["report"]).good();
     assert!(report.contains("a::g") && !report.contains("a::h"), "{report}");
-    // With a test of each there is nothing to write, and nothing to run.
+    // If each function has a test, nothing is written, and nothing runs.
     std::fs::remove_file(path.join("shaders/a.test.toml")).expect("it was written");
     write(path, "tests/more/b.rs", "SHADERS.function(\"a::h\");\n");
     let ran = karat(path, &["init"]).good();
@@ -145,9 +145,8 @@ fn init_skips_functions_that_rust_tests_check() {
     assert!(!path.join("shaders/a.test.toml").exists());
 }
 
-/// A first test that is red shows where, and says so.
 #[test]
-fn a_first_test_may_be_red() {
+fn a_failing_first_test_of_init_says_what_to_do() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let module =
         "fn lobe(roughness: f32, n_dot_v: f32) -> f32 { return 0.25 / (roughness * n_dot_v); }\n";
@@ -184,7 +183,7 @@ fn init_explains_why_there_is_nothing_to_test() {
     write(folder.path(), "a.wgsl", "struct A { x: f32 }\n");
     let nothing = karat(folder.path(), &["init"]);
     assert!(nothing.code == Some(2) && nothing.out.contains("declares no function"), "{nothing:?}");
-    // Where no test can be written nothing is: not even what goes with it.
+    // If no test can be written, no other file is written either.
     let bound = "@group(0) @binding(0) var t: texture_2d<f32>;\n\
                  fn tex(uv: vec2f) -> vec4f { return textureLoad(t, vec2i(uv), 0); }\n";
     write(folder.path(), "b.wgsl", bound);
@@ -200,7 +199,7 @@ fn init_explains_why_there_is_nothing_to_test() {
     assert!(none.contains("there is no folder `nowhere`"), "{none}");
 }
 
-/// A pass for one workgroup runs as one; and of a long array not each element is written.
+/// A pass for one workgroup is dispatched as one workgroup. A long array isn't listed element by element.
 #[test]
 fn a_pass_for_one_workgroup_gets_a_test() {
     let scan = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -232,14 +231,14 @@ fn a_pass_for_one_workgroup_gets_a_test() {
         let file = folder.path().join("m.test.toml");
         let declared = std::fs::read_to_string(&file).expect("it is written");
         assert!(declared.contains(part), "no `{part}` in {declared}");
-        // A test that is deleted is no reason not to write one.
+        // After its file is deleted, the test is written again.
         std::fs::remove_file(&file).expect("it is there");
         let ran = karat(folder.path(), &["init"]).good();
         assert!(ran.contains(&format!("a test of `m::{name}`")), "{ran}");
     }
 }
 
-/// Images are as large as what is dispatched, and differ from texel to texel.
+/// Images have the size of the dispatch, and different texels.
 #[test]
 fn a_pass_over_images_gets_a_test() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -267,7 +266,7 @@ fn a_pass_over_images_gets_a_test() {
     assert!(ran.code != Some(0) && ran.out.contains("race on `target_"), "{ran:?}");
 }
 
-/// Sizes follow from what is dispatched; a pass that races is red.
+/// Sizes follow from the dispatch. A pass with a race fails.
 #[test]
 fn a_pass_gets_a_test_of_its_own() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -289,7 +288,7 @@ fn a_pass_gets_a_test_of_its_own() {
     {
         assert!(text.contains(part), "no `{part}` in {text}");
     }
-    // A fault that is planted turns it red, also in the first test.
+    // A planted fault makes the first test fail.
     let planted = pass.replace("sums[id.x] =", "sums[id.x / 2u] =");
     write(folder.path(), "m.wgsl", &planted);
     assert_eq!(karat(folder.path(), &["test", "."]).code, Some(1));
@@ -299,7 +298,7 @@ fn a_pass_gets_a_test_of_its_own() {
     assert!(ran.out.contains("race on `sums["), "{ran:?}");
 }
 
-/// A function that returns no float is looked through for hazards.
+/// A function without a float in its result is checked for hazards.
 // Lesson 181
 #[test]
 fn a_function_of_integers_gets_a_test() {
@@ -311,7 +310,7 @@ fn a_function_of_integers_gets_a_test() {
     assert_eq!(karat(folder.path(), &["test", "shaders"]).code, Some(1));
 }
 
-/// Git ignores what runs leave, wherever the folder of shaders is.
+/// Git ignores the output of runs, wherever the folder of shaders is.
 // Lesson 181
 #[test]
 fn git_ignores_what_runs_leave() {
@@ -330,10 +329,10 @@ fn git_ignores_what_runs_leave() {
     assert_eq!(seen, "?? .gitignore\n?? lib/shaders/m.test.toml\n?? lib/shaders/m.wgsl\n");
 }
 
-/// The folder is that whose tests `karat test` runs.
+/// The default folder is the folder whose tests `karat test` runs.
 // Lesson 181
 #[test]
-fn the_folder_is_the_one_that_is_declared() {
+fn init_writes_tests_in_the_declared_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path();
     write(path, "assets/wgsl/m.wgsl", "fn f(u: f32) -> f32 { return 0.5 * u; }\n");
@@ -346,7 +345,7 @@ fn the_folder_is_the_one_that_is_declared() {
 
 // Lesson 180
 #[test]
-fn nothing_is_written_in_ci_unless_it_may() {
+fn init_writes_in_ci_only_with_ci_may_write() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "fn f(u: f32) -> f32 { return 0.5 * u; }\n");
     let init = |more: &[&str]| {
@@ -359,7 +358,8 @@ fn nothing_is_written_in_ci_unless_it_may() {
     assert!(folder.path().join("m.test.toml").is_file());
 }
 
-/// A project for the web gets a script; Tint is required where the project itself has it, so that a first run is green on each machine.
+/// A project for the web gets a script. Tint is required only if `package.json` has it, so that the first run passes on
+/// each machine.
 #[test]
 fn a_project_for_the_web_gets_a_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -384,14 +384,15 @@ fn a_project_for_the_web_gets_a_script() {
     init().good();
     let again = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
     assert_eq!(again, manifest, "once is enough");
-    // It has it, and this machine hasn't.
+    // The project has Tint, but this machine doesn't.
     let with = manifest.replacen('{', "{ \"devDependencies\": { \"webgpu\": \"0.3\" },", 1);
     write(folder.path(), "package.json", &with);
     let said = init().good();
     assert!(said.contains("Chrome's compiler isn't asked"), "{said}");
 }
 
-/// A module that isn't valid is told, and the others get their test; `matrix` and `compare` take a folder as others do.
+/// Invalid modules are reported, and the others get a test. `matrix` and `compare` accept a folder as other commands
+/// do.
 #[test]
 fn init_writes_tests_for_the_valid_modules() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -426,7 +427,7 @@ fn init_writes_tests_for_the_valid_modules() {
     assert!(compared.contains("changed") && compared.contains("tone::tone"), "{compared}");
 }
 
-/// Packages of npm hold no module of the project, and for each command the folder with all modules is the package.
+/// npm packages aren't modules of the project. Each command uses the folder that contains all modules as the package.
 #[test]
 fn the_folder_that_has_all_modules_is_found() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -440,11 +441,11 @@ fn the_folder_that_has_all_modules_is_found() {
         let mut command = command(path, arguments);
         output(command.env("KARAT_PATHS", "cpu").env("KARAT_TINT", "off"))
     };
-    // A module of entry points alone has a test, too.
+    // A module that has only entry points gets a test, too.
     let said = run(&["init"]).good();
     assert!(said.contains("wrote src/shaders/draw.test.toml, a test of `draw::main`"), "{said}");
     assert!(said.contains("karat watch src/shaders"), "{said}");
-    // Imports begin at that folder, for each command.
+    // For each command, imports start at that folder.
     write(
         path,
         "src/shaders/noise.wgsl",
@@ -456,7 +457,7 @@ fn the_folder_that_has_all_modules_is_found() {
     assert!(row.contains("  yes  "), "the record of its test is found: {list}");
     run(&["test"]).good();
     run(&["hazards", "--only", "one"]).good();
-    // A package within a package would be no command's.
+    // No command would use a package inside a package.
     write(path, "karat.toml", "");
     let error = run(&["init", "src/shaders"]).error();
     assert!(error.contains("`src/shaders` is a part of it: run `karat init .`"), "{error}");

@@ -18,7 +18,6 @@ fn folder() -> TempDir {
     folder
 }
 
-/// All files below a folder.
 fn files(folder: &FilePath) -> Vec<PathBuf> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
@@ -54,7 +53,7 @@ fn mutants_are_killed_or_listed() {
     assert!(all.contains("by `calc::half equals`") && all.contains("score 100%"), "{all}");
     let list = karat(folder.path(), &["mutate", "--list"]).good();
     assert!(list.lines().count() > 5 && !list.contains("score"), "{list}");
-    // A part is named, and the same by the same seed.
+    // The output says that this is a sample. The same seed selects the same mutants.
     let part = ["mutate", "--sample", "3", "--seed", "4", "--all", "--fail-under", "0"];
     let [first, second] = [(); 2].map(|()| karat(folder.path(), &part).good());
     let without_time = |out: &str| out.rsplit_once(';').map(|(all, _)| all.to_owned());
@@ -64,15 +63,15 @@ fn mutants_are_killed_or_listed() {
     assert_eq!(told[0]["result"]["fate"], "killed", "{told}");
 }
 
-/// Only lines that an edit touches, and files that git doesn't know.
+/// Only edited lines and files that git doesn't know have mutants.
 #[test]
-fn a_pull_request_is_judged_by_its_lines() {
+fn mutants_in_a_diff_are_only_those_of_changed_lines() {
     let folder = folder();
     git(folder.path(), &["init", "-q"]);
     git(folder.path(), &["add", "."]);
     git(folder.path(), &["commit", "-qm", "one"]);
     let shaders = folder.path().join("shaders");
-    // A pull request without shaders is no failure.
+    // A pull request without shaders doesn't fail.
     let none = karat(folder.path(), &["mutate", "--in-diff", "HEAD"]);
     assert!(none.code == Some(0) && none.out.contains("no mutant was tried"), "{none:?}");
     assert!(none.err.contains("there is no mutant in the lines that changed"), "{none:?}");
@@ -82,7 +81,7 @@ fn a_pull_request_is_judged_by_its_lines() {
     write(&shaders, "new.wgsl", "fn third(x: f32) -> f32 { return x / 3.0; }\n");
     let both = karat(folder.path(), &["mutate", "--in-diff", "HEAD", "--all"]);
     assert!(both.code == Some(1) && both.out.contains("`new::third`"), "{both:?}");
-    // Later changes of the other branch aren't changes of this one.
+    // Later changes on the other branch don't count as changes of this branch.
     git(folder.path(), &["checkout", "-q", "--", "."]);
     git(folder.path(), &["branch", "work"]);
     write(&shaders, "calc.wgsl", &SHADER.replace("3.0", "4.0"));
@@ -99,13 +98,13 @@ fn a_pull_request_is_judged_by_its_lines() {
 
 // Lesson 29
 #[test]
-fn a_merge_is_gated_by_a_score() {
+fn mutate_fails_if_the_score_is_below_the_bound() {
     let folder = folder();
     let under = |percent: &str| karat(folder.path(), &["mutate", "--fail-under", percent]).code;
     assert_eq!((under("10"), under("99.5")), (Some(0), Some(1)));
     let slip = karat(folder.path(), &["mutate", "--fail-under", "many"]);
     assert!(slip.code == Some(2) && slip.err.contains("a number from 0 to 100"), "{slip:?}");
-    // Tests that fail anyway kill nothing.
+    // Tests that fail without a mutant kill nothing.
     let red = TESTS.replace("equals = 1", "equals = 3");
     write(&folder.path().join("shaders"), "calc.test.toml", &red);
     let error = karat(folder.path(), &["mutate"]).error();
@@ -115,7 +114,7 @@ fn a_merge_is_gated_by_a_score() {
     assert!(error.contains("there is no test"), "{error}");
 }
 
-/// A warning for each line on which mutants lived, below the repository that GitHub shows, and the log in the job's summary.
+/// Each line with surviving mutants gets a warning with its path in the repository, and the job's summary gets the log.
 #[test]
 fn lines_are_annotated() {
     let folder = folder();
@@ -135,7 +134,7 @@ fn lines_are_annotated() {
     assert!(!summary.contains('\u{1b}'), "{summary}");
 }
 
-/// Stryker's report has each mutant where it stands, by the words of its schema.
+/// Stryker's report has the location of each mutant, in the terms of its schema.
 #[test]
 fn stryker_reads_the_report() {
     let folder = folder();

@@ -1,4 +1,4 @@
-//! Questions of programs around `karat`: the tests that there are, one of them, and an image beside its golden.
+//! Requests of other programs: the list of tests, the run of one test, and the comparison of an image with its golden.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
@@ -23,7 +23,7 @@ fn folder() -> TempDir {
     folder
 }
 
-/// Each test stands where its author wrote it, and a file that was meant to have some is one with an error.
+/// Each test has the location where its author wrote it. An unreadable file of tests is listed with its error.
 #[test]
 fn tests_are_listed_with_their_places() {
     let folder = folder();
@@ -66,7 +66,7 @@ fn tests_are_listed_with_their_places() {
     assert!(error.contains("there is no test beside the shaders"), "{error}");
 }
 
-/// A process that stays runs the test that it is asked for, with what it recorded; unedited, the test doesn't run again.
+/// A long-lived process runs the requested test, and returns its records. Without an edit the test doesn't run again.
 #[test]
 fn one_test_is_run_when_it_is_asked_for() {
     let folder = folder();
@@ -81,7 +81,7 @@ fn one_test_is_run_when_it_is_asked_for() {
     for _ in 0..2 {
         let request = serde_json::json!({ "filter": "", "all": false, "first": [], "only": "m::twice equals" });
         writeln!(stdin, "{request}").expect("it reads");
-        // It ends with its input, whatever it is doing.
+        // The process ends when its input ends.
         while said.last().is_none_or(|one: &serde_json::Value| one["done"].is_null()) {
             let line = lines.next().expect("it goes on").expect("a text");
             said.extend((!line.is_empty()).then(|| json(&line)));
@@ -101,7 +101,8 @@ fn one_test_is_run_when_it_is_asked_for() {
     }
 }
 
-/// An image of another program is compared as a frame is, and waits as one does; one that shows nothing is refused.
+/// An image of another program is compared like a frame, and becomes pending if it differs. An image of one colour is
+/// refused.
 #[test]
 fn an_image_is_matched_with_its_golden() {
     let folder = tempfile::tempdir().expect("a temporary folder");

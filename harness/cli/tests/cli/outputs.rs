@@ -1,4 +1,4 @@
-//! What commands write: never over what they read, and whole or not at all.
+//! Outputs never overwrite inputs, and are written completely or not at all.
 
 use super::pending::pending_frame;
 use super::report::function;
@@ -16,7 +16,7 @@ fn a_table_replaces_no_input() {
     #[cfg(unix)]
     std::os::unix::fs::symlink("x.csv", path("soft.csv")).expect("a link");
     let names = ["x.csv", "./sub/../x.csv", "hard.csv", "soft.csv"];
-    // Elsewhere links need privileges.
+    // On other systems, links need privileges.
     for name in names.into_iter().filter(|name| cfg!(unix) || *name != "soft.csv") {
         let arguments = ["call", "calc::double", "--table", "x.csv", "--out", name];
         let error = karat(folder, &arguments).error();
@@ -25,7 +25,7 @@ fn a_table_replaces_no_input() {
         assert!(error.contains(&message) && error.contains("name another file"), "{error}");
         assert_eq!(std::fs::read_to_string(path("x.csv")).expect("there"), "x\n1\n2\n");
     }
-    // A shader is read, too.
+    // The command reads the shader, too.
     let shader = "fn twice(x: f32) -> f32 { return 2.0 * x; }\n";
     write(folder, "my.wgsl", shader);
     let arguments = ["--shaders", "my.wgsl", "--table", "x.csv", "--out", "my.wgsl"];
@@ -48,7 +48,7 @@ fn a_preview_replaces_no_input() {
         assert!(error.contains(&format!("the preview `{out}` would overwrite `a.exr`")), "{error}");
         assert!(std::fs::read(folder.join(out)).expect("there") == before, "{out}");
     }
-    // The default, too: an image of one format may have the name of another.
+    // This also holds for the default output. An image may have the ending of another format.
     std::fs::copy(folder.join("a.exr"), folder.join("c.png")).expect("copied");
     let error = karat(folder, &["preview", "c.png"]).error();
     assert!(error.contains("the preview `c.png` would overwrite `c.png`"), "{error}");
@@ -68,7 +68,8 @@ fn a_report_replaces_no_record() {
     karat(folder, &["report", "--record", "run", "--junit", "run/junit.xml"]).good();
 }
 
-/// Written beside its place and renamed: whoever has the old file has all of it.
+/// An output is written beside its final path, and then renamed. A program that has the old file open still reads all
+/// of it.
 // Lesson 59
 #[test]
 fn every_output_is_written_whole() {
@@ -99,7 +100,7 @@ fn every_output_is_written_whole() {
     }
 }
 
-/// A full disk leaves the file that was there. No file may grow beyond 512 bytes here.
+/// With a full disk, the old file stays. In this shell no file may grow beyond 512 bytes.
 // Lesson 59
 #[cfg(target_os = "linux")]
 #[test]
@@ -113,7 +114,7 @@ fn a_full_disk_leaves_the_table_of_before() {
     let mut shell = Command::new("sh");
     shell.current_dir(folder).env("NODEVICE_SELECT", "1").env("MESA_SHADER_CACHE_DISABLE", "true");
     shell.args(["-c", limited]).arg(karat);
-    // Drivers write files of their own, and one that is required is opened.
+    // Drivers write files, too, and a required path is opened.
     shell.env_remove("KARAT_PATHS").env_remove("KARAT_REQUIRE");
     let call = ["call", "calc::double", "--path", "cpu", "--table", "in.csv", "--out", "out.csv"];
     let ran = output(shell.args(call));
@@ -122,11 +123,11 @@ fn a_full_disk_leaves_the_table_of_before() {
     assert_eq!(kept, "of the run before");
 }
 
-/// What isn't a file is written to, and stays what it is. A link stays a link.
+/// A device, pipe or link is written to, and isn't replaced.
 // Lesson 59
 #[cfg(unix)]
 #[test]
-fn devices_and_links_stay_what_they_are() {
+fn output_to_a_device_or_link_does_not_replace_the_device_or_link() {
     use std::os::unix::fs::{FileTypeExt, MetadataExt};
     let project = project();
     let folder = project.path();
@@ -134,7 +135,7 @@ fn devices_and_links_stay_what_they_are() {
     let table = |out: &str| {
         karat(folder, &["call", "calc::double", "--table", "in.csv", "--out", out]).good()
     };
-    // A pipe of our own: a mistake must not replace a device of this machine.
+    // The test makes a pipe, because a mistake must not replace a device of this machine.
     let pipe = folder.join("pipe");
     assert!(Command::new("mkfifo").arg(&pipe).status().expect("it runs").success());
     let reader = std::thread::spawn({
@@ -144,11 +145,11 @@ fn devices_and_links_stay_what_they_are() {
     table("pipe");
     let is_pipe = std::fs::symlink_metadata(&pipe).expect("there").file_type().is_fifo();
     if !is_pipe {
-        // The reader waits for a writer.
+        // Opening the pipe for reading waits for a writer.
         panic!("the pipe was replaced");
     }
     assert!(reader.join().expect("no panic").starts_with("x,"));
-    // Whoever reads the file that standard output goes to has it open.
+    // The file of standard output may be open in another program.
     let file = std::fs::File::create(folder.join("stdout.csv")).expect("created");
     let mut command =
         command(folder, &["call", "calc::double", "--table", "in.csv", "--out", "/dev/stdout"]);
@@ -160,7 +161,7 @@ fn devices_and_links_stay_what_they_are() {
     table("link.csv");
     assert!(folder.join("link.csv").symlink_metadata().expect("there").is_symlink());
     assert!(std::fs::read_to_string(folder.join("real.csv")).expect("there").starts_with("x,"));
-    // A report of an earlier run goes before there is another; what isn't one stays.
+    // A report of an earlier run is removed before the new one is written. Other files stay.
     std::fs::create_dir(folder.join("own")).expect("a folder");
     write(
         &folder.join("own"),

@@ -1,4 +1,4 @@
-//! `karat pending`, `accept` and `reject`, here and from what a CI run left.
+//! `karat pending`, `accept` and `reject`, for local frames and for frames of a CI run.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -18,7 +18,7 @@ pub(crate) fn pending_frame(golden: &FilePath, case: &str, adapter: &str) {
     write_frame(golden, case, case, adapter, "");
 }
 
-/// A pending frame whose provenance says what it likes.
+/// Writes a pending frame with any provenance.
 pub(crate) fn write_frame(
     golden: &FilePath,
     file: &str,
@@ -29,7 +29,7 @@ pub(crate) fn write_frame(
     write_of(golden, file, ("", ""), provenance(case, "", adapter, compared_with));
 }
 
-/// A pending frame of a crate and its folder of goldens.
+/// Writes a pending frame of a crate and its folder of goldens.
 fn write_of(
     place: &FilePath,
     file: &str,
@@ -137,14 +137,13 @@ fn write_other(golden: &FilePath) {
     image.write_exr(&golden.join("scene.exr"), Precision::Half, None).expect("written");
 }
 
-/// A project with an empty folder of goldens.
 fn with_goldens() -> TempDir {
     let project = project();
     std::fs::create_dir(project.path().join("golden")).expect("a folder");
     project
 }
 
-/// What CI uploads of `target/karat`.
+/// Writes the files that CI uploads from `target/karat`.
 fn artefact(folder: &FilePath) {
     for case in ["scene", "furnace/rough"] {
         pending_frame(&folder.join("ci/pending"), case, LAVAPIPE);
@@ -172,7 +171,7 @@ fn changed_frames_and_new_frames_are_listed_differently() {
     let ran = karat(project.path(), &["pending", "--json"]);
     assert_eq!(ran.code, Some(1));
     assert_eq!(json(&ran.out)[0]["status"], "differs");
-    // The golden that it was compared with isn't there any more; the other frame is accepted.
+    // The golden that the frame was compared with no longer exists. The other frame is accepted.
     let ran = karat(project.path(), &["accept", "*", "--because", "why", "--json"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     let list = json(&ran.out);
@@ -185,7 +184,7 @@ fn changed_frames_and_new_frames_are_listed_differently() {
     karat(project.path(), &["pending"]).good();
 }
 
-/// What can't be done of one frame is told, and done of the others.
+/// An error about one frame is reported, and the other frames are accepted.
 #[test]
 fn an_unusable_file_does_not_stop_the_others() {
     let project = with_goldens();
@@ -246,10 +245,10 @@ fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
         folder.join("golden/scene.exr").is_file() && folder.join("golden/scene.toml").is_file()
     );
     assert!(folder.join("ci.zip").is_file(), "the zip stays as it is");
-    // It is accepted already, which may be done again.
+    // The frame is already accepted. Accepting it again succeeds.
     let out = karat(folder, &accept).good();
     assert!(out.contains("`golden/scene.exr` has these pixels and facts already"), "{out}");
-    // There is a golden now that the frame wasn't compared with.
+    // The frame wasn't compared with this golden.
     write_other(&folder.join("golden"));
     let error = karat(folder, &accept).failure(1);
     assert!(error.contains("the golden of `scene` has changed since"), "{error}");
@@ -283,7 +282,7 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
     damaged[100] ^= 0xff;
     std::fs::write(folder.join("damaged.zip"), &damaged).expect("written");
     write(folder, "text.zip", "not a zip");
-    // A name that would leave the folder of goldens, in a file that wouldn't.
+    // The name in the file would lead out of the folder of goldens. The name of the file wouldn't.
     write_frame(&folder.join("names"), "evil", "../../evil", LAVAPIPE, "");
     for case in ["a/scene", "b/scene"] {
         write_frame(&folder.join("twice"), case, "scene", LAVAPIPE, "");
@@ -317,8 +316,7 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
     assert!(!above.exists() && !FilePath::new("/evil.new.exr").exists());
 }
 
-/// A workspace of two crates, `a` and `b`, whose names in Cargo are others than their folders'. `a` has a
-/// golden.
+/// A workspace of two crates. Their Cargo names differ from the names of their folders, `a` and `b`. `a` has a golden.
 fn workspace() -> TempDir {
     let project = tempfile::tempdir().expect("a temporary folder");
     let folder = project.path();
@@ -336,7 +334,7 @@ fn new(case: &str) -> Provenance {
     provenance(case, "", LAVAPIPE, "")
 }
 
-/// The first golden of a crate makes the crate's folder, and no other's is written into.
+/// The first golden of a crate creates the crate's folder of goldens. No other folder changes.
 // Lesson 179
 // Lesson 180
 #[test]
@@ -348,7 +346,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     let frame = std::fs::read(ci.join("crates/sky/golden/dusk.new.exr")).expect("written");
     zip(&folder.join("k.zip"), &[("pending/crates/sky/golden/dusk.new.exr", &frame)]);
     let accept = ["accept", "dusk", "--from", "k.zip", "--because", "x"];
-    // In CI nothing is written, unless it may.
+    // In CI Karat writes nothing, unless an option allows it.
     let refused = output(command(folder, &accept).env("CI", "true")).error();
     assert!(
         refused.contains("`CI` is set, and Karat writes nothing into your sources in CI"),
@@ -361,7 +359,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     assert!(folder.join("crates/sky/golden/dusk.toml").is_file());
     assert!(!folder.join("golden").exists());
     assert_eq!(std::fs::read_dir(folder.join("crates/lamp/golden")).expect("there").count(), 0);
-    // Naming another folder is refused, too.
+    // `--goldens` with another folder is refused, too.
     let other = [&accept[..], &["--goldens", "crates/lamp/golden"]].concat();
     let error = karat(folder, &other).failure(1);
     assert!(error.contains("compared with the goldens in `crates/sky/golden`"), "{error}");
@@ -369,7 +367,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     output(command(folder, &may).env("CI", "true")).good();
 }
 
-/// A member that declares its folder of goldens leaves the project its own.
+/// If a member declares its folder of goldens, the project's folder stays in use.
 #[test]
 fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
     let project = workspace();
@@ -387,7 +385,7 @@ fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
     }
 }
 
-/// Places in the project tell two folders of goldens in one crate apart, as in reports.
+/// If one crate has two folders of goldens, the frames are named by their paths in the project, as in reports.
 #[test]
 fn frames_of_one_name_and_crate_are_named_by_their_folders() {
     let project = workspace();
@@ -402,7 +400,6 @@ fn frames_of_one_name_and_crate_are_named_by_their_folders() {
     assert!(folder.join("crates/lamp/other/dusk.exr").is_file());
 }
 
-/// The names of crates tell frames of one name apart.
 // Lesson 179
 #[test]
 fn frames_of_one_name_are_named_by_their_crates() {
@@ -411,7 +408,7 @@ fn frames_of_one_name_are_named_by_their_crates() {
     let crates = [("the-lamp", "crates/lamp/golden"), ("the-sky", "crates/sky/golden")];
     for (at, (name, golden)) in crates.into_iter().enumerate() {
         write_of(&folder.join("ci/pending").join(golden), "dusk", (name, golden), new("dusk"));
-        // Here they wait beside their goldens.
+        // These frames are pending beside their goldens.
         write_of(&folder.join(golden), "dusk", (name, golden), new("dusk"));
         write_of(
             &folder.join(golden),
@@ -441,12 +438,12 @@ fn frames_of_one_name_are_named_by_their_crates() {
             karat(folder, &[&["accept", "the-moon::dusk"][..], &because].concat()).failure(3);
         assert!(none.contains("`the-moon::dusk` isn't pending"), "{none}");
     }
-    // A name that one crate has needs none.
+    // A name that only one crate has needs no crate.
     let own = karat(folder, &["reject", "own-1", "the-lamp::*"]).good();
     assert_eq!(own, "rejected dusk\nrejected own-0\nrejected own-1\n");
 }
 
-/// A frame of another machine says where it belongs, and is believed no more than its name.
+/// A frame of another machine names its folder. Karat doesn't trust that name.
 // Lesson 179
 #[test]
 fn a_frame_that_belongs_outside_of_the_project_is_refused() {
@@ -463,7 +460,6 @@ fn a_frame_that_belongs_outside_of_the_project_is_refused() {
     assert!(!FilePath::new("/tmp/elsewhere").exists() && !folder.join(".git").exists());
 }
 
-/// Commands that write into sources refuse to in CI.
 // Lesson 180
 #[test]
 fn commands_that_write_refuse_to_in_ci() {

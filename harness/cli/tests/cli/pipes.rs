@@ -1,11 +1,11 @@
-//! Who reads the output, and whether anybody does, decides nothing.
+//! Exit codes don't depend on the reader of the output.
 
 use super::pending::{LAVAPIPE, pending_frame, write_frame};
 use super::report::function;
 use super::*;
 
-/// A project in which each command has something to say: two frames that wait, two images that
-/// differ, and the record of a run that failed.
+/// A project in which each command prints something: two pending frames, two images that differ, and the record of a
+/// failed run.
 fn eventful() -> TempDir {
     let project = project();
     let folder = project.path();
@@ -26,7 +26,7 @@ fn eventful() -> TempDir {
     project
 }
 
-/// Each command, and its verdict on an eventful project.
+/// Each command, and its exit code in an eventful project.
 const COMMANDS: [(&[&str], i32); 27] = [
     (&["list"], 0),
     (&["list", "--json"], 0),
@@ -57,7 +57,7 @@ const COMMANDS: [(&[&str], i32); 27] = [
     (&["render", "scene"], 2),
 ];
 
-/// The exit code of a command whose output, and complaints, go where nobody reads.
+/// Returns the exit code of a command whose output and error output have no reader.
 fn into_a_broken_pipe(command: &mut Command) -> Option<i32> {
     let (reader, writer) = std::io::pipe().expect("a pipe");
     drop(reader);
@@ -77,7 +77,7 @@ fn a_closed_pipe_does_not_change_the_exit_code() {
     }
 }
 
-/// What changes files does so, and says what came of it.
+/// Commands that change files do so, and report it.
 // Lesson 57
 #[test]
 fn a_closed_pipe_does_not_stop_a_command() {
@@ -95,11 +95,11 @@ fn a_closed_pipe_does_not_stop_a_command() {
     assert!(folder.join("flip.png").is_file());
 }
 
-/// A shell's pipe, whose reader leaves after the first line, or at once.
+/// The reader in the shell's pipe ends after the first line, or at once.
 // Lesson 57
 #[cfg(unix)]
 #[test]
-fn a_shell_sees_the_verdict_before_its_pipe() {
+fn a_shell_pipe_that_closes_early_keeps_the_exit_code() {
     let project = eventful();
     for (line, code) in [
         ("pending --json | true", "1"),
@@ -130,14 +130,14 @@ fn a_shell_sees_the_verdict_before_its_pipe() {
     }
 }
 
-/// `karat test | head -1`: cargo's run completes, records are kept, reports are written.
+/// With `karat test | head -1`, cargo's run completes, the records stay, and reports are written.
 // Lesson 57
 #[cfg(unix)]
 #[test]
 fn a_closed_pipe_does_not_stop_a_run() {
     let project = project();
     let folder = project.path();
-    // Much to read on both streams before the verdict is recorded; `sh test ...` runs this file.
+    // The script prints much on both streams before the verdict is recorded. `sh test ...` runs this file.
     let script = "i=0\nwhile [ $i -lt 300 ]; do\n  echo \"test t$i ... FAILED\"\n  \
                   echo Compiling >&2\n  i=$((i + 1))\ndone\n\
                   mkdir -p \"$KARAT_RECORD\"\ncp lines.jsonl \"$KARAT_RECORD/1.jsonl\"\nexit $STATUS\n";
@@ -156,7 +156,7 @@ fn a_closed_pipe_does_not_stop_a_run() {
     }
 }
 
-/// A full disk is an error, whatever the verdict would have been; the work is done all the same.
+/// A full disk is an error, whatever the verdict is. The command still does its work.
 // Lesson 57
 #[cfg(target_os = "linux")]
 #[test]
@@ -171,7 +171,7 @@ fn an_output_that_cannot_be_written_is_an_error() {
         (ran.status.code(), String::from_utf8_lossy(&ran.stderr).into_owned())
     };
     for (arguments, code) in COMMANDS {
-        // What fails before it prints has its own code.
+        // A command that fails before it prints has its own exit code.
         let silent = karat(folder, arguments).out.is_empty();
         let (ran, err) = run(arguments);
         assert_eq!(ran, Some(if silent { code } else { 2 }), "{arguments:?}: {err}");
@@ -181,7 +181,7 @@ fn an_output_that_cannot_be_written_is_an_error() {
     let (code, err) = run(&["accept", "new", "--because", "why"]);
     assert_eq!(code, Some(2), "{err}");
     assert!(folder.join("golden/new.exr").is_file() && !folder.join("golden/new.new.exr").exists());
-    // That nobody hears complaints changes no verdict.
+    // If standard error can't be written, the verdict stays.
     let ran = command(folder, &["accept", "room", "--because", "why"]).stderr(full()).status();
     assert_eq!(ran.expect("it runs").code(), Some(1));
 }

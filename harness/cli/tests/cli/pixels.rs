@@ -1,4 +1,4 @@
-//! `karat tap` and `karat trace`: from a picture to the line.
+//! `karat tap` and `karat trace`: from an image to a line of the shader.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn folder() -> TempDir {
     folder
 }
 
-/// Runs a command on Vulkan, whose images go into a folder.
+/// Runs a command on Vulkan. Its images go into a folder.
 fn on_vulkan(folder: &Path, words: &[&str]) -> Ran {
     let out = format!("--out={}", folder.join("out").display());
     let mut all = words.to_vec();
@@ -45,7 +45,7 @@ fn on_vulkan(folder: &Path, words: &[&str]) -> Ran {
 
 // Lesson 39
 #[test]
-fn values_are_pictures_and_numbers() {
+fn tap_shows_values_of_a_frame_as_pictures_and_numbers() {
     let folder = folder();
     let all = on_vulkan(folder.path(), &["tap", "disc"]).good();
     for line in [
@@ -61,11 +61,11 @@ fn values_are_pictures_and_numbers() {
     );
     let out = ran.good();
     for part in [
-        // The least is at the last column's centre, 1 - 15/16.
+        // The smallest value is at the centre of the last column: 1 - 15/16.
         "near  shaders/m.wgsl:2:16 in `m::falloff`: f32\n    0.0625 at (7, 0) to 0.9375 at (0, 0), mean 0.5\n",
         "disc.m-falloff-near.png: black is 0.0625, light yellow 0.9375 (magma)",
         "disc.m-shade-n.png: directions: red, green and blue are half of 1 + x, y, z",
-        "16 of 32 pixels have it, 16 don't come there",
+        "16 of 32 pixels compute it, 16 don't reach it",
         "; NaN is magenta, an infinity yellow",
         "red 0.141406, blue -0.141406",
         "NaN on 16 pixels, first (0, 0)",
@@ -80,7 +80,7 @@ fn values_are_pictures_and_numbers() {
     assert_eq!(image("m-falloff-near").pixels()[0], [0.9375, 0.9375, 0.9375, 1.0]);
     assert_eq!(image("m-shade-inner").pixels()[0], [0.0; 4], "it is transparent");
     assert!(image("m-shade-broken").pixels()[0][0].is_nan());
-    // Colours of the picture: NaN is magenta, and nothing is transparent.
+    // In the image, NaN is magenta, and no pixel is transparent.
     let colours = |name: &str| {
         let file = std::fs::File::open(folder.path().join("out").join(format!("disc.{name}.png")));
         let file = std::io::BufReader::new(file.expect("a picture"));
@@ -103,14 +103,14 @@ fn values_are_pictures_and_numbers() {
     }
     let parameter = on_vulkan(folder.path(), &["tap", "disc", "uv", "--at=0,0"]);
     assert!(
-        parameter.out.contains("the engine shows operations, and this is none: a parameter,"),
+        parameter.out.contains("the engine shows only operations, and this is a parameter,"),
         "{parameter:?}"
     );
     let beside = on_vulkan(folder.path(), &["tap", "disc", "near", "--beside"]).good();
-    assert!(beside.contains("the frame's own colours are the same beside it"), "{beside}");
+    assert!(beside.contains("the frame has the same colours while the value is shown"), "{beside}");
 }
 
-/// A pass has a value for each invocation: a table, or a picture where it has rows.
+/// A pass has a value for each invocation: a table, or an image if the dispatch has rows.
 // Lesson 39
 #[test]
 fn invocations_are_a_table_or_a_picture() {
@@ -143,7 +143,7 @@ fn grid(@builtin(global_invocation_id) id: vec3u) {
         assert!(root.contains(&format!("at (1, 0): 4 on {on}; 4 in the engine\n")), "{root}");
         assert!(root.contains(&format!("at (3, 0): not computed on {on}; so ")), "{root}");
         assert!(root.contains("2 at (0, 0) to 6 at (2, 0), mean 4"), "{root}");
-        assert!(root.contains("3 of 4 invocations have it"), "{root}");
+        assert!(root.contains("3 of 4 invocations compute it"), "{root}");
         let table = std::fs::read_to_string(folder.path().join("out/root.m-root-own.csv"));
         assert_eq!(table.expect("a table"), "invocation,times,value\n0,1,2\n1,1,4\n2,1,6\n3,0,\n");
         let grid = karat(folder.path(), &["tap", "m::grid", "place", &out, path]).good();
@@ -155,7 +155,7 @@ fn grid(@builtin(global_invocation_id) id: vec3u) {
     assert!(beside.contains("passes have no colours"), "{beside}");
 }
 
-/// A declared frame that differs names the command that goes on.
+/// For a declared frame that differs, the message names the next command.
 // Lesson 39
 #[test]
 fn a_frame_that_differs_says_how_to_go_on() {
@@ -174,7 +174,7 @@ fn a_frame_that_differs_says_how_to_go_on() {
     let pixel = hint.unwrap_or_else(|| panic!("no hint in {message}"));
     let traced = on_vulkan(folder.path(), &["trace", "disc", pixel]).good();
     assert!(traced.contains("near * x") && traced.contains("the driver drew"), "{traced}");
-    // NaN has a hint, too.
+    // A frame with NaN gets this hint, too.
     write(&folder.path().join("shaders"), "m.wgsl", SHADER);
     let ran = test();
     assert!(
@@ -201,7 +201,7 @@ fn an_unknown_value_or_place_is_an_error() {
         (&["tap", "disc", "near", "--at", "8"], "`8` is no pixel"),
         (&["tap", "disc", "near", "--size", "4x4"], "leave `--size`"),
         (&["trace", "disc", "8,0"], "8 x 4 pixels, counted from (0, 0) at the upper left"),
-        (&["trace", "disc", "1"], "`1` is no pixel: write its column and its row"),
+        (&["trace", "disc", "1"], "`1` isn't a pixel: write its column and its row"),
         (&["trace", "disc", "1,1", "--against", "HEAD"], "HEAD"),
     ] {
         let ran = on_vulkan(folder.path(), words);
@@ -253,7 +253,7 @@ fn a_pixel_is_traced_and_compared_with_a_revision() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {ran:?}");
     }
-    // An edit that this pixel doesn't come to.
+    // This pixel doesn't reach the edit.
     let ran = edit("lit - 0.05", "lit - 0.25");
     assert!(ran.out.contains("no step differs from HEAD"), "{ran:?}");
     assert_eq!(ran.code, Some(0));

@@ -1,9 +1,9 @@
-//! `karat replay`, and the summary that names what it replays.
+//! `karat replay`, and the names of failures in the summary.
 
 use super::report::function;
 use super::*;
 
-/// A failing check whose message has two cases on one path, and one on another.
+/// A failing check. Its message has two cases on one path, and one on another path.
 fn failing(name: &str) -> String {
     let message = format!(
         "error: `{name}` fails\n\non vulkan: x\n  worst\n  replay: KARAT_CASE={name}/agrees_with/3 cargo test a\n  \
@@ -21,7 +21,7 @@ fn recorded(lines: &[String]) -> TempDir {
     project
 }
 
-/// The names in a report, each with what it replays.
+/// Returns the names in a report, each with the failure that it replays.
 fn names(out: &str) -> Vec<(String, String)> {
     let lines = out.lines().filter_map(|line| line.strip_prefix("karat replay "));
     let pair = |line: &str| {
@@ -43,12 +43,12 @@ fn a_failure_is_replayed_by_its_name() {
     assert!(name.len() == 4 && name.chars().all(|c| c.is_ascii_hexdigit()), "{name}");
     let line = "KARAT_PATHS=vulkan KARAT_CASE=calc::double/agrees_with/3.1 cargo test 'a b'\n";
     assert_eq!(karat(project.path(), &["replay", name, "--print"]).good(), line);
-    // The failure keeps its name in another run.
+    // The failure has the same name in another run.
     let again = recorded(&[failing("calc::double")]);
     assert_eq!(names(&karat(again.path(), &["report"]).out), [found[0].clone()]);
     assert_eq!(karat(again.path(), &["replay", "--print"]).good(), line);
 
-    // In place of cargo, a shell runs the file that is called as its first argument.
+    // In place of cargo, a shell runs a file that has the name of cargo's first argument.
     let script = "echo \"$KARAT_CASE on $KARAT_PATHS: $*\"\nexit $(cat code)\n";
     write(project.path(), "test", script);
     for (code, expected) in [("0", 0), ("101", 1)] {
@@ -67,7 +67,7 @@ fn a_failure_without_a_replay_says_why() {
         let ran = karat(project.path(), &[&["replay"], arguments].concat());
         assert!(ran.code == Some(3) && ran.err.contains(part), "no `{part}` in {ran:?}");
     };
-    let listed = "which one?\n  ";
+    let listed = "name one of these failures:\n  ";
     told(&project, &[], listed);
     told(&project, &[], "  calc::same agrees_with\n");
     told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; there is ");
@@ -80,7 +80,7 @@ fn a_failure_without_a_replay_says_why() {
     assert!(ran.code == Some(2) && ran.err.contains("is another program"), "{ran:?}");
 }
 
-/// Of many failures some are named, and all where they are asked for.
+/// The report names some of many failures, and `karat replay` lists all.
 #[test]
 fn more_failures_than_are_named_are_counted() {
     let many: Vec<String> = (0..11).map(|i| failing(&format!("calc::f{i}"))).collect();
@@ -94,7 +94,7 @@ fn more_failures_than_are_named_are_counted() {
     assert!(names(&few).len() == 8 && !few.contains(" more: "), "{few}");
 }
 
-/// What passes is a line a module where it doesn't fit a screen; what fails is told last, in full.
+/// If the passing checks don't fit on a screen, each module is one line. Failures come last, in full.
 #[test]
 fn a_long_report_is_folded_by_module() {
     let passing = (0..30).map(|i| function(&format!("m{}::f{i}", i % 2), "gl", "pass", None));
@@ -114,12 +114,11 @@ fn a_long_report_is_folded_by_module() {
     assert!(row("m1 ").contains("15") && table < message && message < sum, "{folded}");
     let all = karat(project.path(), &["report", "--all"]).out;
     assert!(all.contains("m0::f0") && !all.contains("--all shows"), "{all}");
-    // A few fit.
+    // A few checks fit.
     let few = karat(recorded(&lines[20..]).path(), &["report"]).out;
     assert!(few.contains("m0::f20") && !few.contains("--all shows"), "{few}");
 }
 
-/// `--failed` runs what failed, and nothing else.
 #[test]
 fn failed_runs_only_the_failed_tests() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -146,7 +145,7 @@ fn failed_runs_only_the_failed_tests() {
     let none = run(&["--failed"]);
     assert!(none.code == Some(3) && none.err.contains("no test failed"), "{none:?}");
 
-    // Of Cargo's tests their names are given to cargo, which a shell stands for.
+    // cargo gets the names of its failed tests. A shell stands for cargo.
     let project = recorded(&[failing("calc::double")]);
     write(project.path(), "test", "echo \"cargo $*\"\nexit 1\n");
     let ran = output(command(project.path(), &["test", "--failed"]).env("CARGO", "/bin/sh"));

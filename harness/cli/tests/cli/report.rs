@@ -1,4 +1,4 @@
-//! What other programs read of a run: JUnit XML, GitHub's annotations and summary.
+//! Reports that other programs read: JUnit XML, GitHub's annotations and summary.
 
 use std::time::{Duration, SystemTime};
 
@@ -35,7 +35,7 @@ fn line(
     format!("{record}\n")
 }
 
-/// The record of a frame that was compared with a golden of a folder.
+/// Returns the record of a frame that was compared with a golden in a folder.
 pub(crate) fn frame(folder: &FilePath, golden: &str, paths: &[&str], verdict: &str) -> String {
     let message = (verdict != "pass").then_some("frame differs\n  by 100%");
     let subject = serde_json::json!({
@@ -44,7 +44,7 @@ pub(crate) fn frame(folder: &FilePath, golden: &str, paths: &[&str], verdict: &s
     line("frames", subject, paths, verdict, message)
 }
 
-/// The record of a function's check.
+/// Returns the record of a function's check.
 pub(crate) fn function(name: &str, path: &str, verdict: &str, message: Option<&str>) -> String {
     let subject = serde_json::json!({
         "kind": "function", "package": "shaders", "function": name, "check": "agrees_with",
@@ -53,13 +53,13 @@ pub(crate) fn function(name: &str, path: &str, verdict: &str, message: Option<&s
     line("tests::calc", subject, &[path], verdict, message)
 }
 
-/// A record's line with its time.
+/// Adds a time to a record.
 fn at(line: String, started: &str, seconds: &str) -> String {
     let time = format!("\"started\":\"{started}\",\"seconds\":{seconds},\"message\"");
     line.replace("\"message\"", &time)
 }
 
-/// A record's line of a check that ran just now, for a minute at most.
+/// Adds a time to a record of a check that ran in the last minute.
 fn now(line: String) -> String {
     at(line, &humantime::format_rfc3339_millis(SystemTime::now()).to_string(), "60")
 }
@@ -67,8 +67,8 @@ fn now(line: String) -> String {
 const MESSAGE: &str = "error: `calc::double` fails, 50%: <b>\n  worst\u{1b}[0m\n  \
                        replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc";
 
-/// A project, and the lines of a run in it: a function that passes, one that fails, a frame that
-/// differs from its golden and one that has none.
+/// A project, and the records of a run in it: a function that passes, a function that fails, a frame that differs from
+/// its golden, and a frame without a golden.
 fn run() -> (TempDir, String) {
     let project = project();
     let golden = project.path().join("golden");
@@ -140,7 +140,7 @@ fn junit_has_a_case_for_each_check_and_frame() {
     );
 }
 
-/// A record of two paths, of which gl fails; `more` is written into it.
+/// Returns a record with two paths. The check fails on gl. `more` is added to the record.
 fn on_two_paths(package: &FilePath, more: &str) -> String {
     let subject = serde_json::json!({
         "kind": "function", "package": package, "function": "calc::double", "check": "agrees_with",
@@ -149,7 +149,7 @@ fn on_two_paths(package: &FilePath, more: &str) -> String {
     let message = "error: `calc::double` fails\n  replay: KARAT_PATHS=vulkan cargo test\n  \
                    replay: KARAT_PATHS=gl cargo test";
     let line = line("tests::calc", subject, &["vulkan", "gl"], "fail", Some(message));
-    // Vulkan, which comes first, agrees.
+    // The results on Vulkan, the first path, agree.
     let line = line.replacen("\"failures\":1", "\"failures\":0", 1);
     line.replace("\"schema\":5", &format!("\"schema\":5,{more}"))
 }
@@ -161,7 +161,7 @@ fn junit(project: &TempDir, folder: &FilePath, environment: &[(&str, &FilePath)]
     std::fs::read_to_string(file).expect("written")
 }
 
-/// Each path has a case, and only the one that fails has the failure, with its own replay.
+/// Each path has a case. Only the failing path has the failure, with its own replay.
 // Lesson 136
 #[test]
 fn junit_has_a_case_for_each_path() {
@@ -190,7 +190,7 @@ fn junit_has_a_case_for_each_path() {
     let out = cases[1].children().find(|node| node.has_tag_name("system-out"));
     let out = out.and_then(|node| node.text()).expect("what it printed");
     assert!(out.ends_with("replay: KARAT_PATHS=gl cargo test"), "{out}");
-    // A known issue that is gone fails, too; the other path doesn't.
+    // A known issue that no longer occurs fails, too. The other path passes.
     let gone = on_two_paths(&package, of).replace("\"failures\":1", "\"failures\":0");
     let at = gone.rfind("\"known_issue\":null").expect("that of gl");
     let gone = format!("{}\"known_issue\":\"mesa#1\"{}", &gone[..at], &gone[at + 18..]);
@@ -200,7 +200,7 @@ fn junit_has_a_case_for_each_path() {
     assert!(text.find("on gl").expect("gl") < text.find("<failure").expect("one"), "{text}");
 }
 
-/// CI reads files from the repository's root, of which a project may be a subfolder.
+/// CI reads paths relative to the repository's root. The project may be in a subfolder.
 // Lesson 135
 #[test]
 fn places_are_relative_to_what_ci_checked_out() {
@@ -215,12 +215,12 @@ fn places_are_relative_to_what_ci_checked_out() {
     for (variable, value, file) in [
         ("GITHUB_WORKSPACE", repository.path(), "engine/shaders/calc.wgsl"),
         ("GITHUB_WORKSPACE", folder.as_path(), "shaders/calc.wgsl"),
-        // A folder that hasn't the project says nothing.
+        // This folder doesn't contain the project, so it is ignored.
         ("GITHUB_WORKSPACE", FilePath::new("/nowhere"), "shaders/calc.wgsl"),
         ("CI_PROJECT_DIR", repository.path(), "engine/shaders/calc.wgsl"),
         ("WORKSPACE", repository.path(), "engine/shaders/calc.wgsl"),
     ] {
-        // From a subfolder of the project, too.
+        // The paths are the same from a subfolder of the project.
         for here in [&folder, &folder.join("shaders")] {
             let mut command = command(here, &["report", "--github"]);
             let ran = output(command.env(variable, value));
@@ -232,7 +232,7 @@ fn places_are_relative_to_what_ci_checked_out() {
     }
 }
 
-/// GitLab and Jenkins show files that a case names, each on a line of its own.
+/// GitLab and Jenkins show the files that a case names, one in each line.
 #[test]
 fn junit_names_the_pictures_of_a_frame_that_fails() {
     let (project, lines) = run();
@@ -254,9 +254,9 @@ fn junit_names_the_pictures_of_a_frame_that_fails() {
     assert_eq!(text.matches("ATTACHMENT").count(), 3, "only of the frame that fails: {text}");
 }
 
-/// Failures of one adapter are told apart by the line that readers show.
+/// Readers show only the first line, so it must distinguish the failures of one adapter.
 #[test]
-fn the_first_line_says_what_is_wrong_and_not_where() {
+fn the_first_line_of_a_failure_leaves_out_the_adapter() {
     let project = project();
     let golden = project.path().join("golden");
     let failing = |name: &str| {
@@ -275,7 +275,7 @@ fn the_first_line_says_what_is_wrong_and_not_where() {
     let xml = roxmltree::Document::parse(&text).expect("well-formed");
     let failures: Vec<_> = xml.descendants().filter(|node| node.has_tag_name("failure")).collect();
     let messages: Vec<_> = failures.iter().map(|node| attribute(*node, "message")).collect();
-    // Of each frame one case a path.
+    // Each frame has one case for each path.
     let [one, two] = ["frame `one` differs, 5%", "frame `two` differs, 5%"];
     assert_eq!(messages, [one, one, two, two]);
     let whole = "frame `one` differs, 5%\non vulkan: llvmpipe (LLVM 15.0.6, 256 bits)\n  \
@@ -294,7 +294,7 @@ fn junit_says_when_and_how_long() {
     let lines = [
         at(pass("calc::double"), "2026-01-31T12:00:01.500Z", "1.25"),
         at(pass("calc::same"), "2026-01-31T12:00:00.000Z", "0.5"),
-        // An older record, and what nobody can use.
+        // An older record, and an unusable record.
         pass("calc::sum"),
         at(pass("calc::third"), "yesterday", "-1"),
         at(scene, "2026-01-31T12:00:02.000Z", "3.21"),
@@ -375,12 +375,12 @@ fn github_gets_annotations_a_summary_and_pictures() {
         let file = format!("target/karat/report/furnace/scene.{name}.png");
         Image::read(&project.path().join(file)).expect("a picture");
     }
-    // Elsewhere only if it is asked for.
+    // Outside of GitHub, annotations need an option.
     assert!(!karat(project.path(), &["report"]).out.contains("::error"));
     assert!(karat(project.path(), &["report", "--github"]).out.contains("::error"));
 }
 
-/// A frame that waits may be of another run.
+/// A pending frame may belong to another run.
 #[test]
 fn pictures_are_of_the_run_that_is_reported() {
     let (project, _) = run();
@@ -424,21 +424,20 @@ fn pictures_are_of_the_run_that_is_reported() {
     assert_eq!(actual(), Some(3), "the newest of this run");
     wait(&pending, 3, now + hour);
     assert_eq!(actual(), Some(4), "one is of a run afterwards");
-    // Times of files may be coarse, and an older record has none.
+    // File times may be coarse. An older record has no time.
     wait(&pending, 3, now - Duration::from_millis(900));
     wait(&golden, 4, now - hour);
     assert_eq!(actual(), Some(3));
     record(&project, &failing, false);
     assert_eq!(actual(), None);
-    // A frame that passes needs none.
+    // A frame that passes needs no pictures.
     record(&project, &frame(&golden, "furnace/scene", &["vulkan"], "pass"), true);
     write(picture("actual").parent().expect("a folder"), "scene.actual.png", "old");
     karat(folder, &["report", "--github"]).good();
     assert!(!picture("actual").exists());
 }
 
-/// The lines that GitHub's runner takes for errors. Nowhere else is a command: not within a line,
-/// and not on stderr.
+/// Returns the lines that GitHub's runner reads as errors. No other line may contain a command, and neither may stderr.
 #[track_caller]
 fn annotations(ran: &Ran) -> Vec<&str> {
     let lines: Vec<&str> = ran.out.lines().filter(|line| line.starts_with("::error ")).collect();
@@ -496,7 +495,7 @@ fn a_failure_outside_of_checks_is_annotated_too() {
     assert!(annotations(&karat(project.path(), &["report", "--github"])).is_empty());
 }
 
-/// A line for a failure has its place, and says what it counts: of a sampler whole configurations.
+/// A short line has the location of the failure, and the unit of its count: a sampler counts configurations.
 #[test]
 fn a_short_line_counts_what_fails() {
     let project = project();
@@ -520,7 +519,7 @@ fn a_short_line_counts_what_fails() {
     assert!(summary.contains("| 524288 | 1 configuration |"), "{summary}");
 }
 
-/// A test that fails outside of checks is told beside those that fail by one.
+/// A test that fails outside of checks is reported beside the tests that fail by a check.
 #[cfg(unix)]
 #[test]
 fn tests_that_fail_outside_of_checks_are_counted() {
@@ -547,10 +546,10 @@ fn tests_that_fail_outside_of_checks_are_counted() {
     assert!(by_check.code == Some(1) && !by_check.out.contains("outside"), "{by_check:?}");
 }
 
-/// A filter finds functions in the record of earlier runs, which doesn't know new tests.
+/// A filter finds functions by the record of earlier runs, which doesn't contain new tests.
 #[cfg(unix)]
 #[test]
-fn a_filter_says_what_it_cannot_find() {
+fn a_filter_that_cannot_find_new_rust_tests_says_so() {
     let project = project();
     let folder = project.path();
     write(folder, "lines.jsonl", &function("calc::double", "gl", "pass", None));
@@ -577,7 +576,7 @@ fn a_report_needs_a_record() {
     assert!(error.contains("A run that compared nothing isn't a success"), "{error}");
 }
 
-/// `karat test` with a stand-in for cargo, that records what it is told to.
+/// Runs `karat test` with a script in place of cargo that writes the given records.
 #[cfg(unix)]
 #[test]
 fn a_run_says_what_it_left_out_and_writes_its_reports() {
@@ -607,13 +606,14 @@ fn a_run_says_what_it_left_out_and_writes_its_reports() {
     assert_eq!((read().selected.len(), read().passed), (0, true));
     assert_eq!(test(&["same", "-p", "a", "--test", "b"], "0").code, Some(0));
     assert_eq!(read().selected, ["same", "-p a", "--test b"]);
-    // A report of a run before doesn't outlive one that recorded nothing.
+    // If a run records nothing, the report of the previous run is deleted.
     write(folder, "lines.jsonl", "");
     assert_eq!(test(&["--junit", "junit.xml"], "101").code, Some(2));
     assert!(!folder.join("junit.xml").exists());
 }
 
-/// Checks of one test by one verb are several cases: readers show the first of those that have one name.
+/// One test may make several checks of the same kind. Each is a case with its own name, because readers show only the
+/// first case of a name.
 // Lesson 182
 #[test]
 fn junit_has_no_two_cases_of_one_name() {
@@ -628,7 +628,7 @@ fn junit_has_no_two_cases_of_one_name() {
     assert_eq!(names, [own.to_owned(), format!("{own} #2"), format!("{own} #3")]);
 }
 
-/// The last line of each command, its exit code and its files agree on what the run came to.
+/// For each command, the last line, the exit code and the files have the same verdict.
 // Lesson 183
 #[test]
 fn no_closing_line_contradicts_its_run() {
@@ -682,11 +682,11 @@ fn no_closing_line_contradicts_its_run() {
     }
 }
 
-/// A runner that stops at a failure leaves tests out: the run and the whole that it is a part of say so.
+/// If a runner stops at a failure, tests are missing. The run and the merged run both report that.
 // Lesson 183
 #[cfg(unix)]
 #[test]
-fn a_part_that_lacks_checks_says_so() {
+fn a_run_and_a_merge_that_lack_checks_say_so() {
     let project = project();
     let folder = project.path();
     let part = |name: &str, verdict: &str, words: &str| {
@@ -721,9 +721,9 @@ fn a_part_that_lacks_checks_says_so() {
     assert!(good.contains("1 check, 0 failed") && !good.contains("lack"), "{good}");
 }
 
-/// Tools read a failure as data: all of it is there with one word in the place of each message.
+/// Programs read a failure as data. The data is complete without the message.
 #[test]
-fn without_its_messages_a_failure_is_whole() {
+fn a_failure_record_is_complete_without_its_messages() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "fn half(x: f32) -> f32 { return 0.6 * x; }\n");
     let declared = "[[test]]\nfunction = \"half\"\nover = { x = \"1..2\" }\nin_range = [0, 1]\n";

@@ -1,11 +1,11 @@
-//! `karat report`: the page of a run, its JSON, and one report of several parts.
+//! `karat report`: the HTML page of a run, its JSON, and the merged report of several parts.
 
 use std::path::PathBuf;
 
 use super::report::{frame, function};
 use super::*;
 
-/// A project whose record has these lines, in one folder or in several.
+/// A project with these records, in one folder or in several.
 fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     let project = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(project.path().join("Cargo.toml"), "[workspace]\n").expect("written");
@@ -18,7 +18,8 @@ fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     (project, folders)
 }
 
-/// `name` agrees in test `test`, with errors and, if it fails, where they are.
+/// Returns a record of `name` in test `test`, with errors. If it fails, the record also has the locations of the
+/// errors.
 fn check(name: &str, test: &str, verdict: &str) -> String {
     let message =
         (verdict == "fail").then_some("error: `f` fails\n  replay: KARAT_SEED=1 cargo test");
@@ -57,9 +58,9 @@ fn the_page_shows_what_fails_with_its_plots() {
     ] {
         assert!(page.contains(part), "no `{part}` in {page}");
     }
-    // The plots, and nothing of the record as markup.
+    // The page has the plots. No text of the record acts as HTML.
     assert_eq!((page.matches("<svg width").count(), page.matches("<script>").count()), (3, 1)); // a plot of each argument, and a map
-    // It needs no network.
+    // The page needs no network.
     let page = page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
     assert!(!page.contains("src=") && !page.contains("http:") && !page.contains("@import"));
     let json = std::fs::read_to_string(project.path().join("r.json")).expect("written");
@@ -68,7 +69,6 @@ fn the_page_shows_what_fails_with_its_plots() {
     assert_eq!(json["run"]["passed"], true);
 }
 
-/// What a sampler counted, what can go wrong, and links to the other pages.
 #[test]
 fn the_page_has_maps_hazards_and_links() {
     let histogram = r#""histogram":{"axes":["theta","phi"],"rows":[1,2],"observed":[9,1,0],"expected":[4,4,2]}"#;
@@ -100,7 +100,7 @@ fn the_page_has_maps_hazards_and_links() {
 }
 
 #[test]
-fn reports_spare_what_is_there() {
+fn reports_do_not_overwrite_other_files() {
     let lines = [check("calc::half", "a", "pass"), check("calc::half", "a", "pass")];
     let (project, folders) = recorded(&[&lines]);
     let folder = folders[0].to_str().expect("UTF-8");
@@ -112,7 +112,7 @@ fn reports_spare_what_is_there() {
         twice.code == Some(2) && twice.err.contains("two reports have the same file"),
         "{twice:?}"
     );
-    // No two rows have one name.
+    // All rows have distinct names.
     assert_eq!(report(&["--html", "r.html"]).code, Some(0));
     let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
     let ids: Vec<&str> =
@@ -122,24 +122,24 @@ fn reports_spare_what_is_there() {
     distinct.dedup();
     assert_eq!(ids.len(), distinct.len(), "{ids:?}");
     assert!(page.contains("calc::half-agrees_with-a-2"), "{ids:?}");
-    // A record whose run didn't end says what to do.
+    // If the record has no end of the run, the page says what to do.
     std::fs::remove_file(folders[0].join("run.json")).expect("removed");
     assert_eq!(report(&["--html", "r.html"]).code, Some(1));
     let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
     assert!(page.contains(">not ended</h1>") && page.contains("Run the tests again"), "{page}");
-    // What can't be written leaves the page that was there.
+    // If an output can't be written, the old page stays.
     let blocked = report(&["--html", "r.html", "--json", "r.html/x.json"]);
     assert!(blocked.code != Some(0) && project.path().join("r.html").is_file(), "{blocked:?}");
 }
 
-/// What shards of a run give is what the whole run gives, to the byte.
+/// The merged report of shards equals the report of the whole run, byte by byte.
 // Lesson 108
 #[test]
-fn merged_parts_are_the_whole() {
+fn merged_shards_give_the_report_of_the_whole_run() {
     let names = ["a", "b", "c", "d", "e", "f", "g"];
     let mut all: Vec<String> =
         names.iter().map(|name| check(&format!("m::{name}"), name, "pass")).collect();
-    // One test checks a function twice: the record has both in the order in which they ran.
+    // One test checks a function twice. The record has both checks in the order of the run.
     let twice = ["9", "10"]
         .map(|seed| check("m::h", "h", "pass").replace("\"seed\":1", &format!("\"seed\":{seed}")));
     assert_ne!(twice[0], twice[1]);
@@ -165,15 +165,15 @@ fn merged_parts_are_the_whole() {
     };
     let whole = write(&["--record", parts[0]], "whole");
     assert_eq!(write(&["--merge", parts[3], parts[1], parts[2]], "merged"), whole);
-    // A shard that is missing is missed; one that is counted twice changes nothing.
+    // The report shows that a shard is missing. A shard that is given twice changes nothing.
     assert_ne!(write(&["--merge", parts[1], parts[2]], "two"), whole);
     assert_eq!(write(&["--merge", parts[0], parts[1], parts[2]], "twice"), whole);
 }
 
-/// A part that failed, didn't end or isn't there is no success of the whole.
+/// If a part failed, didn't end or is missing, the merged run fails.
 // Lesson 108
 #[test]
-fn a_bad_part_is_a_bad_whole() {
+fn a_failed_or_missing_shard_fails_the_merged_report() {
     let good = [check("m::a", "a", "pass")];
     let (project, folders) = recorded(&[&good, &good, &good]);
     let parts: Vec<&str> = folders.iter().map(|path| path.to_str().expect("UTF-8")).collect();

@@ -1,4 +1,4 @@
-//! `karat test` with a stand-in for cargo: several runs of one project, and runs that are killed.
+//! `karat test` with a script in place of cargo: several runs of one project, and killed runs.
 
 use std::path::PathBuf;
 use std::process::Child;
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::report::function;
 use super::*;
 
-/// Waits for what another process does.
+/// Waits until a condition of another process is true.
 #[track_caller]
 fn wait_for(what: impl Fn() -> bool) {
     let begun = Instant::now();
@@ -17,7 +17,7 @@ fn wait_for(what: impl Fn() -> bool) {
     }
 }
 
-/// A project whose `cargo test` records one function, named as the run is, and waits for `go.<run>`.
+/// A project whose `cargo test` records one function with the name of the run, and then waits for `go.<run>`.
 struct Runs {
     project: TempDir,
 }
@@ -40,7 +40,7 @@ impl Runs {
         self.project.path().join(name)
     }
 
-    /// Starts a run that records two checks, and waits until it has recorded the first.
+    /// Starts a run that records two checks, and waits until the first is recorded.
     fn start(&self, run: &str, verdict: &str) -> Child {
         for number in ["1", "2"] {
             let line = function(&format!("{run}::f{number}"), "gl", verdict, None);
@@ -54,7 +54,7 @@ impl Runs {
         child.expect("the binary was built with this test")
     }
 
-    /// Lets a run end; its exit code and what it printed.
+    /// Lets a run end. Returns its exit code and its output.
     fn end(&self, run: &str, child: Child) -> (Option<i32>, String) {
         write(self.project.path(), &format!("go.{run}"), "");
         let ended = child.wait_with_output().expect("it ends");
@@ -62,13 +62,12 @@ impl Runs {
         (ended.status.code(), out.into_owned() + &String::from_utf8_lossy(&ended.stderr))
     }
 
-    /// A run from start to end.
     fn whole(&self, run: &str, verdict: &str) {
         let (code, text) = self.end(run, self.start(run, verdict));
         assert_eq!(code, Some(i32::from(verdict != "pass")), "{text}");
     }
 
-    /// The last run that ended, as `karat report` has it: its exit code and table.
+    /// Checks the exit code and the table that `karat report` has for the last run that ended.
     #[track_caller]
     fn assert_last(&self, run: &str, code: i32) {
         let ran = karat(self.project.path(), &["report"]);
@@ -79,7 +78,6 @@ impl Runs {
         }
     }
 
-    /// The folders of runs.
     fn folders(&self) -> Vec<PathBuf> {
         let record = std::fs::read_dir(self.path("target/karat/record")).expect("a folder");
         let paths = record.map(|entry| entry.expect("readable").path());
@@ -108,7 +106,7 @@ fn runs_at_the_same_time_have_records_of_their_own() {
     assert_eq!(runs.folders().len(), 1, "the record of a run that isn't the last is removed");
 }
 
-/// Many at once, begun and ended in no order.
+/// Many runs begin and end at once, in no order.
 // Lesson 58
 #[test]
 fn many_runs_do_not_mix() {
@@ -121,7 +119,7 @@ fn many_runs_do_not_mix() {
         for name in &names {
             scope.spawn(|| runs.whole(name, "pass"));
         }
-        // Whoever reads meanwhile sees a whole record, or none yet.
+        // Another process always reads a complete record, or no record.
         for _ in 0..20 {
             let ran = karat(runs.project.path(), &["report"]);
             let whole = ran.code == Some(0) && ran.out.contains("2 checks, 0 failed");
@@ -139,11 +137,11 @@ fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
     let mut killed = runs.start("killed", "fail");
     killed.kill().expect("it runs");
     killed.wait().expect("it ends");
-    // It is the last that ended, and no verdict on what was begun later.
+    // This is the last run that ended. A later run hasn't ended yet, so it has no verdict.
     runs.assert_last("before", 1);
     let report = karat(runs.project.path(), &["report"]).out;
     assert!(report.contains("a later run was stopped early"), "{report}");
-    // Another one runs while a third begins and ends, and clears what the killed one left.
+    // One run continues while another begins and ends, and deletes the files of the killed run.
     let live = runs.start("live", "pass");
     write(runs.project.path(), "go.killed", "");
     runs.whole("third", "pass");
@@ -155,7 +153,7 @@ fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
     runs.assert_last("live", 0);
 }
 
-/// A run that recorded nothing is no run that `karat report` could read.
+/// A run without records leaves the previous record in place.
 // Lesson 58
 #[test]
 fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
@@ -172,7 +170,7 @@ fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
     assert_eq!(runs.folders().len(), 1);
 }
 
-/// Rust tests that pass and compare nothing are named, and a build that fails is told as one.
+/// Rust tests that pass without a check are named. If the build fails, the message says so.
 #[test]
 fn tests_without_a_check_and_broken_builds_are_named() {
     let project = project();

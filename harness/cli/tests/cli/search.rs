@@ -1,4 +1,4 @@
-//! The search for what is to run: every command finds the same packages, and the same tests in them.
+//! The search for packages and tests: every command finds the same ones.
 
 use super::report::function;
 use super::*;
@@ -8,11 +8,10 @@ const DECLARED: &str =
     "[[test]]\nfunction = \"half\"\nover = { x = \"0..1\" }\nin_range = [0, 1]\n";
 const FAILS: &str =
     "[[test]]\nfunction = \"half\"\nover = { x = \"0..1\" }\nin_range = [0, 0.25]\n";
-/// A manifest of a workspace, and of a member.
 const WORKSPACE: &str = "[workspace]\nmembers = [\"crates/*\"]\n";
 const MEMBER: &str = "[package]\nname = \"engine\"\nversion = \"0.1.0\"\nedition = \"2024\"\n";
 
-/// All commands that look for tests, in a project whose `cargo test` says nothing.
+/// All commands that search for tests. The project's `cargo test` prints nothing.
 const COMMANDS: [&[&str]; 5] = [
     &["test", "--paths", "cpu"],
     &["watch", "--once", "--paths", "cpu"],
@@ -21,12 +20,11 @@ const COMMANDS: [&[&str]; 5] = [
     &["compare", "before"],
 ];
 
-/// Runs a command where Cargo has no test.
+/// Runs a command. Cargo has no test.
 fn run(folder: &FilePath, arguments: &[&str]) -> Ran {
     output(command(folder, arguments).env("CARGO", "true"))
 }
 
-/// A project that has its shaders in a folder.
 fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (file, text) in manifests {
@@ -39,8 +37,8 @@ fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> Te
     folder
 }
 
-/// A file that was meant to declare tests and declares none is a failure of each command, wherever its
-/// package is found; the same package without it is none.
+/// An unreadable file of tests makes each command fail, wherever its package is found. Without this file, the same
+/// package is good.
 // Lesson 185
 #[test]
 fn a_misnamed_test_file_fails_every_command() {
@@ -66,7 +64,7 @@ fn a_misnamed_test_file_fails_every_command() {
     .into_iter()
     .enumerate()
     {
-        // How a file can be none doesn't depend on where it is.
+        // The kinds of unreadable files don't depend on the location of the package.
         let kinds = if at == 0 { 5 } else { 1 };
         for (file, text) in [
             ("a.test.toml", DECLARED.replace("function", "functionn")),
@@ -80,7 +78,7 @@ fn a_misnamed_test_file_fails_every_command() {
         {
             let folder = with(shaders, manifests, &[("a.wgsl", HALF), (file, &text)]);
             for arguments in COMMANDS {
-                // Nor is it seen by its side alone.
+                // The other packages don't change that.
                 let ran = run(folder.path(), arguments);
                 assert_eq!(ran.code, Some(1), "{shaders}/{file} {arguments:?}: {ran:?}");
                 assert!(ran.out.contains(file), "{shaders}/{file} {arguments:?}: {ran:?}");
@@ -94,7 +92,7 @@ fn a_misnamed_test_file_fails_every_command() {
     }
 }
 
-/// A slip in a member's manifest is an error, and not taken for nothing.
+/// An unknown key in a member's manifest is an error. It isn't ignored.
 // Lesson 186
 #[test]
 fn a_slip_in_a_members_manifest_is_an_error() {
@@ -109,7 +107,7 @@ fn a_slip_in_a_members_manifest_is_an_error() {
     }
 }
 
-/// Tests beside shaders that Rust tests use run with them, and are known to other commands from then on.
+/// If Rust tests use shaders, the tests beside these shaders run, too. Other commands then know the package.
 // Lesson 186
 #[test]
 fn tests_beside_shaders_that_rust_tests_use_are_run() {
@@ -132,14 +130,14 @@ fn tests_beside_shaders_that_rust_tests_use_are_run() {
     assert!(run(path, &["list"]).good().contains("a::half"));
     let watched = run(path, &["watch", "--once", "--paths", "cpu"]);
     assert!(watched.code == Some(1) && watched.out.contains("1 of 1 tests fail"), "{watched:?}");
-    // A run of some tests forgets no package.
+    // A filtered run forgets no package.
     let filtered = output(command(path, &["test", "nothing"]).env("CARGO", "true"));
     assert_ne!(filtered.code, Some(0), "{filtered:?}");
     assert!(run(path, &["list"]).good().contains("a::half"));
 }
 
-/// A folder `shaders` that nothing names, uses or tests fails no run, under watch neither; `karat check` looks
-/// at it.
+/// A folder `shaders` that no manifest names and no test uses makes no run fail, not even under watch. `karat check`
+/// validates it.
 // Lesson 187
 #[test]
 fn a_folder_that_no_test_uses_fails_no_run() {
@@ -153,7 +151,7 @@ fn a_folder_that_no_test_uses_fails_no_run() {
     assert_eq!(run(folder.path(), &["check"]).code, Some(1));
 }
 
-/// A folder that holds a module which is run holds tests, too, whatever it is called.
+/// A folder with a module that runs may contain tests, whatever its name is.
 // Lesson 187
 #[test]
 fn each_folder_of_modules_has_its_tests() {
@@ -165,7 +163,7 @@ fn each_folder_of_modules_has_its_tests() {
     }
 }
 
-/// `shaders` is where a folder's shaders are, with and without a manifest of its own.
+/// A folder's `shaders` is its package, with or without a manifest.
 // Lesson 187
 #[test]
 fn the_folder_shaders_is_found_by_every_command() {
@@ -197,7 +195,7 @@ fn the_folder_shaders_is_found_by_every_command() {
     }
 }
 
-/// `karat test` reports tests outside of `shaders`, though its karat.toml makes it a package by itself.
+/// `karat test` reports tests outside of `shaders`, even if `shaders` is a package with its own karat.toml.
 // Lesson 187
 #[test]
 fn tests_outside_of_shaders_are_reported() {
@@ -209,8 +207,8 @@ fn tests_outside_of_shaders_are_reported() {
     assert!(ran.contains("not run: 1 test outside of `shaders`; name them, own"), "{ran}");
 }
 
-/// A file that declares tests outside of `shaders` is told by every command, as a `@test` there is, with and without a
-/// karat.toml; inside of `shaders` it isn't.
+/// Every command reports a file of tests outside of `shaders`, as it reports a `@test` there, with or without a
+/// karat.toml. It reports no file inside of `shaders`.
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in
@@ -253,13 +251,12 @@ fn declared_tests_outside_of_shaders_are_reported() {
             let ran = run(path, &["test", ".", "--paths", "cpu"]);
             assert!(ran.code == Some(1) && ran.out.contains("b.test.toml:1 ... FAILED"), "{ran:?}");
         }
-        // A folder that is named is what is meant.
         let ran = run(path, &["test", "shaders", "--paths", "cpu"]).good();
         assert!(!ran.contains("not run"), "{ran}");
     }
 }
 
-/// A second folder is no filter, whatever tests have its name in theirs.
+/// A second folder isn't a filter, even if the names of tests contain its name.
 #[test]
 fn a_second_folder_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -285,20 +282,20 @@ fn a_second_folder_is_refused() {
     let filtered = run(path, &["test", "s", "tell", "--paths", "cpu"]).good();
     assert!(filtered.contains("1 check, 0 failed"), "{filtered}");
     assert_eq!(run(path, &["test", "t", "--paths", "cpu"]).code, Some(1));
-    // A folder that is a word in the name of a test elsewhere may mean either.
+    // The name of a folder may also be a word in the name of a test elsewhere.
     write(path, "shaders/a_test.wgsl", &test("true").replace("tells", "s_is_told"));
     let error = run(path, &["test", "s", "--paths", "cpu"]).error();
     for part in ["`karat test ./s`", "`karat test shaders --exact 'a_test::s_is_told'`"] {
         assert!(error.contains(part), "{error}");
     }
     assert_eq!(run(path, &["test", "./s", "--paths", "cpu"]).code, Some(0));
-    // A folder without shaders is none of these.
+    // This folder has no shaders, so the name can't mean the folder.
     write(path, "told/readme.txt", "no shader");
     let told = run(path, &["test", "told", "--paths", "cpu"]).good();
     assert!(told.contains("a_test::s_is_told"), "{told}");
 }
 
-/// Links that lead in circles are followed once, and what never ends isn't read.
+/// Karat follows circular links once, and doesn't read files that never end.
 // Lesson 188
 #[cfg(unix)]
 #[test]
@@ -309,7 +306,7 @@ fn links_in_circles_and_pipes_hang_no_command() {
     for name in ["l1", "l2"] {
         std::os::unix::fs::symlink(".", path.join(name)).expect("a link");
     }
-    // Without a module it is no part of the package.
+    // Without a module, the folder isn't part of the package.
     write(path, "before.txt", "");
     let ran = run(path, &["test", ".", "--paths", "cpu"]).good();
     assert!(ran.contains("1 check, 0 failed"), "{ran}");
@@ -344,7 +341,7 @@ fn links_in_circles_and_pipes_hang_no_command() {
     assert!(error.contains("Cargo.toml"), "{error}");
 }
 
-/// Tests alone, whose shaders are those of another package.
+/// The folder has only tests. Their shaders are in another package.
 // Lesson 190
 #[test]
 fn a_folder_of_tests_alone_passes() {
@@ -362,7 +359,6 @@ fn a_folder_of_tests_alone_passes() {
     assert_eq!(run(path, &["test", "tests", "--paths", "cpu"]).code, Some(1));
 }
 
-/// A module in an include guard runs, and so does its test.
 // Lesson 189
 #[test]
 fn a_guarded_module_is_tested() {

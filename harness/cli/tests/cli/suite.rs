@@ -41,7 +41,7 @@ fn cpu(folder: &FilePath, more: &[&str]) -> Ran {
     karat(folder, &[&["test", ".", "--paths", "cpu"], more].concat())
 }
 
-/// Of a run that left tests out nothing is known of the functions that it didn't check.
+/// After a filtered run, a function that the run didn't check may have tests.
 #[test]
 fn a_list_after_a_part_of_the_tests_says_so() {
     let folder = folder();
@@ -54,7 +54,7 @@ fn a_list_after_a_part_of_the_tests_says_so() {
     assert!(part.contains("the last run had only `lambert`"), "{part}");
 }
 
-/// A declaration that no check can begin with is in each report, with the place of its key.
+/// A declared test that can't begin is in each report, with the location of its key.
 #[test]
 fn a_test_that_cannot_begin_is_in_each_report() {
     let folder = folder();
@@ -62,7 +62,7 @@ fn a_test_that_cannot_begin_is_in_each_report() {
                     [[frame]]\nname = \"sky\"\nfragment = \"sky\"\nsize = [4, 4]\n\
                     formats = [\"rgba8\"]\n";
     write(folder.path(), "brdf.test.toml", declared);
-    // Nor can the tests of a file that can't be read.
+    // The tests of an unreadable file can't begin either.
     write(folder.path(), "other.test.toml", "[[test]]\nfunction = \"schlick\"\nfinit = true\n");
     let ran = cpu(folder.path(), &["--short", "--junit", "junit.xml"]);
     assert!(ran.out.contains("other.test.toml:3:1: error: unknown field `finit`"), "{ran:?}");
@@ -78,7 +78,7 @@ fn a_test_that_cannot_begin_is_in_each_report() {
     assert!(report.out.contains("::error file=brdf.test.toml,line=3,col=1,"), "{report:?}");
 }
 
-/// A cause that stops every test stands there in full once, with the place of each test.
+/// A cause that stops every test is printed once in full. Each test has its location.
 #[test]
 fn a_cause_that_stops_all_tests_is_printed_once() {
     let folder = folder();
@@ -112,10 +112,10 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
         assert!(ran.contains(part), "no `{part}` in {ran}");
     }
     assert!(folder.path().join("junit.xml").is_file());
-    // What a test in WGSL calls is tested.
+    // A function that a test in WGSL calls counts as tested.
     let untested = ran.split("functions without a test").nth(1).unwrap_or_default();
     assert!(untested.contains("brdf::by_pow") && !untested.contains("brdf::blend"), "{ran}");
-    // The project of a folder without Cargo is the folder.
+    // Without Cargo, the folder is its own project.
     let here = karat(folder.path(), &["test", "--paths", "cpu"]).good();
     assert!(here.contains("10 checks"), "{here}");
     let some = cpu(folder.path(), &["grazing"]).good();
@@ -129,7 +129,7 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
     assert!(karat(folder.path(), &["test", "./nowhere"]).error().contains("no folder or file"));
 }
 
-/// What tests a module can't be known while it doesn't parse.
+/// While a module doesn't parse, Karat can't know which functions have tests.
 #[test]
 fn a_syntax_error_makes_no_function_untested() {
     let folder = folder();
@@ -161,7 +161,7 @@ fn a_test_with_a_texture_says_where_it_is_bound() {
 }
 
 #[test]
-fn a_switch_is_no_number() {
+fn a_boolean_is_no_value_of_a_u32_override() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "override N: u32 = 1;\nfn f() -> u32 { return N; }\n");
     let declared = |value: &str| {
@@ -198,7 +198,7 @@ fn each_failing_expectation_is_reported_with_its_place() {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
     assert!(!ran.out.contains("wrong_test.wgsl:7:5"), "what holds isn't told: {}", ran.out);
-    // The replay's command, as it is printed.
+    // The command has the form in which the message prints it.
     let replay = ran.out.lines().find_map(|line| line.trim().strip_prefix("replay: "));
     let words: Vec<&str> = replay.expect("a replay").split(' ').collect();
     let mut again = command(folder.path(), &[]);
@@ -211,12 +211,12 @@ fn each_failing_expectation_is_reported_with_its_place() {
     }
     let again = output(&mut again);
     assert!(again.code == Some(1) && again.out.contains("1 of 1 case fails"), "{again:?}");
-    // What it failed on is tried again.
+    // The failing inputs are tried again in the next run.
     assert!(folder.path().join(".karat/failures/suite").is_dir());
 }
 
-/// Each kind of declared assertion fails where its fault is planted.
-/// No two numbers are as many steps apart, so the expectation couldn't fail.
+/// Each kind of declared assertion fails at its planted fault. No two numbers are as many steps apart, so the last
+/// expectation couldn't fail.
 #[test]
 fn a_bound_that_nothing_exceeds_fails() {
     let folder = folder();
@@ -265,7 +265,7 @@ fn planted_faults_turn_each_assertion_red() {
     }
 }
 
-/// Functions that take derivatives, write, have overrides, or read what a file holds.
+/// Functions that use derivatives, write buffers, have overrides, or read the content of a file.
 // Lesson 132
 #[test]
 fn declared_tests_of_each_kind_run() {
@@ -469,7 +469,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
     let nothing = tempfile::tempdir().expect("a temporary folder");
     write(nothing.path(), "brdf.wgsl", BRDF);
     assert!(cpu(nothing.path(), &[]).failure(3).contains("has no tests: no function with `@test`"));
-    // A fault that tests share is told once.
+    // A fault that several tests share is reported once.
     let shared = tempfile::tempdir().expect("a temporary folder");
     let test = |at: u32| format!("@test fn t{at}() {{ expect_true(helper() > {at}.0); }}\n");
     let text = format!(
@@ -486,7 +486,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
     assert!(ran.out.lines().any(sound), "{ran:?}");
 }
 
-/// Values exactly at their bounds hold, however many there are; cases that evaluate nothing aren't counted.
+/// Values exactly at their bounds pass, whatever their number is. Cases without an expectation aren't counted.
 // Lesson 105
 #[test]
 fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
@@ -508,8 +508,8 @@ fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
     assert_eq!(seldom["paths"][0]["cases"], 1, "{ran}");
 }
 
-/// One kernel counts several tests, each with its own arguments; what fails there runs alone and is told as
-/// on the path that compiles nothing.
+/// One kernel counts the failures of several tests, each with its own arguments. A failing test runs again in a
+/// separate kernel, and has the same message as on the path that compiles no kernel.
 // Lesson 104
 #[test]
 fn tests_that_are_counted_together_have_their_own_verdicts() {
@@ -569,7 +569,7 @@ fn tests_that_are_counted_together_have_their_own_verdicts() {
         facts
     };
     let (mut together, mut alone) = (run("vulkan"), run("cpu"));
-    // A loop that the driver leaves is an error there.
+    // A loop that the driver ends early is an error.
     for facts in [&mut together, &mut alone] {
         let long = facts.iter().position(|facts| facts[0].contains("long")).expect("it ran");
         assert_ne!(facts.remove(long)[3], "\"pass\"");
@@ -581,7 +581,7 @@ fn tests_that_are_counted_together_have_their_own_verdicts() {
     );
 }
 
-/// A test is no part of the shader that others import or validate.
+/// A test isn't part of the shader that others import or validate.
 #[test]
 fn tests_are_stripped_from_what_is_drawn_and_listed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -597,7 +597,7 @@ fn tests_are_stripped_from_what_is_drawn_and_listed() {
     assert!(!show.contains("karat::") && !show.contains("own"), "{show}");
 }
 
-/// A runaway test ends with its place, and the others have their verdicts.
+/// A test that doesn't end is stopped with its location, and the others have their verdicts.
 #[test]
 fn a_runaway_test_is_stopped() {
     let folder = folder();
@@ -614,8 +614,8 @@ fn a_runaway_test_is_stopped() {
     assert!(ran.out.contains("11 checks, 1 failed"), "{}", ran.out);
 }
 
-/// Missing, it is pending; accepted, it passes; with another shader it fails.
-/// Whoever tests the folder `shaders` goes on without naming it: its record, its goldens, its failures.
+/// A missing golden makes the frame pending. The accepted frame passes, and with another shader it fails. After a test
+/// of the folder `shaders`, commands without a folder find its record, goldens and failures.
 #[test]
 fn pending_and_goldens_are_found_from_the_parent_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -628,7 +628,7 @@ fn pending_and_goldens_are_found_from_the_parent_folder() {
     write(&shaders, "a.test.toml", declared);
     let ran = karat(path, &["test", "shaders", "--paths", "vulkan", "--github"]);
     assert!(ran.code == Some(1) && ran.out.contains("frame `grey` has no golden"), "{ran:?}");
-    // The place of a frame is where it is declared.
+    // The location of a frame is that of its declaration.
     let place = "file=shaders/a.test.toml,line=6,col=1,";
     assert!(ran.out.contains(place), "{ran:?}");
     let pending = karat(path, &["pending"]);
@@ -643,7 +643,7 @@ fn pending_and_goldens_are_found_from_the_parent_folder() {
         "{listed}"
     );
     assert!(karat(path, &["report"]).good().contains("a::half"));
-    // A failure is replayed from here and from there.
+    // The failure can be replayed from both folders.
     write(&shaders, "a.wgsl", &module.replace("0.5 * x", "1.5 * x"));
     let ran = karat(path, &["test", "shaders", "half", "--paths", "cpu"]);
     assert!(ran.code == Some(1), "{ran:?}");
@@ -651,7 +651,7 @@ fn pending_and_goldens_are_found_from_the_parent_folder() {
         let again = karat(from, &["replay"]);
         assert!(again.code == Some(1) && again.out.contains("1 of 1 case fails"), "{again:?}");
     }
-    // The folder itself, tested later, is what commands are about.
+    // After the outer folder is tested, commands without a folder report that folder.
     write(path, "own.wgsl", "@test fn own() { karat::expect_true(true); }\n");
     let misspelt = karat(path, &["test", "shader", "--paths", "cpu"]).err;
     assert!(misspelt.contains("did you mean `shaders`?"), "{misspelt}");
@@ -703,7 +703,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
         assert!(ran.code != Some(0) && ran.out.contains(part), "{ran:?}");
         assert!(ran.out.contains("grad.test.toml:6:10"), "the resource's place: {ran:?}");
     }
-    // Alone, and with the same result.
+    // The test runs alone, with the same result.
     let alone = format!(
         "[[frame]]\nname = \"gradient\"\nfragment = \"fs\"\nsize = [32, 16]\nsamples = 4\n\
          with = {{ {tint} }}\n"
@@ -714,7 +714,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
     assert_ne!(left_out.code, Some(0), "nothing is compared: {left_out:?}");
 }
 
-/// The same of values, which are one file, and whose facts lie within.
+/// The golden of values is one file that contains its provenance.
 #[test]
 fn declared_values_are_compared_with_their_golden() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -740,7 +740,7 @@ fn declared_values_are_compared_with_their_golden() {
     let pending = karat(folder, &["pending"]);
     assert_eq!(pending.code, Some(3), "{pending:?}");
     assert!(pending.out.contains("20 rows") && pending.out.contains("cpu: "), "{pending:?}");
-    // What Karat's engine returns is the same on each machine.
+    // Karat's engine returns the same values on each machine.
     karat(folder, &["accept", "tone/*", "--any-adapter", "--because", "it is linear"]).good();
     assert!(run().good().contains("1 check, 0 failed"));
     let golden = folder.join("golden/tone/linear.csv");
@@ -750,7 +750,7 @@ fn declared_values_are_compared_with_their_golden() {
         assert!(ran.out.contains(&format!("{goldens} compared, {rest}")), "{ran:?}");
     };
     unreferenced("1 golden", "0 unreferenced, 0 stray");
-    // The golden is a table for other commands, too.
+    // Other commands can read the golden as a table.
     let call = ["call", "tone", "--table", "golden/tone/linear.csv", "--tolerance", "exact"];
     let call = [&call[..], &["--expect", "result", "--shaders", "tone.wgsl"]].concat();
     karat(folder, &call).good();
@@ -772,7 +772,7 @@ fn declared_values_are_compared_with_their_golden() {
     assert!(golden.is_file() && !folder.join("golden/tone/other.csv").exists());
 }
 
-/// What a frame draws beside what is compared is told, and can be compared.
+/// Karat reports outputs of a frame that no test compares. A test can compare them.
 #[test]
 fn declared_frames_have_targets_formats_and_overrides() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -825,9 +825,9 @@ fn declared_frames_have_targets_formats_and_overrides() {
     }
 }
 
-/// An override is set for the tested function; a reference that has none is compared all the same.
+/// An override is set for the tested function. A reference function without this override is still compared.
 #[test]
-fn a_reference_needs_none_of_the_overrides() {
+fn a_reference_function_may_lack_the_override_that_a_test_sets() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     let shader = "override GAIN: f32 = 1.0;\nfn gain(x: f32) -> f32 { return x * GAIN; }\n\
@@ -847,7 +847,7 @@ fn a_reference_needs_none_of_the_overrides() {
     assert!(unknown.out.contains("did you mean `GAIN`?"), "{unknown:?}");
 }
 
-/// Another runner of tests: this program's own, which `karat test` hides.
+/// Runs the tests with another runner: this program, whose output `karat test` hides.
 fn recorded(folder: &FilePath, options: &[&str], tests: &[&str]) -> Ran {
     let runner = env!("CARGO_BIN_EXE_karat");
     let arguments = [&["record"], options, &["--", runner, "suite", "."], tests].concat();
@@ -855,7 +855,7 @@ fn recorded(folder: &FilePath, options: &[&str], tests: &[&str]) -> Ran {
 }
 
 #[test]
-fn another_runner_leaves_a_run() {
+fn record_keeps_a_run_of_another_test_runner() {
     let folder = folder();
     let ran = recorded(folder.path(), &[], &[]).good();
     assert!(ran.contains("10 checks, 0 failed"), "{ran}");
@@ -878,7 +878,7 @@ fn another_runner_leaves_a_run() {
 }
 
 #[test]
-fn parts_of_another_runner_are_its_whole() {
+fn merged_records_of_another_runner_equal_its_whole_run() {
     let folder = folder();
     let record = |name: &str, tests: &[&str]| {
         recorded(folder.path(), &["--into", name], tests).good();
@@ -887,7 +887,7 @@ fn parts_of_another_runner_are_its_whole() {
     record("p1", &["schlick"]);
     record("p2", &["lambert"]);
     record("p3", &["blend"]);
-    // Tests in WGSL are found by the functions that they call, too: some ran in two parts.
+    // Tests in WGSL are also found by the functions that they call. Some of them ran in two parts.
     let table = |options: &[&str]| {
         let ran = karat(folder.path(), &[&["report", "--all"], options].concat()).good();
         // On a busy machine a check may be slow enough to be named.
@@ -906,9 +906,9 @@ fn parts_of_another_runner_are_its_whole() {
     assert!(twice.code == Some(2) && twice.err.contains("`p1` isn't empty"), "{twice:?}");
 }
 
-/// Of a Cargo project a folder's tests are a part: whoever judges goldens by the run refuses.
+/// In a Cargo project, a folder's tests are only a part of all tests. Commands that judge goldens by the run refuse.
 #[test]
-fn a_folder_of_a_cargo_project_is_a_part_of_it() {
+fn a_run_of_one_folder_of_a_cargo_project_is_incomplete() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(
         folder.path(),
@@ -926,7 +926,7 @@ fn a_folder_of_a_cargo_project_is_a_part_of_it() {
     assert!(refused.contains("the last run had only some tests (`shaders`)"), "{refused}");
 }
 
-/// Whoever gives whole numbers a tolerance learns why it doesn't help.
+/// If a whole number has a tolerance, the message explains that the tolerance has no effect.
 #[test]
 fn integers_have_no_tolerance() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -937,14 +937,14 @@ fn integers_have_no_tolerance() {
     let failed = cpu(folder.path(), &[]);
     assert_eq!(failed.code, Some(1), "{failed:?}");
     assert!(failed.out.contains("not equal: integers have no tolerance"), "{failed:?}");
-    // WGSL allows the one result, which is wrong.
+    // WGSL allows only one result, which differs.
     assert!(!failed.out.contains("anything"), "{failed:?}");
 }
 
-/// `0.3` is what WGSL makes of it, under every key; a fault is seen under every key.
+/// Under every key, `0.3` has the value that WGSL gives it, and a fault is noticed.
 // Lesson 170
 #[test]
-fn decimals_are_what_the_shader_has() {
+fn declared_decimals_are_rounded_as_in_wgsl() {
     const TEXT: &str = "fn third() -> f32 { return 0.3; }\n\
         fn same(x: f32) -> f32 { return 0.3 + x; }\n\
         fn stepped(x: f32) -> f32 { return select(0.3, 0.5, abs(x) > 0.05); }\n\
@@ -975,7 +975,7 @@ fn decimals_are_what_the_shader_has() {
     );
 }
 
-/// The first test that people read of, and what it prints.
+/// README shows the first test and its output.
 #[test]
 fn the_readme_shows_what_its_first_test_says() {
     let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md"));
@@ -998,15 +998,15 @@ fn the_readme_shows_what_its_first_test_says() {
     let shown = readme.split("```text\n").nth(1).and_then(|rest| rest.split("```").next());
     let shown = shown.expect("what it prints");
     let lines: Vec<&str> = ran.out.lines().map(str::trim).collect();
-    // Of the line of the driver: people have others.
+    // The line of the driver differs on other machines.
     for line in shown.lines().map(str::trim).filter(|line| !line.starts_with("on ")) {
         assert!(lines.contains(&line), "`{line}` isn't in {}", ran.out);
     }
     assert!(shown.lines().count() > 5, "{shown}");
 }
 
-/// A buffer that is given by its size alone holds anything in a host, so what reads it before a pass writes it is counted,
-/// where what passes leave depends on it.
+/// If a buffer has only a size, a host may have any values in it. So Karat counts the elements that a pass reads before
+/// a pass writes them, if results depend on them.
 // Lesson 221
 #[test]
 fn unwritten_words_are_counted() {

@@ -1,4 +1,4 @@
-//! What a person sees on a terminal while tests run, and on one that is narrow.
+//! The output on a terminal while tests run, and on a narrow terminal.
 
 use std::io::Read;
 
@@ -7,7 +7,7 @@ use portable_pty::{CommandBuilder, PtySize, native_pty_system};
 use super::report::function;
 use super::*;
 
-/// A terminal of this width in which a command ran: its exit code, and its lines as they stand at last.
+/// Runs a command in a terminal of this width. Returns its exit code, and the final lines on the screen.
 fn shown(
     folder: &FilePath,
     columns: u16,
@@ -22,7 +22,7 @@ fn shown(
 
 const ROWS: u16 = 60;
 
-/// All that a command writes to a terminal, and its exit code.
+/// Returns everything that a command writes to a terminal, and its exit code.
 fn written(
     folder: &FilePath,
     columns: u16,
@@ -52,7 +52,7 @@ fn written(
     let mut reader = pair.master.try_clone_reader().expect("its output");
     let reader = std::thread::spawn(move || {
         let (mut all, mut bytes) = (Vec::new(), [0; 4096]);
-        // A terminal whose last program ended is an error on Linux.
+        // On Linux, reading from a terminal fails after its last program has ended.
         while let Ok(count @ 1..) = reader.read(&mut bytes) {
             all.extend_from_slice(&bytes[..count]);
         }
@@ -62,7 +62,6 @@ fn written(
     (code, reader.join().expect("it only reads"))
 }
 
-/// A project in which `cargo test` is this script.
 fn scripted(script: &str, lines: &[String]) -> TempDir {
     let project = project();
     let begin = "mkdir -p \"$KARAT_RECORD\"\ncp lines.jsonl \"$KARAT_RECORD/1.jsonl\"\n";
@@ -74,7 +73,7 @@ fn scripted(script: &str, lines: &[String]) -> TempDir {
 
 #[test]
 fn output_of_cargo_has_its_own_lines() {
-    // Enough of them that the line of progress is drawn in between.
+    // There are enough tests that the progress line is drawn in between.
     let script = "echo '   Compiling a v0.1.0' >&2\n\
         for program in a b c; do\n  echo \"     Running tests/$program.rs\" >&2\n  echo 'running 9 tests'\n  \
         for n in 1 2 3 4 5 6 7 8 9; do echo \"test $program::t$n ... ok\"; sleep 0.02; done\n  \
@@ -117,7 +116,7 @@ fn tables_fit_a_narrow_terminal() {
             lines[row]
         );
     }
-    // Narrower still, columns leave: of 60 columns no row takes two lines.
+    // With less width, columns are removed: with 60 columns, no row takes two lines.
     let long = |at: usize| {
         let line = function(&format!("tone::narrow_table_{at}"), "vulkan", "pass", None);
         line.replace("7 ulp | more", "0.49999997 ulp")
@@ -130,16 +129,16 @@ fn tables_fit_a_narrow_terminal() {
     assert!(lines[at - 1].starts_with("function  "), "{}", lines.join("\n"));
     assert!(lines[at + 1].starts_with("tone::narrow_table_2"), "{}", lines.join("\n"));
     assert!(rows[0].contains("vulkan") && rows[0].contains("0.49999"), "{}", rows[0]);
-    // Who reads a pipe has all of it.
+    // A pipe gets all of the text.
     let ran = output(command(project.path(), &["test"]).env("CARGO", "/bin/sh"));
     assert!(ran.out.contains("largest FLIP tile 0.0010 of 0.01"), "{ran:?}");
-    // Without colours there are none.
+    // With colours off, the output has none.
     let (_, lines) =
         shown(project.path(), 80, &["test"], &[run[0], ("NO_COLOR", "1"), ("TERM", "dumb")]);
     assert!(lines.iter().any(|line| line.starts_with("1 check, 0 failed")), "{}", lines.join("\n"));
 }
 
-/// Rows are counted where somebody sees it, and nothing of that is left.
+/// Rows are counted if a terminal shows the count. The count disappears at the end.
 #[test]
 fn the_matrix_counts_its_rows_on_a_terminal() {
     let folder = translations::shaders();

@@ -33,7 +33,7 @@ fn a_function_is_printed_in_each_language() {
         assert!(text.starts_with("// ") && text.contains(mark), "{language}: {text}");
         assert!(text.contains('3'), "{language}: {text}");
     }
-    // SPIR-V is words, also where it is piped.
+    // SPIR-V is binary, also in a pipe.
     let bytes = command(folder.path(), &["translate", "maths::blend", "--to", "spirv"]).output();
     let bytes = bytes.expect("it runs").stdout;
     assert_eq!(bytes[..4], 0x0723_0203_u32.to_le_bytes());
@@ -84,7 +84,7 @@ fn a_failed_translation_is_an_error() {
     assert!(both.contains("remove --entry-point"), "{both}");
 }
 
-/// The columns of these that run here: not each machine has GL.
+/// Returns those of the columns that run on this machine. Not every machine has GL.
 #[cfg(target_os = "linux")]
 pub(super) fn run_here<'c>(columns: impl IntoIterator<Item = &'c str>) -> Vec<&'c str> {
     let gl = karat::unstable::path::adapter(karat::Path::GL).is_ok();
@@ -92,7 +92,7 @@ pub(super) fn run_here<'c>(columns: impl IntoIterator<Item = &'c str>) -> Vec<&'
     columns.into_iter().filter(|column| gl || !of_gl(column)).collect()
 }
 
-/// The cells of one row, by column.
+/// Returns the cells of one row, by column.
 #[cfg(target_os = "linux")]
 pub(super) fn row(
     matrix: &serde_json::Value,
@@ -128,14 +128,14 @@ fn the_matrix_says_how_far_each_row_gets() {
         assert_eq!(cell["compared"], 64, "{column}: {cell}");
         assert!(cell["validators"].as_array().is_some_and(|said| !said.is_empty()), "{cell}");
     }
-    // Nothing runs these, and nothing is assumed of them.
+    // Nothing runs these columns, so Karat claims nothing about them.
     assert_eq!(blend["metal"]["status"], "translated");
     assert_eq!(blend["metal"]["stopped"]["why"], "no_validator");
     assert_eq!(blend["dx12"]["status"], "valid");
     assert_eq!(blend["dx12"]["stopped"]["why"], "unavailable");
     let shade = row(&matrix, "frame::shade");
     assert_eq!(shade["vulkan"]["status"], "agrees");
-    // Attributes are gone in the kernel that calls it, and not in what is translated.
+    // The kernel that calls the function has no attributes, but the translation has.
     let corner = row(&matrix, "frame::corner");
     for column in &columns {
         let cell = &corner[*column];
@@ -146,7 +146,7 @@ fn the_matrix_says_how_far_each_row_gets() {
         );
     }
     assert_eq!(corner["metal"]["status"], "translated");
-    // Functions that no kernel calls are rows without cells.
+    // Functions that a kernel can't call are rows without cells.
     assert!(row(&matrix, "maths::raise").is_empty());
 
     let text = karat(folder.path(), &["matrix", "--cases", "64", "--only", "maths"]).good();
@@ -157,10 +157,10 @@ fn the_matrix_says_how_far_each_row_gets() {
     assert!(!text.contains("frame::"), "{text}");
 }
 
-/// A route is a path: a function is called there as anywhere.
+/// A route is a path: functions can be called on it like on any other path.
 #[cfg(target_os = "linux")]
 #[test]
-fn routes_are_paths() {
+fn a_function_can_be_called_on_each_translation_route() {
     let folder = shaders();
     let image = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
                  @group(0) @binding(1) var near: sampler;\n\
@@ -174,7 +174,7 @@ fn routes_are_paths() {
     for route in run_here(routes) {
         let out = call(route, &["maths::blend", "2", "1"]).good();
         assert!(out.contains(route) && out.contains('5'), "{out}");
-        // And opens, as doctor says.
+        // `karat doctor` says that the route opens.
         karat(folder.path(), &["doctor", "--require", route]).good();
     }
     for (route, message) in [
@@ -184,7 +184,7 @@ fn routes_are_paths() {
         let ran = call(route, &["maths::blend", "2", "1"]);
         assert!(ran.code != Some(0) && ran.err.contains(message), "{ran:?}");
     }
-    // What a route can't bind is no result, and says why.
+    // If a route can't bind a resource, there is no result, and the cell has the reason.
     let matrix = ["matrix", "--json", "--only", "texel"];
     let matrix = json(&karat(folder.path(), &matrix).good());
     for (column, why) in [("vulkan:glsl", "combines each texture"), ("vulkan:hlsl", "from a heap")]
@@ -195,7 +195,7 @@ fn routes_are_paths() {
     }
 }
 
-/// What functions don't have: workgroup memory, a barrier, atomics, buffers of several groups.
+/// Features that functions don't have: workgroup memory, a barrier, atomics, buffers of several groups.
 const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3> }\n\
     @group(0) @binding(0) var<uniform> params: Params;\n\
     @group(1) @binding(3) var<storage, read_write> sums: array<f32>;\n\
@@ -235,7 +235,7 @@ fn compute_entry_points_are_run() {
             "msl" => assert_eq!(cell["status"], "translated", "{cell}"),
             _ => {
                 assert_eq!(cell["status"], "agrees", "{column}: {cell}");
-                // 64 sums and what is behind them, and 8 bins.
+                // There are 64 sums with the canary behind them, and 8 bins.
                 assert!(cell["compared"].as_u64().is_some_and(|words| words >= 72), "{cell}");
             }
         }
@@ -246,7 +246,7 @@ fn compute_entry_points_are_run() {
             assert_eq!(cell["status"], "agrees", "{name} on {column}: {cell}");
         }
     }
-    // naga's HLSL has it from the host, and a driver that reads what isn't bound ends the process.
+    // naga's HLSL expects this value from the host. If it isn't bound, the driver ends the process.
     for column in run_here(["vulkan", "gl", "vulkan:hlsl"]) {
         let cell = &row(&matrix, "groups")[column];
         let refused =
@@ -254,19 +254,19 @@ fn compute_entry_points_are_run() {
         assert!(refused == (column == "vulkan:hlsl"), "{column}: {cell}");
         assert!(refused || cell["status"] == "agrees", "{column}: {cell}");
     }
-    // It would hang a driver, and the deadline would end the whole matrix.
+    // The pass would hang a driver, and the deadline would end the whole matrix.
     for column in run_here(["vulkan", "gl", "vulkan:hlsl"]) {
         let waits = &row(&matrix, "waits")[column];
         assert_eq!(waits["stopped"]["why"], "not_run", "{waits}");
         let says = waits["stopped"]["says"].as_str().expect("a reason");
-        assert!(says.contains("with made-up data this loop goes round"), "{says}");
+        assert!(says.contains("with generated data, this loop has"), "{says}");
         assert!(says.contains("sums.wgsl:25:14"), "{says}");
     }
     let nothing = &row(&matrix, "nothing")["vulkan"];
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
 }
 
-/// WGSL lets a subnormal number be 0 (15.7.2), in a buffer as in a result.
+/// WGSL allows 0 for a subnormal number (15.7.2), in a buffer as in a result.
 #[test]
 fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -285,7 +285,7 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     ];
     write(folder.path(), "small.wgsl", small);
     karat(folder.path(), &arguments).good();
-    // The same bits as whole numbers are other numbers.
+    // As whole numbers, the same bits are other numbers.
     let whole = small.replace("array<f32>", "array<u32>");
     write(
         folder.path(),
@@ -295,7 +295,8 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     assert_eq!(karat(folder.path(), &arguments).code, Some(1));
 }
 
-/// An entry point doesn't need the abilities of the others of its module, and each driver has its own size of subgroups.
+/// An entry point doesn't need the abilities of other entry points in its module. Each driver has its own subgroup
+/// size.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -314,7 +315,7 @@ fn an_entry_point_needs_what_it_uses_itself() {
     assert!(cell["differing"] == 0 && cell["open"].as_u64() > Some(0), "{cell}");
 }
 
-/// A pass that adds what is 0 in the first content is run over another one.
+/// A pass whose first content gives only zeros is run with another content.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_matrix_looks_for_a_content_that_a_pass_changes() {
@@ -328,11 +329,11 @@ fn the_matrix_looks_for_a_content_that_a_pass_changes() {
     }
 }
 
-/// Drivers take a level of detail of their own, and what doesn't depend on it is compared.
+/// Drivers compute their own level of detail. Results that don't depend on it are compared.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
-fn derivatives_are_open_in_the_matrix() {
+fn the_matrix_leaves_results_of_derivatives_open() {
     let text = "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
         @fragment fn shade(@location(0) uv: vec2f) -> @location(0) vec4f { return textureSample(t, s, uv); }\n\
         @fragment fn part(@location(0) uv: vec2f) -> @location(0) vec4f { return vec4f(fwidth(uv.x), sin(7.0 * uv), 1.0); }\n";
@@ -344,7 +345,7 @@ fn derivatives_are_open_in_the_matrix() {
     }
 }
 
-/// A value reaches the translations and what runs.
+/// The value of an override is in the translations and in the runs.
 #[test]
 fn overrides_have_values_in_the_matrix() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -378,7 +379,7 @@ fn overrides_have_values_in_the_matrix() {
     assert!(error.contains("no function and no entry point uses an override `SIEZ`"), "{error}");
     let error = matrix(&["--override", "SIZE=1.5"]).error();
     assert!(error.contains("the override `SIZE` is a u32"), "{error}");
-    // Of several packages one has it.
+    // Only one of the packages has the override.
     write(
         folder.path(),
         "Cargo.toml",
@@ -395,7 +396,7 @@ fn overrides_have_values_in_the_matrix() {
     assert!(error.contains("write NAME=VALUE"), "{error}");
 }
 
-/// The matrix of one file on some columns: its JSON, and what else it says.
+/// Runs the matrix of one file on some columns. Returns the JSON, and the other output.
 #[cfg(target_os = "linux")]
 fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -415,7 +416,7 @@ fn a_panic_of_naga_is_a_finding() {
     let atomics = "struct B { a: array<atomic<u32>, 4> } struct C { b: B }\n\
                    @group(0) @binding(0) var<storage, read_write> c: C;\n\
                    @compute @workgroup_size(1) fn m() { let w = c; }\n";
-    // No other validator has a say in this column.
+    // No other validator judges this column.
     let (matrix, ran) = matrix_of(atomics, "hlsl6");
     let cell = &row(&matrix, "m")["hlsl6"];
     assert_eq!(cell["stopped"]["why"], "panicked", "{cell}");
@@ -424,7 +425,7 @@ fn a_panic_of_naga_is_a_finding() {
     assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
 }
 
-/// Elements outside of arrays, vectors and textures: drivers clamp, read 0, or something else.
+/// Elements outside of arrays, vectors and textures: drivers clamp the index, read 0, or return something else.
 #[cfg(target_os = "linux")]
 const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
     fn element(c: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[c % 4u]; }\n\
@@ -456,7 +457,8 @@ fn results_that_wgsl_leaves_open_are_counted_and_pass() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_wrong_defined_result_beside_an_open_one_fails() {
-    // x / 0 is x, and x % 0 is 0. In the last two an element is outside in each case, or in some.
+    // In WGSL, x / 0 is x, and x % 0 is 0. In the last two functions an element is outside in each case, or in some
+    // cases.
     let text = "fn quotient(a: i32, b: i32) -> i32 { return a / b; }\n\
                 fn rest(a: i32, b: i32) -> i32 { return a % b; }\n\
                 fn beside(c: u32, b: i32) -> vec2i {\n    \
@@ -477,11 +479,11 @@ fn a_wrong_defined_result_beside_an_open_one_fails() {
     }
 }
 
-/// A buffer has an element for each invocation, and a texture of one dimension has one level.
+/// A generated buffer has an element for each invocation, and a texture of one dimension has one level.
 // Lesson 157
 #[cfg(target_os = "linux")]
 #[test]
-fn made_up_data_is_what_an_author_could_bind() {
+fn generated_buffers_and_textures_of_the_matrix_are_valid_to_bind() {
     let text = "@group(0) @binding(0) var<storage, read_write> o: array<u32>;\n\
                 @group(0) @binding(1) var line: texture_1d<f32>;\n\
                 @compute @workgroup_size(256) fn each(@builtin(global_invocation_id) id: vec3u) {\n    \
@@ -498,7 +500,7 @@ fn made_up_data_is_what_an_author_could_bind() {
     }
 }
 
-/// naga's WGSL has no `@align`, and the engine doesn't read that.
+/// naga's WGSL has no `@align`, and the engine reads the author's text.
 // Lesson 158
 #[cfg(target_os = "linux")]
 #[test]
@@ -519,11 +521,11 @@ fn the_engine_runs_what_the_author_wrote() {
     );
 }
 
-/// glslang gives the words of HLSL's buffers where Direct3D gives their bytes.
+/// glslang counts HLSL's buffers in words, but Direct3D counts bytes.
 // Lesson 159
 #[cfg(target_os = "linux")]
 #[test]
-fn buffers_are_as_long_on_each_route() {
+fn array_length_is_equal_on_each_route() {
     let text = "@group(0) @binding(0) var<storage> a: array<f32>;\n\
                 @group(0) @binding(1) var<storage> b: array<vec4f>;\n\
                 struct S { n: u32, e: array<vec2u> }\n\
@@ -540,7 +542,7 @@ fn buffers_are_as_long_on_each_route() {
     }
 }
 
-/// An entry point that takes minutes on a software driver, beside three that take no time.
+/// One entry point takes minutes on a software driver. Three others are quick.
 #[cfg(target_os = "linux")]
 fn slow_and_three() -> String {
     let terms: String = (0..300)
@@ -573,7 +575,7 @@ fn expect_three(matrix: &serde_json::Value) {
     }
 }
 
-/// A driver that crashes takes the process with it, and is caught with the row that it ran.
+/// If a driver crashes, it ends the process. The matrix restarts without the row that was running.
 // Lesson 162
 #[cfg(target_os = "linux")]
 #[test]
@@ -603,7 +605,7 @@ fn a_crash_ends_one_row_of_the_matrix() {
         let id = supervisor.id();
         let child = std::fs::read_to_string(format!("/proc/{id}/task/{id}/children"));
         let child = child.expect("its children");
-        // Of a SIGSEGV that is sent the first is taken by Rust's handler.
+        // Rust's handler catches the first SIGSEGV that another process sends, so this test sends SIGFPE.
         let killed = Command::new("sh").args(["-c", &format!("kill -FPE {child}")]).status();
         assert!(killed.expect("it runs").success(), "{:?}", journal());
     }
@@ -655,16 +657,19 @@ fn required_columns_decide_the_exit_code() {
     write(&folder.path().join("shaders"), "image.wgsl", fill);
     let ran = matrix(&["--require", "vulkan:hlsl=executed"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    assert!(ran.err.contains("1 of 5 rows don't get to `executed` on `vulkan:hlsl`"), "{ran:?}");
+    assert!(ran.err.contains("1 of 5 rows don't reach `executed` on `vulkan:hlsl`"), "{ran:?}");
     assert!(ran.err.contains("image::fill: path `vulkan:hlsl` can't run this"), "{ran:?}");
     let ran = matrix(&[&only[..], &["--require", "msl=valid"]].concat());
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert!(ran.err.contains("no validator of msl is installed"), "{ran:?}");
     for (wrong, message) in [
-        (&["--require", "vulkan=good"][..], "`good` is no status; they are translated, valid"),
+        (
+            &["--require", "vulkan=good"][..],
+            "`good` isn't a status; the statuses are translated, valid",
+        ),
         (&["--require", "vulkan"], "write COLUMN=STATUS"),
         (&["--require", "vulkn=valid"], "did you mean `vulkan`?"),
-        (&["--within=-1"], "a bound is a number from 0 on"),
+        (&["--within=-1"], "a bound is a number of at least 0"),
         (&["--only", "nothing"], "whose name contains `nothing`"),
     ] {
         let ran = matrix(wrong);
@@ -679,7 +684,7 @@ fn required_columns_decide_the_exit_code() {
     assert!(twice.error().contains("`vulkan` is named twice"));
 }
 
-/// What compared nothing is no verdict, and an output that would destroy something is refused.
+/// A matrix that compared nothing fails. An output that would destroy a file is refused.
 // Lesson 89
 #[cfg(target_os = "linux")]
 #[test]
@@ -693,7 +698,7 @@ fn a_matrix_without_evidence_fails() {
     assert!(none.contains("no row to judge"), "{none}");
     let mut bare = command(folder.path(), &["matrix", "--columns", "hlsl,msl", "--only", "maths"]);
     let bare = output(bare.env("PATH", folder.path()).env_remove("VULKAN_SDK")).error();
-    assert!(bare.contains("of 2 rows none was judged"), "{bare}");
+    assert!(bare.contains("none of the 2 rows was judged"), "{bare}");
     let absent = matrix(&["--columns", "vulkan,vulkan:wgsl,metal", "--only", "maths"]);
     let absent = absent.error();
     assert!(absent.contains("`metal` doesn't open, so nothing ran on it"), "{absent}");
@@ -704,7 +709,7 @@ fn a_matrix_without_evidence_fails() {
     }
     let folder_and_file = matrix(&["--html", "bugs", "--reproduce", "bugs"]).error();
     assert!(folder_and_file.contains("two outputs have the same file"), "{folder_and_file}");
-    // Whatever the package reads stays, and nothing is added to it.
+    // Files of the package stay, and no file is added.
     write(&folder.path().join("shaders"), "types.wgsl", "const K: f32 = 2.0;\n");
     write(&folder.path().join("shaders"), "karat.toml", "");
     for taken in ["shaders/types.wgsl", "shaders/karat.toml", "shaders/new.wgsl"] {
@@ -728,7 +733,7 @@ fn a_matrix_without_evidence_fails() {
     }
     write(&folder.path().join("bugs"), "older.txt", "");
     assert!(matrix(&["--reproduce", "bugs"]).error().contains("`bugs` isn't an empty folder"));
-    // It leaves its buffer as it was, on each column.
+    // The pass leaves its buffer unchanged on each column.
     let idle = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;\n\
                 @compute @workgroup_size(1) fn idle() { if out[0] > 1e30 { out[0] = 1.0; } }\n";
     write(folder.path(), "idle.wgsl", idle);
@@ -739,7 +744,7 @@ fn a_matrix_without_evidence_fails() {
     assert_eq!(matrix(&[&columns[..], &required].concat()).code, Some(1));
 }
 
-/// What tests found on a path decides there; a verdict on another text of the module says nothing.
+/// Verdicts of tests on a path apply to the cell on this path. A verdict on another text of the module is ignored.
 // Lesson 113
 #[cfg(target_os = "linux")]
 #[test]
@@ -784,8 +789,8 @@ fn tests_judge_the_functions_that_they_have() {
     assert!(stale.err.contains("the last run has no test of these functions"), "{stale:?}");
 }
 
-/// Faults that are planted behind naga's back, by a compiler that changes what it is given or what
-/// it makes. Each is caught at its status, on its column alone.
+/// Faults in the output of naga. A compiler that changes its input or its output plants them. Each fault appears only
+/// in its column, with its status.
 #[cfg(target_os = "linux")]
 mod planted {
     use std::os::unix::fs::PermissionsExt;
@@ -794,7 +799,7 @@ mod planted {
 
     use super::*;
 
-    /// Where a program of the machine is; these come with `cargo ci setup`.
+    /// Returns the path of a program. `cargo ci setup` installs these programs.
     fn program(name: &str) -> std::path::PathBuf {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let found = std::env::split_paths(&path).map(|folder| folder.join(name));
@@ -803,7 +808,8 @@ mod planted {
         })
     }
 
-    /// The matrix with a glslang that does this before and after its work. It has a finding.
+    /// Runs the matrix with a glslang that runs these commands before and after its work. The matrix must have a
+    /// finding.
     fn with_glslang(before: &str, after: &str) -> serde_json::Value {
         let ran = run_with_glslang(&shaders(), before, after, &["--json"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -811,10 +817,10 @@ mod planted {
         json(&ran.out)
     }
 
-    /// Microsoft's compiler isn't in Debian: a script takes its arguments and asks glslang. What is
-    /// tested is the route, not the compiler.
+    /// Debian doesn't have Microsoft's compiler. A script accepts its arguments and runs glslang. This tests the route,
+    /// not the compiler.
     #[test]
-    fn dxc_is_asked_as_it_wants_to_be() {
+    fn dxc_gets_the_arguments_that_dxc_needs() {
         let folder = shaders();
         let bin = folder.path().join("bin");
         let script = format!(
@@ -933,7 +939,7 @@ mod planted {
         assert_eq!(values["case"]["arguments"][1], "0x3f800000");
     }
 
-    /// The first that differs is told, whatever stands in its initialiser.
+    /// The message names the first let-binding that differs, whatever its initialiser is.
     // Lesson 84
     #[test]
     fn the_first_let_that_differs_is_named() {
@@ -950,12 +956,12 @@ mod planted {
         assert_eq!(found["unseen"], serde_json::json!(["p"]), "pointers can't be looked at");
         assert!(found["first"]["text_line"].is_u64(), "{found}");
         let says = &row(&json(&ran.out), "maths::blend")["vulkan:hlsl"]["stopped"]["says"];
-        assert!(says.as_str().is_some_and(|says| says.contains("(not looked at: `p`)")), "{says}");
+        assert!(says.as_str().is_some_and(|says| says.contains("(not compared: `p`)")), "{says}");
     }
 
-    /// In a loop the last values are compared, which is said; the report of an entry point repeats it.
+    /// In a loop, the last values are compared, and the message says so. The report of an entry point repeats it.
     #[test]
-    fn loops_and_entry_points_say_what_they_are() {
+    fn explanations_name_last_rounds_of_loops_and_entry_points() {
         let folder = shaders();
         let text = "fn blend(x: f32, y: f32) -> f32 {\n    var s = x;\n    \
                     for (var i = 0; i < 3; i++) { let good = s * 0.5; let bad = good - y; s = bad; }\n    \
@@ -977,7 +983,8 @@ mod planted {
         assert!(why.contains(": vulkan:hlsl: "), "what is wrong is never left out: {why}");
     }
 
-    /// glslang 11.12 has no zero value of an array, which naga's HLSL gives workgroup memory: nothing is wrong with that.
+    /// glslang 11.12 has no zero value of an array, but naga's HLSL initialises workgroup memory with it. The HLSL is
+    /// right.
     // Lesson 160
     #[test]
     fn an_array_of_workgroups_is_no_fault_of_hlsl() {
@@ -996,10 +1003,10 @@ mod planted {
         assert!(known || ran.code == Some(1), "it isn't judged, and that is no green: {ran:?}");
     }
 
-    /// What fails before the declared status isn't what was declared.
+    /// A failure before the declared status isn't the declared failure.
     // Lesson 85
     #[test]
-    fn a_declaration_hides_no_worse_failure() {
+    fn a_declared_difference_hides_no_earlier_failure() {
         let folder = shaders();
         let declared = "[[matrix]]\nrows = [\"maths::blend\"]\ncolumns = [\"vulkan:hlsl\"]\n\
                         status = \"agrees\"\nreason = \"rounding\"\n";
@@ -1019,7 +1026,7 @@ mod planted {
         assert!(ran.contains("not checked: 1 declared failures"), "{ran}");
     }
 
-    /// What is declared must be so, and must be about what is there.
+    /// A declared failure must occur, and must name an existing row and column.
     // Lesson 85
     #[test]
     fn a_declared_difference_must_occur() {
@@ -1045,7 +1052,7 @@ mod planted {
         let outdated = "one cell declared to fail works: delete from `karat.toml` the \
                         declarations for maths::blend on vulkan:hlsl: the row reaches `agrees`";
         assert!(healthy.err.contains(outdated), "{healthy:?}");
-        // What is declared to be rejected, and is accepted and differs, is no news to be glad of.
+        // The declared rejection no longer occurs, but the results differ. So this isn't good news.
         declare("maths::blend", "vulkan:hlsl", "valid", "the compiler is wrong");
         let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &[]);
         assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
@@ -1057,7 +1064,13 @@ mod planted {
         for (rows, column, status, reason, message) in [
             ("maths::blnd", "vulkan", "agrees", "x", "no such row; did you mean `maths::blend`?"),
             ("maths::blend", "vulkn", "agrees", "x", "there is no execution path `vulkn`"),
-            ("maths::blend", "vulkan", "agree", "x", "`agree` is no status; they are translated"),
+            (
+                "maths::blend",
+                "vulkan",
+                "agree",
+                "x",
+                "`agree` isn't a status; the statuses are translated",
+            ),
             ("maths::blend", "vulkan", "agrees", " ", "it has no reason"),
         ] {
             declare(rows, column, status, reason);
@@ -1069,7 +1082,7 @@ mod planted {
             "[[matrix]]\nrows = []\ncolumns = [\"gl\"]\nstatus = \"valid\"\nreason = \"x\"\n";
         write(&folder.path().join("shaders"), "karat.toml", empty);
         assert!(run_with_glslang(&folder, "", "", &[]).error().contains("names no rows"));
-        // A route that is declared isn't the direct one.
+        // A declaration for a route doesn't apply to the direct path.
         declare("maths::blend", "vulkan", "agrees", "not so");
         let ran = run_with_glslang(&folder, "", "", &[]);
         assert!(
@@ -1078,7 +1091,6 @@ mod planted {
         );
     }
 
-    /// The data of the page.
     fn matrix_of_page(page: &str) -> serde_json::Value {
         use std::io::Read;
         let (_, data) = page.split_once("data-encoding=\"deflate\">").expect("its data");
@@ -1108,13 +1120,13 @@ mod planted {
 
     // Lesson 82
     #[test]
-    fn an_operator_of_hlsl_that_is_another_one_is_seen() {
+    fn a_changed_operator_in_hlsl_is_found() {
         let change = "[ -f shader.hlsl ] && sed -i 's/3[.]0) - /3.0) + /' shader.hlsl";
         let matrix = with_glslang(change, "");
         assert_eq!(states(&matrix), expected("vulkan:hlsl", "executed", "differs"));
         let cell = &row(&matrix, "maths::blend")["vulkan:hlsl"];
         let says = cell["stopped"]["says"].as_str().expect("a text").to_owned();
-        // The simplest input that shows it.
+        // This is the simplest input with the difference.
         assert!(says.contains("at x = 0; y = 1 `vulkan:hlsl` returns 1, `vulkan` -1"), "{says}");
     }
 

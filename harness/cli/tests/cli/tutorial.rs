@@ -1,16 +1,16 @@
-//! `docs/guide/tutorial.md`, walked: its files are written, its commands are run, and they print what it shows.
+//! Runs `docs/guide/tutorial.md`: writes its files, runs its commands, and compares the output with the page.
 
 use super::*;
 
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guide/tutorial.md");
 
-/// A part of the page that the walk looks at.
+/// A part of the page.
 enum Step<'p> {
     Section(&'p str),
     Block {
         language: &'p str,
         text: &'p str,
-        /// The line above it; nothing where another block stands there.
+        /// The line above the block. Empty if another block is there.
         above: &'p str,
     },
 }
@@ -33,17 +33,18 @@ fn steps(page: &str) -> Vec<Step<'_>> {
     steps
 }
 
-/// The file that a line says to write: it ends with the name in backticks and a colon.
+/// Returns the file that a line says to write. The line ends with the name in backticks and a colon.
 fn written(line: &str) -> Option<&str> {
     line.strip_suffix("`:")?.rsplit_once('`').map(|(_, file)| file)
 }
 
-/// The file in which a line says to replace the block below it by the next one.
+/// Returns the file in which a line says to replace the next block by the one after it.
 fn changed(line: &str) -> Option<&str> {
     line.strip_suffix("`, replace")?.rsplit_once("In `").map(|(_, file)| file)
 }
 
-/// The first part of a block that isn't in a text. `...` separates parts; the lines of a part follow each other.
+/// Returns the first part of a block that a text doesn't contain. `...` separates parts. The lines of a part are
+/// consecutive.
 fn missing(block: &str, text: &str) -> Option<String> {
     let lines: Vec<&str> = block.lines().collect();
     let text: Vec<&str> = text.lines().collect();
@@ -58,7 +59,7 @@ fn missing(block: &str, text: &str) -> Option<String> {
     None
 }
 
-/// Runs a line of the page, and returns what it prints. `None` if it isn't Karat's.
+/// Runs a line of the page, and returns its output. Returns `None` if the line isn't a command of Karat.
 fn run(folder: &FilePath, line: &str, paths: &str) -> Option<String> {
     let (line, comment) = line.split_once("  #").unwrap_or((line, ""));
     let words = shell_words::split(line).expect("a line for a shell");
@@ -66,7 +67,7 @@ fn run(folder: &FilePath, line: &str, paths: &str) -> Option<String> {
     if words.first() != Some(&"karat") {
         return None;
     }
-    // The page says it of machines with a GPU.
+    // The page describes a machine with a GPU.
     if words[1] == "accept" {
         words.push("--any-adapter");
     }
@@ -75,7 +76,7 @@ fn run(folder: &FilePath, line: &str, paths: &str) -> Option<String> {
     Some(ran.out + &ran.err)
 }
 
-/// Functions run on Karat's engine, and from the frame on all run on Vulkan.
+/// Functions run on Karat's engine. From the section on frames on, all tests run on Vulkan.
 // Lesson 137
 // Lesson 211
 #[test]

@@ -1,4 +1,4 @@
-//! `karat unreferenced`: no verdict without the record of a full run that passed.
+//! `karat unreferenced`: gives no verdict without the record of a full run that passed.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use super::*;
 
 const LAVAPIPE: &str = "llvmpipe (LLVM 15.0.6, 256 bits)";
 
-/// A project with the goldens `scene`, `room`, and `scene` of the profiles of GL and of a foreign
+/// A project with the goldens `scene` and `room`, and the goldens of `scene` for the profile of GL and for another
 /// adapter.
 fn goldens() -> TempDir {
     let project = project();
@@ -59,7 +59,7 @@ fn goldens_that_all_are_compared_pass() {
         out.contains("not judged, because its profile didn't run: scene of profile metal-apple")
     );
     assert!(out.ends_with("3 goldens compared, 0 unreferenced, 0 stray files\n"), "{out}");
-    // What `cargo ci test` writes is read, too.
+    // A record that `cargo ci test` wrote is read, too.
     let folder = record(&project, &all, None);
     write(&folder, "run.json", r#"{"passed":true,"schema":5,"selected":[]}"#);
     karat(project.path(), &["unreferenced"]).good();
@@ -70,11 +70,11 @@ fn goldens_that_all_are_compared_pass() {
 fn an_uncompared_golden_fails_and_can_be_deleted() {
     let project = goldens();
     let golden = project.path().join("golden");
-    // A frame of that name in another folder is another frame.
+    // A frame of the same name in another folder is a different frame.
     let elsewhere = frame(&project.path().join("other"), "room", &["vulkan"], "pass");
     std::fs::create_dir(project.path().join("other")).expect("a folder");
     let scene = frame(&golden, "scene", &["vulkan"], "pass");
-    // Something else ran on GL, so the golden of GL might have been compared.
+    // Another check ran on GL, so a test might have compared the golden of GL.
     let lines = [elsewhere, scene, function("m::f", "gl", "pass", None)];
     record(&project, &lines, Some((&[], true)));
     let ran = karat(project.path(), &["unreferenced"]);
@@ -152,7 +152,7 @@ fn a_folder_without_goldens_has_no_verdict() {
         assert_eq!(ran.out, "", "{arguments:?}");
         assert!(ran.failure(3).contains("there is no golden in `empty`"), "{arguments:?}");
     }
-    // What a golden has left behind is something to judge.
+    // Remains of a deleted golden get a verdict.
     write(folder, "empty/gone.png", "");
     assert_eq!(karat(folder, &["unreferenced", "--goldens", "empty"]).code, Some(1));
 }
@@ -172,12 +172,12 @@ fn a_run_that_compared_frames_only_elsewhere_has_no_verdict() {
         assert!(error.contains(&format!("only with goldens of `{}`;", other.display())), "{error}");
     }
     assert!(folder.join("golden/room.exr").is_file(), "nothing was deleted");
-    // A number is no golden elsewhere: here nothing is compared any more.
+    // A comparison with a number uses no folder. So no golden of this folder is compared.
     record(&project, &[mean], Some((&[], true)));
     assert_eq!(karat(folder, &["unreferenced"]).code, Some(1));
 }
 
-/// An edit, a merge of two sides, or a file that was forgotten.
+/// The provenance may differ because of an edit, a merge, or a forgotten file.
 #[test]
 fn facts_that_are_not_those_of_their_golden_fail() {
     let project = goldens();
@@ -195,7 +195,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         let line = ran.out.lines().find(|line| line.starts_with(&start));
         let line = line.unwrap_or_else(|| panic!("no `{start}` in:\n{}", ran.out));
         assert!(line.ends_with("run the test and accept its frame again"), "{line}");
-        let end = "3 goldens compared, 0 unreferenced, 0 stray files, 1 with other facts or none\n";
+        let end = "3 goldens compared, 0 unreferenced, 0 stray files, 1 with wrong or missing provenance\n";
         assert!(ran.out.ends_with(end), "{ran:?}");
         let ran = karat(folder, &["unreferenced", "--delete", "--json"]);
         let report = json(&ran.out);
@@ -210,33 +210,33 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         ("@metal-apple/scene.toml", "scene of profile metal-apple"),
     ] {
         write(&golden, file, &other);
-        fails(file, case, "has other facts than `");
+        fails(file, case, "differs from the provenance of `");
         let out = karat(folder, &["unreferenced"]).out;
         assert!(out.contains("scene.exr`: `because`, `tolerance`; restore both"), "{out}");
         write(&golden, file, &marked);
-        fails(file, case, "has no readable facts: ");
+        fails(file, case, "has no readable provenance: ");
         write(&golden, file, "");
-        fails(file, case, "has no readable facts: missing field");
+        fails(file, case, "has no readable provenance: missing field");
         std::fs::remove_file(golden.join(file)).expect("removed");
-        fails(file, case, "is missing: it has the facts of `");
-        // Git may have changed the ends of lines.
+        fails(file, case, "is missing: it has the provenance of `");
+        // Git may have changed the line ends.
         write(&golden, file, &facts.replace('\n', "\r\n"));
         karat(folder, &["unreferenced"]).good();
     }
-    // Another tool's golden has no facts, and none that aren't its own.
+    // A golden of another tool has no provenance.
     let room = golden.join("room.exr");
     Image::new(1, 1, vec![[1.0; 4]]).write_exr(&room, Precision::Half, None).expect("written");
-    fails("room.toml", "room", "has facts, but `");
+    fails("room.toml", "room", "has provenance, but `");
     std::fs::remove_file(golden.join("room.toml")).expect("removed");
     karat(folder, &["unreferenced"]).good();
-    // What can't be read has no facts at all.
+    // An unreadable file has no provenance.
     write(&golden, "@metal-apple/scene.exr", "version https://git-lfs.github.com/spec/v1\n");
     let ran = karat(folder, &["unreferenced"]);
     let told = "scene of profile metal-apple: `golden/@metal-apple/scene.exr` is a Git LFS pointer";
     assert!(ran.code == Some(1) && ran.out.contains(told), "{ran:?}");
 }
 
-/// `--delete` is done when nothing is left that no test compares.
+/// `--delete` succeeds only if no unreferenced golden remains.
 #[test]
 fn files_that_delete_keeps_still_fail() {
     let project = goldens();
@@ -258,7 +258,7 @@ fn files_that_delete_keeps_still_fail() {
     assert_eq!((ran.code, &report["deleted"]), (Some(1), &serde_json::json!([])));
     assert_eq!(report["left"], serde_json::json!([sky]));
     assert!(sky.is_file());
-    // What is Karat's goes, and the rest fails all the same.
+    // Karat's files are deleted. The others stay, and the command fails.
     record(&project, &all[..1], Some((&[], true)));
     let ran = karat(project.path(), &["unreferenced", "--delete"]);
     assert_eq!((ran.code, golden.join("room.exr").exists()), (Some(1), false), "{ran:?}");
@@ -283,12 +283,13 @@ fn stray_files_are_reported_and_only_ours_are_deleted() {
         write(&golden, file, "");
     }
     std::fs::copy(golden.join("scene.toml"), golden.join("gone.toml")).expect("copied");
-    // An image of another tool, which no test compares.
+    // Another tool wrote this image, and no test compares it.
     let sky = Image::new(1, 1, vec![[1.0; 4]]);
     sky.write_exr(&golden.join("sky.exr"), Precision::Half, None).expect("written");
     let ran = karat(project.path(), &["unreferenced"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    for reason in ["facts without a golden", "not a file of a golden", "a preview without an image"]
+    for reason in
+        ["provenance without a golden", "not a file of a golden", "a preview without an image"]
     {
         assert!(ran.out.contains(reason), "no `{reason}`: {ran:?}");
     }

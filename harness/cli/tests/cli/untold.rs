@@ -1,4 +1,4 @@
-//! What a run leaves out, or couldn't do, is told: nothing is green in silence.
+//! A run reports everything that it left out or couldn't do.
 
 use super::*;
 
@@ -8,7 +8,6 @@ fn test(folder: &FilePath, more: &[&str]) -> Ran {
     karat(folder, &[&["test", "wgsl"], more, &CPU].concat())
 }
 
-/// A folder `wgsl` with one declared test.
 fn folder(shader: &str, declared: &str) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "wgsl/a.wgsl", shader);
@@ -37,7 +36,7 @@ fn features_reach_the_tests_of_a_folder() {
     assert!(without.out.contains(" compared; 1 test left out by conditions;"), "{without:?}");
     let with = test(folder.path(), &["--feature", "fast"]);
     assert!(with.code == Some(1) && with.out.contains("4 checks, 3 failed"), "{with:?}");
-    // What is printed runs it again as it was.
+    // The printed command has the same features.
     assert!(with.out.contains("karat test wgsl --feature fast=true --exact"), "{with:?}");
     let again = karat(folder.path(), &["replay", "--print", &replayed(&with.out)]).good();
     assert!(again.contains("--feature fast=true"), "{again}");
@@ -45,7 +44,8 @@ fn features_reach_the_tests_of_a_folder() {
     assert!(unknown.contains("uses the feature `fasd`"), "{unknown}");
 }
 
-/// A test that fails before the case that is to be replayed has its message, and the others their verdicts.
+/// If a test fails before it reaches the case to replay, it has its own message, and the other tests have their
+/// verdicts.
 #[test]
 fn a_failure_before_the_replayed_case_is_reported() {
     let folder = folder("fn f(x: f32) -> f32 { return 2.0 * x; }\n", IN_RANGE);
@@ -55,7 +55,7 @@ fn a_failure_before_the_replayed_case_is_reported() {
     };
     let ran = replay("g/is_finite/3");
     assert!(ran.code == Some(1) && ran.out.contains("`a::f` fails stays_within"), "{ran:?}");
-    // A test that passes, and replays nothing, fails alone.
+    // A test that passes without replaying a case fails, but no other test does.
     let two =
         format!("{IN_RANGE}[[test]]\nfunction = \"f\"\nover = {{ x = \"0..1\" }}\nfinite = true\n");
     write(folder.path(), "wgsl/a.wgsl", "fn f(x: f32) -> f32 { return x; }\n");
@@ -69,14 +69,14 @@ fn a_failure_before_the_replayed_case_is_reported() {
     }
 }
 
-/// The first short name of a failure.
+/// Returns the first short name of a failure.
 fn replayed(out: &str) -> String {
     let line = out.lines().find_map(|line| line.strip_prefix("karat replay "));
     line.and_then(|line| line.split(' ').next()).expect("a failure is named").to_owned()
 }
 
 #[test]
-fn a_file_that_was_meant_as_a_test_is_red() {
+fn a_file_whose_name_resembles_a_test_file_fails_the_run() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
     test(folder.path(), &[]).good();
     for name in ["wgsl/a_test.toml", "wgsl/a.test.tml", "wgsl/B.TEST.TOML"] {
@@ -93,7 +93,7 @@ fn a_file_that_was_meant_as_a_test_is_red() {
     );
 }
 
-/// Each error of a declared test is at the key that it is about, and a failing row at its line.
+/// Each error of a declared test has the location of its key. A failing row has the line of the table.
 #[test]
 fn declared_tests_have_places_of_their_own() {
     let shader = "override GAIN = 1.0;\nfn f(x: f32) -> f32 { return x * GAIN; }\n\
@@ -161,7 +161,8 @@ fn declared_tests_have_places_of_their_own() {
         assert!(ran.out.contains(part), "no `{part}`: {}", ran.out);
         assert!(!ran.out.contains("error: error:"), "{}", ran.out);
     }
-    // On two paths, too; a resource by the name that messages have; a test that expects nothing.
+    // The location is also right for two paths, for a resource that is named as in messages, and for a test without an
+    // expectation.
     let declared = format!("{f}finite = true\nfails_on = {{ cpu = \"no\", vulkan = \"no\" }}\n");
     let both = folder(shader, &declared);
     let ran = karat(both.path(), &["test", "wgsl", "--paths", "cpu,vulkan"]);
@@ -188,8 +189,8 @@ fn declared_tests_have_places_of_their_own() {
     assert!(test(folder.path(), &[]).out.contains("wgsl/t.csv:2:1"));
 }
 
-/// A process of tests that the system, a driver or the deadline ends.
-/// Linux alone tells the children of a process.
+/// The system, a driver or the deadline ends the process that runs the tests. Only Linux lists the children of a
+/// process.
 #[cfg(target_os = "linux")]
 #[test]
 fn tests_of_a_killed_process_are_named() {
@@ -219,16 +220,16 @@ fn tests_of_a_killed_process_are_named() {
     assert_eq!(ended.status.code(), Some(1), "{out}");
     assert!(out.contains("signal: 9"), "{out}");
     assert!(out.contains("before a verdict of") && out.contains("a::f in_range"), "{out}");
-    // It counts as failed, and alone runs again.
+    // The test counts as failed. `--failed` runs only this test.
     write(folder.path(), "wgsl/a.test.toml", &format!("{IN_RANGE}finite = true\n"));
     let failed = test(folder.path(), &["--failed"]).good();
     assert!(failed.contains("stays_within") && failed.contains("1 check, 0 failed"), "{failed}");
 }
 
-/// Commands without a folder find what was tested last, whatever it is called, and name files from where one
-/// stands.
+/// Commands without a folder find the folder that was tested last, whatever it is called. They print paths relative to
+/// the working directory.
 #[test]
-fn a_folder_of_any_name_is_found_again() {
+fn report_and_replay_find_the_last_tested_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
     let path = folder.path();
     let nested = path.join("assets/with space");
@@ -255,9 +256,9 @@ fn exact_names_are_exact() {
     assert!(near.contains("none of 1 test is called `in_range`"), "{near}");
 }
 
-/// Values of a golden with other rows: no case is at fault, and the table says that it fails.
+/// If a golden of values has a different number of rows, no case fails, but the table shows the failure.
 #[test]
-fn a_failure_of_no_case_is_red_in_the_table() {
+fn a_golden_with_other_rows_fails_in_the_table() {
     let golden = "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\ncases = 20\ngolden = \"f\"\n\
                   tolerance = \"exact\"\n";
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", golden);
@@ -271,7 +272,7 @@ fn a_failure_of_no_case_is_red_in_the_table() {
     assert!(ran.code == Some(1) && row.is_some_and(|row| row.contains("FAIL")), "{ran:?}");
 }
 
-/// One case, which runs anyway, is remembered by nobody.
+/// A test with only one case stores no failing input, because the case always runs.
 #[test]
 fn a_test_without_arguments_fails_once() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
@@ -283,7 +284,7 @@ fn a_test_without_arguments_fails_once() {
     }
 }
 
-/// What is set of a folder holds in all that its tests in WGSL reach, as in its declared tests.
+/// Features of a folder apply to everything that its tests in WGSL import, as in its declared tests.
 #[test]
 fn features_reach_what_a_test_in_wgsl_imports() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -309,9 +310,9 @@ fn features_reach_what_a_test_in_wgsl_imports() {
     assert!(samples.code == Some(1) && samples.out.contains("3 checks, 1 failed"), "{samples:?}");
 }
 
-/// One case run again leaves the record of all that failed.
+/// A replay of one case leaves the record of all failures.
 #[test]
-fn a_replay_is_no_run() {
+fn a_replay_keeps_the_record_of_the_last_run() {
     let folder = folder(
         "fn f(x: f32) -> f32 { return x + 1.0; }\nfn g(x: f32) -> f32 { return x + 2.0; }\n",
         "",
@@ -343,7 +344,7 @@ fn a_misnamed_file_of_declared_tests_fails() {
         assert!(ran.code == Some(1) && ran.out.contains(&told), "{ran:?}");
         std::fs::remove_file(folder.path().join(name)).expect("it is there");
     }
-    // Copies that editors leave, Cargo's targets, other settings, and hidden files.
+    // Copies of editors, build folders of Cargo, other settings, and hidden files.
     for name in ["wgsl/a.test.toml~", "wgsl/a.test.toml.orig", "wgsl/Cargo.toml"] {
         write(folder.path(), name, &IN_RANGE.replace("[0, 1]", "[2, 3]"));
     }
@@ -365,14 +366,14 @@ fn a_folder_whose_tests_all_have_a_condition_says_so() {
     test(folder.path(), &["--feature", "fast"]).good();
 }
 
-/// A record that was made from above has its places from within, too.
+/// If the record was made from an outer folder, its locations are also right in the inner folder.
 #[test]
-fn places_are_found_from_within() {
+fn a_record_has_correct_places_from_a_subfolder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
     assert_eq!(test(folder.path(), &[]).code, Some(1));
     let within = karat(&folder.path().join("wgsl"), &["report", "--github"]);
     assert!(within.out.contains("file=a.wgsl,line=1,col=1,"), "{within:?}");
-    // What a test in WGSL calls is tested.
+    // A function that a test in WGSL calls counts as tested.
     write(
         folder.path(),
         "wgsl/a_test.wgsl",
@@ -384,9 +385,9 @@ fn places_are_found_from_within() {
     assert!(listed.lines().any(|line| line.contains("a::f") && line.contains("yes")), "{listed}");
 }
 
-/// Commands without a folder look at `shaders`, whatever the last run named.
+/// Commands without a folder use `shaders`, whatever folder the last run named.
 #[test]
-fn a_run_of_another_folder_hides_nothing() {
+fn a_run_of_another_folder_does_not_change_the_default_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
     write(folder.path(), "shaders/bad.wgsl", "fn f(x: f32) -> f32 { return y; }\n");
     let is_bad = |arguments: &[&str]| {
@@ -406,9 +407,9 @@ fn a_run_of_another_folder_hides_nothing() {
     karat(folder.path(), &["check", "wgsl", "--shaders", "shaders"]).failure(2);
 }
 
-/// The two mistakes that a first test has.
+/// The two most likely mistakes in a first test.
 #[test]
-fn a_first_test_is_helped_on() {
+fn two_common_mistakes_of_first_tests_have_hints() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
     for (text, hint) in [
         ("@test fn t() { expect_true(true); }\n", "add `import karat::expect_true;`"),

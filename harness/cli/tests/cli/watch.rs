@@ -1,4 +1,4 @@
-//! `karat watch`: verdicts after each edit.
+//! `karat watch`: the verdicts after each edit.
 
 use std::io::{BufRead, BufReader};
 use std::process::Child;
@@ -16,13 +16,13 @@ const TESTS: &str = "import package::calc::half;\nimport karat::{expect_near, ex
 @test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n\
 @test fn other() { expect_true(true); }\n";
 
-/// Far more than anything here takes, on a machine that is busy with other tests.
+/// The time limit of a wait. It is far longer than needed, because other tests keep the machine busy.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub(crate) struct Watching {
     child: Child,
     lines: Receiver<String>,
-    /// The folder that is watched, if it lives as long as this.
+    /// The watched folder, if the test owns it.
     folder: Option<TempDir>,
 }
 
@@ -42,7 +42,7 @@ impl Watching {
         watching
     }
 
-    /// Watches in a folder, by a command that may be changed before.
+    /// Watches in a folder. `more` may change the command.
     pub(crate) fn of(here: &FilePath, arguments: &[&str], more: impl Fn(&mut Command)) -> Self {
         let arguments = [&["watch"], arguments, &["--paths", "cpu", "--lines"]].concat();
         let mut command = command(here, &arguments);
@@ -65,13 +65,13 @@ impl Watching {
         self.folder.as_ref().expect("it is its own").path()
     }
 
-    /// Waits for a line, and returns all up to it.
+    /// Waits for a line, and returns the output up to it.
     #[track_caller]
     pub(crate) fn until(&self, part: &str) -> String {
         self.until_any(part, &[""])
     }
 
-    /// Waits for a line that has one of several words behind a part.
+    /// Waits for a line with this part followed by one of these words.
     #[track_caller]
     pub(crate) fn until_any(&self, part: &str, words: &[&str]) -> String {
         let (began, mut all) = (Instant::now(), String::new());
@@ -87,7 +87,7 @@ impl Watching {
     }
 
     fn edit(&self, file: &str, text: &str) {
-        // As editors do: a new file takes the place of the old one.
+        // Editors save in this way: a new file replaces the old one.
         let shaders = self.folder().join("shaders");
         write(&shaders, "saved.tmp", text);
         std::fs::rename(shaders.join("saved.tmp"), shaders.join(file)).expect("renamed");
@@ -119,17 +119,17 @@ fn verdicts_follow_edits() {
     watch.until("cpu: 2 tests pass; 1 ran");
     watch.edit("calc.wgsl", &format!("// a comment\n{SHADER}"));
     watch.until("cpu: 2 tests pass; no code changed");
-    // Syntax that is broken is told with its place, and mended.
+    // A syntax error has its location, and goes away after the correction.
     watch.edit("calc.wgsl", "fn half(x: f32) -> f32 { return 0.5 * ; }\n");
     let broken = watch.until("cpu: no verdict");
     let told = watch.until("calc.wgsl:1:39");
     assert!(broken.contains("changed: calc.wgsl"), "{broken}{told}");
-    // An edit that doesn't mend it leaves it without a verdict.
+    // Another edit leaves the module without a verdict.
     watch.edit("more.wgsl", "fn more() {}\n");
     watch.until("cpu: no verdict");
     watch.edit("calc.wgsl", SHADER);
     watch.until("cpu: 2 tests pass");
-    // A shader that hangs is ended, and the next edit has its verdict.
+    // A shader that hangs is ended, and the next edit gets a verdict.
     let hangs = "fn half(x: f32) -> f32 {\n    var y = x;\n    \
                  for (var i = 0; i < 2000000000; i++) { y += 1.0; }\n    return y;\n}\n";
     watch.edit("calc.wgsl", hangs);
@@ -137,7 +137,7 @@ fn verdicts_follow_edits() {
     assert!(slow.contains("was stopped: ") && slow.contains("calc.wgsl:3:5"), "{slow}");
     watch.edit("calc.wgsl", SHADER);
     watch.until("cpu: 2 tests pass; 1 ran");
-    // Which parameter a domain belongs to is part of its test.
+    // The parameter of a domain is part of the test.
     let over = "import karat::expect_in_range;\n@test fn over(\n@over(0, 1)\na: f32,\n\
                 b: f32) { expect_in_range(a, 0.0, 1.0); }\n";
     watch.edit("over_test.wgsl", over);
@@ -147,7 +147,7 @@ fn verdicts_follow_edits() {
         &over.replace("\n@over(0, 1)\na: f32,\n", "\na: f32,\n@over(0, 1)\n"),
     );
     watch.until("cpu: 1 of 3 tests fail; 1 ran");
-    // A folder of modules comes, and goes.
+    // A folder of modules is added, and then removed.
     let shaders = watch.folder().join("shaders");
     let away = watch.folder().join("more");
     std::fs::remove_file(shaders.join("over_test.wgsl")).expect("removed");
@@ -169,10 +169,10 @@ fn verdicts_follow_edits() {
     watch.until("cpu: 1 of 3 tests fail");
     std::fs::remove_dir_all(shaders.join("new")).expect("removed");
     watch.until("cpu: 2 tests pass");
-    // A test that goes is forgotten, one that comes runs.
+    // A removed test is forgotten, and a new test runs.
     watch.edit("calc_test.wgsl", &TESTS.replace("@test fn other", "@test fn third"));
     watch.until("cpu: 2 tests pass; 1 ran");
-    // The folder goes and comes back.
+    // The folder is removed, and then comes back.
     let (here, there) = (watch.folder().join("shaders"), watch.folder().join("away"));
     std::fs::rename(&here, &there).expect("renamed");
     watch.until("cpu: no verdict");
@@ -191,7 +191,7 @@ fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     write(&shaders, "calc_test.wgsl", TESTS);
     let watch = Watching::at(folder, "shaders", &["."]);
     watch.until("cpu: 2 tests pass; 2 ran");
-    // As `git checkout` of another branch may: there is no moment without a folder.
+    // As after `git checkout` of another branch, the folder is replaced at once.
     let other = watch.folder().join("other");
     write(&other, "calc.wgsl", &SHADER.replace("0.5", "0.25"));
     write(&other, "calc_test.wgsl", TESTS);
@@ -202,7 +202,7 @@ fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     watch.until("cpu: 2 tests pass");
 }
 
-/// What a path can't judge is told, and is no verdict.
+/// A frame that a path can't judge is reported, and has no verdict on this path.
 #[test]
 fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -226,15 +226,15 @@ fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     karat(folder.path(), &[&accept[..], &["--because", "it is grey"]].concat()).good();
     let green = once("cpu,vulkan").good();
     assert!(green.contains(told) && green.contains("vulkan: 3 tests pass"), "{green}");
-    // A path that has frames alone to leave out makes no other one red.
+    // A path that can only skip frames doesn't make other paths fail.
     std::fs::remove_file(folder.path().join("shaders/calc_test.wgsl")).expect("it is there");
     assert!(once("cpu,vulkan").good().contains("vulkan: 1 test passes"));
 }
 
-/// What a program prints of a module may be another text after any edit.
+/// A program that expands modules may print another text after any edit.
 #[cfg(unix)]
 #[test]
-fn an_edit_of_what_expands_modules_counts() {
+fn watch_reruns_after_an_edit_of_the_preprocessor_or_its_files() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let script = "cat \"$1\"\ncat more.txt\n";
     write(folder.path(), "shaders/expand.sh", script);
@@ -253,8 +253,7 @@ fn an_edit_of_what_expands_modules_counts() {
     watch.until("cpu: 1 test passes; no code changed");
 }
 
-/// Files that tests read are known by their names, whatever these end with, and so are packages outside of
-/// the folder.
+/// Files that tests read count whatever their ending is. So do packages outside of the folder.
 // Lesson 192
 #[test]
 fn an_edit_of_any_file_that_is_read_counts() {
@@ -312,19 +311,19 @@ fn an_edit_of_any_file_that_is_read_counts() {
     let noise = watch.folder().join("noise");
     write(&noise, "value.wgsl", "fn quarter(x: f32) -> f32 { return 0.5 * x; }\n");
     watch.until("cpu: 4 of 5 tests fail; 4 ran");
-    // What no test reads is neither told nor run.
+    // A file that no test reads isn't mentioned, and runs no test.
     write(&shaders, "notes.md", "a note");
     write(&noise, "value.wgsl", "fn quarter(x: f32) -> f32 { return 0.25 * x; }\n");
     let told = watch.until("cpu: 5 tests pass; 4 ran");
     assert!(!told.contains("notes.md"), "{told}");
 }
 
-/// Output that lands in the folder that is watched wakes it no more than once.
+/// If the output is in the watched folder, it starts at most one run.
 // Lesson 192
 #[cfg(unix)]
 #[test]
-fn it_never_wakes_on_its_own_output() {
-    // A program that prints modules may read any file, so that each counts. They wait beside each other.
+fn watch_does_not_react_to_its_own_output() {
+    // A program that expands modules may read any file, so each file counts. The two commands run in parallel.
     std::thread::scope(|scope| {
         for (manifest, end) in [
             ("", "> log.txt 2>&1"),
@@ -346,7 +345,7 @@ fn wakes_once(manifest: &str, end: &str) {
     write(path, "karat.toml", manifest);
     let line = format!("\"$KARAT\" watch . --paths cpu --lines {end}");
     let mut shell = Command::new("/bin/sh");
-    // Its own group: all that it starts ends with it.
+    // The process gets its own group, so that all its children end with it.
     shell.args(["-c", &format!("exec 3>&1; {line}")]).current_dir(path).stdin(Stdio::null());
     shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_TIMEOUT", "10");
     shell.stdout(Stdio::piped()).stderr(Stdio::null());
@@ -362,9 +361,9 @@ fn wakes_once(manifest: &str, end: &str) {
         }
     };
     wait("2 tests pass", 1);
-    // An edit wakes it, and what it prints then doesn't.
+    // An edit starts a run. The output of this run doesn't start another one.
     std::thread::sleep(Duration::from_millis(700));
-    // The file comes whole, so that a busy machine doesn't see an empty one between.
+    // The file is moved there in one step, so that a busy machine doesn't see an empty file.
     let saved = tempfile::tempdir().expect("a temporary folder");
     write(saved.path(), "calc.wgsl", &SHADER.replace("0.5", "0.25"));
     std::fs::rename(saved.path().join("calc.wgsl"), path.join("calc.wgsl")).expect("renamed");
@@ -380,7 +379,7 @@ fn wakes_once(manifest: &str, end: &str) {
     assert!(verdicts.count() <= 3, "{manifest}{end}: {told}");
 }
 
-/// Of what a Rust test reads nothing is known, so that each file counts; what it writes in each run doesn't.
+/// A Rust test may read any file, so each file counts, except for files that it writes in each run.
 // Lesson 192
 #[test]
 fn an_edit_of_any_file_runs_rust_tests() {
@@ -412,14 +411,13 @@ fn an_edit_of_any_file_runs_rust_tests() {
     watch.until("cpu (Rust): 1 test passes; 1 ran");
     let last = runs();
     assert_eq!(runs(), last, "it wakes itself");
-    // What no test of Rust links is validated, too.
+    // Modules that no Rust test links are validated, too.
     write(watch.folder(), "shaders/calc_test.wgsl", TESTS);
     watch.until("cpu (shaders): 2 tests pass; 2 ran");
     write(watch.folder(), "shaders/more.wgsl", "fn more() -> f32 { return nonsense; }\n");
     watch.until("cpu (shaders): not valid; 2 tests pass; 0 ran");
 }
 
-/// A module that no test links is validated, in a Cargo project as in a folder.
 // Lesson 191
 #[test]
 fn modules_that_no_test_links_are_validated() {
@@ -465,7 +463,7 @@ fn watch_ends_when_its_output_closes() {
     assert!(status.success(), "it lives on: {status}");
 }
 
-/// Processes whose command line names a folder.
+/// Counts the processes whose command line names a folder.
 #[cfg(target_os = "linux")]
 fn processes_of(folder: &FilePath) -> usize {
     let all = std::fs::read_dir("/proc").expect("processes");
@@ -492,14 +490,14 @@ fn a_killed_watch_leaves_no_process_behind() {
     };
     let watch = &["watch", "shaders", "--paths", "cpu", "--lines"][..];
     let path = shaders.to_string_lossy();
-    // Of `karat test` both processes have the folder's name.
+    // For `karat test`, both processes have the folder's name in their command line.
     for (arguments, count) in [(watch, 1), (&["test", &*path, "--paths", "cpu"], 2)] {
         let mut command = command(folder.path(), arguments);
         command.env("KARAT_TIMEOUT", "600").env("KARAT_FUEL", "4000000000");
         command.stdin(Stdio::null()).stdout(Stdio::null());
         let mut child = command.spawn().expect("it starts");
         wait(count);
-        // It runs the shader by now, or is about to.
+        // By now the shader runs, or is about to run.
         std::thread::sleep(Duration::from_millis(500));
         child.kill().expect("it is there");
         child.wait().expect("it ends");
@@ -523,10 +521,10 @@ fn a_missing_folder_or_path_cannot_be_watched() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
 }
 
-/// Ctrl-C ends it with nothing left among temporary files.
+/// Ctrl-C ends the command, and deletes its temporary files.
 #[cfg(unix)]
 #[test]
-fn nothing_is_left_when_it_is_stopped() {
+fn watch_leaves_no_temporary_files_when_stopped() {
     let (shaders, own) = (tempfile::tempdir(), tempfile::tempdir());
     let (shaders, own) = (shaders.expect("a folder"), own.expect("a folder"));
     write(shaders.path(), "calc.wgsl", SHADER);

@@ -1,5 +1,5 @@
-//! `karat watch` beside `karat test`: after an edit that makes a project invalid both are red, and after one
-//! that doesn't both are green.
+//! `karat watch` and `karat test` agree: both fail after an edit that makes a project invalid, and both pass after an
+//! edit that doesn't.
 
 use super::watch::Watching;
 use super::*;
@@ -24,10 +24,10 @@ const TEST: &str = "import package::main::tone;\nimport karat::expect_near;\n\
 
 const DECLARED: &str = "[[test]]\nfunction = \"tone\"\ntable = \"rows\"\ntolerance = \"exact\"\n";
 
-/// The packages: plain, guarded, and under a condition.
+/// The packages: one is plain, one has include guards, and one is under a condition.
 const PACKAGES: [&str; 3] = ["a", "b", "c"];
 
-/// A file of one of them.
+/// Returns the content of a file of a package.
 fn text(package: &str, file: &str) -> String {
     let text = match file {
         "lib.wgsl" => LIB,
@@ -45,7 +45,7 @@ fn text(package: &str, file: &str) -> String {
     }
 }
 
-/// An edit of a file: a text in it, by which another is replaced; or the file's new name.
+/// An edit of a file: the replacement of a text in it, or a new name of the file.
 enum Edit {
     Text(&'static str, &'static str, &'static str),
     Name(&'static str, &'static str),
@@ -55,7 +55,7 @@ use Edit::{Name, Text};
 const RUN: &str = "@compute @workgroup_size(4) fn run";
 const VS: &str = "-> @builtin(position) vec4f";
 
-/// Five edits of each of ten kinds that leave nothing valid, wherever in the package they are.
+/// Ten kinds of edits that make a module invalid, with five edits of each kind in different files of the package.
 const INVALID: [(&str, [Edit; 5]); 10] = [
     (
         "unknown name",
@@ -167,7 +167,7 @@ const INVALID: [(&str, [Edit; 5]); 10] = [
     ),
 ];
 
-/// The same number of edits after which all is as it was, in meaning or for the tests.
+/// As many edits that change no meaning, or concern no test.
 const VALID: [Edit; 50] = [
     Text("lib.wgsl", "fn idle", "// idle\nfn idle"),
     Text("lib.wgsl", "fn idle", "fn more(x: f32) -> f32 { return -x; }\nfn idle"),
@@ -230,7 +230,7 @@ struct Project {
 }
 
 impl Project {
-    /// Makes an edit in a package, and gives what undoes it.
+    /// Makes an edit in a package, and returns a function that undoes it.
     fn edit(&self, package: &str, edit: &Edit) -> Box<dyn Fn()> {
         let folder = self.folder.path().join(package);
         match edit {
@@ -249,7 +249,6 @@ impl Project {
         }
     }
 
-    /// The verdict of `karat test` of a package.
     fn test(&self, package: &str) -> Ran {
         output(
             command(self.folder.path(), &["test", package, "--paths", "cpu"]).env("CARGO", "true"),
@@ -257,7 +256,7 @@ impl Project {
     }
 }
 
-/// Saves as editors do: a new file takes the place of the old one.
+/// Saves as editors do: a new file replaces the old one.
 fn save(folder: &FilePath, file: &str, text: &str) {
     write(folder, ".saved", text);
     std::fs::rename(folder.join(".saved"), folder.join(file)).expect("renamed");
@@ -265,7 +264,7 @@ fn save(folder: &FilePath, file: &str, text: &str) {
 
 // Lesson 191
 #[test]
-fn watch_is_red_where_test_is() {
+fn watch_and_test_agree_after_each_edit() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let manifest = "[workspace]\n[workspace.metadata.karat]\npackages = [\"a\", \"b\", \"c\"]\n";
     write(folder.path(), "Cargo.toml", manifest);
@@ -281,7 +280,7 @@ fn watch_is_red_where_test_is() {
         command.env("CARGO", "true");
     });
     let line = |package: &str, word: &str| watch.until_any(&format!("cpu ({package}): "), &[word]);
-    // In whichever order they have run.
+    // The paths may answer in any order.
     let mut told = String::new();
     while PACKAGES.iter().any(|package| !told.contains(&format!("cpu ({package}): 2 tests pass"))) {
         told += &watch.until("2 tests pass");
@@ -305,14 +304,14 @@ fn watch_is_red_where_test_is() {
     for edit in &VALID {
         let package = at.next().expect("it goes on");
         let undo = project.edit(package, edit);
-        // The edit before it may be in the same line.
+        // The previous edit may be in the same line.
         watch.until_any("changed: ", &[&format!("{package}/")]);
         let told = watch.until(&format!("cpu ({package}): "));
         assert!(told.lines().last().is_some_and(|line| line.contains("2 tests pass;")), "{told}");
         let ran = project.test(package).good();
         assert!(ran.contains("2 checks, 0 failed"), "{ran}");
         undo();
-        // The edit before it may be in the same line.
+        // The previous edit may be in the same line.
         watch.until_any("changed: ", &[&format!("{package}/")]);
         watch.until(&format!("cpu ({package}): "));
     }

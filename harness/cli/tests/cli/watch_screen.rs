@@ -1,4 +1,4 @@
-//! `karat watch` as a person sees it: on a terminal, with keys.
+//! `karat watch` on a terminal, with keys.
 
 use std::io::{Read, Write};
 use std::sync::mpsc::{Receiver, channel};
@@ -14,12 +14,12 @@ const SHADER: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n";
 const TESTS: &str = "import package::calc::half;\nimport karat::expect_near;\n\
 @test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n";
 
-/// Far more than anything here takes, on a machine that is busy with other tests.
+/// The time limit of a wait. It is far longer than needed, because other tests keep the machine busy.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 const ROWS: u16 = 24;
 
-/// A terminal with `karat watch` in it.
+/// A terminal in which `karat watch` runs.
 struct Terminal {
     folder: TempDir,
     child: Box<dyn Child + Send + Sync>,
@@ -50,12 +50,12 @@ impl Terminal {
                 command.env_remove(name);
             }
         }
-        // Of a run around this one; each process has its own path all the same.
+        // The variable belongs to the run of this test. Each process still has its own path.
         command.env("KARAT_REQUIRE", "vulkan");
-        // A person looks at this screen.
+        // This screen is for a person, not for CI.
         command.env_remove("CI");
         command.env("KARAT_TIMEOUT", "1");
-        // What opens pages on this machine isn't to.
+        // Without a PATH, no program can open a page on this machine.
         command.env("PATH", "");
         command.env("TERM", "xterm");
         for (name, value) in env {
@@ -77,7 +77,7 @@ impl Terminal {
         Self { folder, child, master: pair.master, keys, written, screen }
     }
 
-    /// Waits until the screen shows this and is drawn whole, and returns all of it.
+    /// Waits until the whole screen is drawn and contains this text. Returns the text of the screen.
     #[track_caller]
     fn until(&mut self, part: &str) -> String {
         let began = Instant::now();
@@ -174,9 +174,9 @@ fn keys_do_what_the_last_line_says() {
     let _ = &terminal.master;
 }
 
-/// On 80 x 24 each failure can be reached, and each of its lines.
+/// On 80 x 24 characters, a person can reach each failure and each of its lines.
 #[test]
-fn failures_are_turned_and_scrolled() {
+fn the_user_can_page_and_scroll_through_failures() {
     let mut terminal = Terminal::start(80);
     terminal.until("cpu: 1 test passes; 1 ran");
     let more: String = ["again", "other"]
@@ -190,7 +190,7 @@ fn failures_are_turned_and_scrolled() {
     terminal.until("2 of 2: calc_test::other on cpu");
     terminal.press("n");
     terminal.until("1 of 2: calc_test::again on cpu");
-    // A message that is longer than the screen.
+    // The message is longer than the screen.
     let lines: String =
         (0..40).map(|at| format!("    expect_near(half(3.0), {at}.0, 0.0);\n")).collect();
     terminal.edit("calc_test.wgsl", &format!("{TESTS}@test fn long() {{\n{lines}}}\n"));
@@ -199,7 +199,7 @@ fn failures_are_turned_and_scrolled() {
     terminal.press("\u{1b}[B\u{1b}[B");
     let below = terminal.until("calc_test::long on cpu");
     assert!(below != top && below.contains("q quit"), "{below}");
-    // Behind the last line nothing is scrolled.
+    // Scrolling stops at the last line.
     terminal.press(&" ".repeat(30));
     let end = terminal.until("calc_test::long on cpu");
     terminal.press("k");
@@ -207,7 +207,7 @@ fn failures_are_turned_and_scrolled() {
     assert!(above != end, "one line up is seen at once:\n{end}");
 }
 
-/// A frame that is new is accepted with a reason, and compared from then on.
+/// A new frame is accepted with a reason. Later runs compare with it.
 #[test]
 fn a_pending_frame_is_accepted() {
     let mut terminal = Terminal::start(100);
@@ -224,7 +224,7 @@ fn a_pending_frame_is_accepted() {
     terminal.press("a new lamp\r");
     terminal.until("accepted scene");
     assert!(golden.join("scene.exr").is_file());
-    // Beside a test in a folder below there are goldens of its own.
+    // A test in a subfolder has goldens beside it.
     let below = terminal.folder.path().join("shaders/sky/golden");
     pending_frame(&below, "room/dusk", "llvmpipe (LLVM 15.0.6, 256 bits)");
     terminal.press("a");
@@ -234,7 +234,7 @@ fn a_pending_frame_is_accepted() {
     assert!(below.join("room/dusk.exr").is_file());
 }
 
-/// A terminal without commands has lines, one below the other.
+/// A terminal without cursor commands gets lines, one below the other.
 #[test]
 fn a_dumb_terminal_has_lines() {
     let mut terminal = Terminal::with(80, &[("TERM", "dumb")]);
@@ -245,7 +245,7 @@ fn a_dumb_terminal_has_lines() {
     assert!(red.contains("cpu: 1 test passes; 1 ran") && red.contains("saw 0.75"), "{red}");
 }
 
-/// Without colours, too: what clears the screen is none.
+/// This also holds without colours: escape sequences that clear the screen aren't colours.
 #[test]
 fn a_narrow_terminal_has_no_line_that_wraps() {
     let mut terminal = Terminal::with(40, &[("NO_COLOR", "1")]);
@@ -254,7 +254,7 @@ fn a_narrow_terminal_has_no_line_that_wraps() {
     let red = terminal.until("cpu: 1 of 1 tests fail");
     assert!(red.lines().next().is_some_and(|line| line.starts_with("karat watch")), "{red}");
     assert!(red.lines().all(|line| line.chars().count() <= 40), "{red}");
-    // Values are wrapped, and not cut.
+    // Long values are wrapped, not cut.
     let joined: String = red.lines().map(str::trim).collect();
     assert!(joined.contains("saw 0.75, expected 1.5"), "{red}");
 }

@@ -1,6 +1,6 @@
-//! What CI systems are given: workflows, an action for GitHub and a template for GitLab. No runner is here,
-//! so their steps are read, their shell is parsed, and those that need no network are run. On Windows another
-//! `bash` may come first.
+//! The files for CI systems: workflows, an action for GitHub and a template for GitLab. There is no runner, so these
+//! tests read the steps, parse their shell scripts, and run those that need no network. On Windows another `bash` may
+//! come first.
 
 use yaml_rust2::{Yaml, YamlLoader};
 
@@ -26,7 +26,7 @@ fn read(file: &str) -> Yaml {
     documents.remove(0)
 }
 
-/// Each step's shell, wherever it stands.
+/// Collects the shell script of each step.
 fn scripts(yaml: &Yaml, found: &mut Vec<String>) {
     match yaml {
         Yaml::Hash(members) => {
@@ -61,12 +61,12 @@ fn step(name: &str) -> Yaml {
 }
 
 #[test]
-fn all_shell_is_shell() {
+fn bash_can_parse_every_workflow_script() {
     for file in FILES {
         let scripts = scripts_of(file);
         assert!(!scripts.is_empty(), "{file}");
         for script in scripts {
-            // GitHub would put text of others into the shell; steps get it by variables.
+            // With an expression, GitHub would put foreign text into the script. Steps must use variables.
             assert!(!script.contains("${{"), "{file}: {script}");
             let ran = output(Command::new("bash").args(["-n", "-c", &script]));
             assert_eq!(ran.code, Some(0), "{file}: {script}\n{ran:?}");
@@ -74,7 +74,7 @@ fn all_shell_is_shell() {
     }
 }
 
-/// What an expression names is there.
+/// Each expression names something that exists.
 #[test]
 fn the_action_uses_each_of_its_inputs() {
     let action = read(ACTION);
@@ -98,7 +98,7 @@ fn the_action_uses_each_of_its_inputs() {
     for step in steps() {
         // A composite action has no default shell.
         assert!(step["run"].is_badvalue() || step["shell"].as_str() == Some("bash"), "{step:?}");
-        // What isn't a setting of Karat's would be refused by it.
+        // Karat refuses variables that aren't its settings.
         for (name, _) in step["env"].as_hash().into_iter().flatten() {
             let name = name.as_str().expect("a name");
             assert!(
@@ -106,7 +106,7 @@ fn the_action_uses_each_of_its_inputs() {
             );
         }
     }
-    // The guide has a row for each.
+    // The guide has a row for each input.
     let guide = std::fs::read_to_string(FilePath::new(ROOT).join("docs/guide/ci.md"));
     let guide = guide.expect("the chapter");
     for input in inputs {
@@ -114,7 +114,7 @@ fn the_action_uses_each_of_its_inputs() {
     }
 }
 
-/// What the guide shows can be copied: it is YAML, and names inputs and a job that are there.
+/// The samples of the guide are valid YAML, and name existing inputs and an existing job.
 #[test]
 fn samples_of_the_guide_use_what_is_there() {
     let guide = std::fs::read_to_string(FilePath::new(ROOT).join("docs/guide/ci.md"));
@@ -141,7 +141,7 @@ fn samples_of_the_guide_use_what_is_there() {
     }
 }
 
-/// A folder of shaders with one test, in a repository's subfolder.
+/// A folder of shaders with one test, in a subfolder of a repository.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "engine/my_shaders/a.wgsl", GOOD);
@@ -152,7 +152,7 @@ const GOOD: &str = "import karat::expect_near;\n\
     fn half(x: f32) -> f32 { return 0.5 * x; }\n\
     @test fn half_of_two() { expect_near(half(2.0), 1.0, 1e-6); }\n";
 
-/// A script as a runner starts it, with `karat` where the step before has put it.
+/// Runs a script as a runner does. An earlier step has installed `karat`.
 fn runner(script: &str, folder: &FilePath) -> Command {
     let mut command = command(folder, &[]);
     let karat = FilePath::new(env!("CARGO_BIN_EXE_karat")).parent().expect("a folder").to_owned();
@@ -170,7 +170,7 @@ fn runner(script: &str, folder: &FilePath) -> Command {
     shell
 }
 
-/// The action's step on a folder of tests: green, and red with an annotation at the repository's file.
+/// The action's step runs the tests of a folder. A failure has an annotation with the path in the repository.
 // Lesson 135
 #[test]
 fn the_step_of_the_action_runs_tests() {
@@ -186,20 +186,20 @@ fn the_step_of_the_action_runs_tests() {
     };
     let ran = run("my_shaders --all").good();
     assert!(ran.contains("a::half_of_two") && ran.contains("1 check, 0 failed"), "{ran}");
-    // Nothing at all is the project itself.
+    // An empty input means the whole project.
     assert!(run("").good().contains("1 check, 0 failed"));
     write(&here, "my_shaders/a.wgsl", &GOOD.replace("0.5", "0.4"));
     let ran = run("my_shaders");
     assert_eq!(ran.code, Some(1), "{ran:?}");
     let annotation = "::error file=engine/my_shaders/a.wgsl,line=3,";
     assert!(ran.out.contains(annotation), "{ran:?}");
-    // A path that isn't there is no success.
+    // A missing path makes the step fail.
     let mut command = runner(script, &here);
     command.env("ARGUMENTS", "my_shaders").env("KARAT_PATHS", "cpu").env("KARAT_REQUIRE", "dx12");
     assert_eq!(output(command.env("HOME", repository.path())).code, Some(1));
 }
 
-/// The name of the build depends on the sources, and on nothing else.
+/// The name of the build depends only on the sources.
 #[test]
 fn the_build_of_the_action_is_named_by_its_sources() {
     let script = step("Sources");
@@ -226,7 +226,7 @@ fn the_build_of_the_action_is_named_by_its_sources() {
     assert_ne!(hash(), first);
 }
 
-/// The line of the template that tests, on a folder of tests, with its report.
+/// The template's test line runs the tests of a folder, and writes a report.
 #[test]
 fn the_line_of_the_template_runs_tests() {
     let repository = folder();
@@ -246,9 +246,9 @@ fn the_line_of_the_template_runs_tests() {
     assert!(text.contains("file=\"engine/my_shaders/a.wgsl\" line=\"3\""), "{text}");
 }
 
-/// What isn't verified says so, and what is fails the run.
+/// Jobs that nobody has verified say so, and don't fail the pipeline. The others do.
 #[test]
-fn jobs_that_have_not_run_fail_nothing() {
+fn only_unverified_ci_jobs_may_fail() {
     let workflow = read(".github/workflows/ci.yml");
     let jobs = workflow["jobs"].as_hash().expect("jobs");
     let lenient = |job: &Yaml| job["continue-on-error"].as_bool() == Some(true);
@@ -264,7 +264,7 @@ fn jobs_that_have_not_run_fail_nothing() {
     }
 }
 
-/// Serves files on this machine; those that aren't there are 404.
+/// Serves files on this machine. Other paths return 404.
 #[cfg(unix)]
 fn served(files: Vec<(String, Vec<u8>)>) -> String {
     use std::io::{BufRead as _, BufReader, Write as _};
@@ -275,7 +275,7 @@ fn served(files: Vec<(String, Vec<u8>)>) -> String {
             let Ok(mut stream) = stream else { continue };
             let mut lines = BufReader::new(&stream).lines().map_while(Result::ok);
             let first = lines.next().unwrap_or_default();
-            // The head ends with an empty line.
+            // The head of a request ends with an empty line.
             lines.take_while(|line| !line.is_empty()).for_each(drop);
             let path = first.split(' ').nth(1).unwrap_or_default();
             let found = files.iter().find(|(name, _)| name == path);
@@ -293,7 +293,8 @@ fn served(files: Vec<(String, Vec<u8>)>) -> String {
     format!("http://{address}")
 }
 
-/// The archive of this machine with its checksum is used; a wrong one ends the job, and none leaves it to the build.
+/// A release for this machine is used if its checksum is right. A wrong checksum ends the job, and without a release
+/// the job builds Karat.
 #[cfg(all(unix, target_arch = "x86_64", target_os = "linux"))]
 #[test]
 fn released_archives_are_taken_with_their_checksum() {
@@ -340,14 +341,14 @@ fn released_archives_are_taken_with_their_checksum() {
             assert_eq!(output(&mut Command::new(program)).good(), "from an archive\n");
         }
     }
-    // The action's step says which it is, and ends the job at a wrong checksum.
+    // The action's step prints the result, and ends the job at a wrong checksum.
     let script = step("Archive")["run"].as_str().expect("a script").to_owned();
     let home = folder.path().join("home");
     for (releases, version, code, found) in [
         (at.as_str(), "v0.9.0", 0, "found=yes\n"),
         (&at, "v0.9.1", 1, ""),
         (&at, "v0.9.4", 0, "found=no\n"),
-        // Another revision than a release's, and a host that nothing listens on.
+        // A revision that isn't a release, and a host without a server.
         (&at, "main", 0, "found=no\n"),
         ("http://127.0.0.1:9", "v0.9.0", 0, "found=no\n"),
     ] {

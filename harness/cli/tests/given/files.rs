@@ -1,8 +1,8 @@
-//! Files that a test begins with.
+//! Files for tests.
 
 use std::path::Path;
 
-/// Writes a file and the folders that it is in.
+/// Writes a file, and creates its folders.
 pub(crate) fn write(folder: &Path, file: &str, text: &str) {
     let path = folder.join(file);
     std::fs::create_dir_all(path.parent().expect("in the folder")).expect("a folder");

@@ -1,9 +1,9 @@
-//! The program that is tested, without what whoever runs the tests has set.
+//! The tested program, without the settings of the person who runs the tests.
 
 use std::path::Path;
 use std::process::Command;
 
-/// `karat`, to be run in a folder.
+/// Returns a command that runs `karat` in a folder.
 pub(crate) fn program(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_karat"));
     for (name, _) in std::env::vars_os() {
@@ -26,7 +26,7 @@ pub(crate) fn program(folder: &Path) -> Command {
     ] {
         command.env_remove(name);
     }
-    // Machines have another one each, or none: tests of Tint say which.
+    // Each machine has another Tint, or none. Tests of Tint set this variable.
     command.env("KARAT_TINT", "off").current_dir(folder);
     command
 }

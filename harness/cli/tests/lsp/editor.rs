@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::karat;
 
-/// Far more than anything here takes, on a machine that is busy with other tests.
+/// The time limit of a wait. It is far longer than needed, because other tests keep the machine busy.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 pub(crate) struct Editor {
@@ -19,18 +19,18 @@ pub(crate) struct Editor {
     stdin: Option<ChildStdin>,
     messages: Receiver<Value>,
     folder: PathBuf,
-    /// What is shown of each file.
+    /// The shown diagnostics of each file.
     diagnostics: BTreeMap<String, Vec<Value>>,
-    /// What was said to the user.
+    /// The messages that the user saw.
     pub(crate) said: Vec<String>,
-    /// Methods of what else came.
+    /// The methods of all other messages.
     heard: Vec<String>,
     requests: u64,
     version: u64,
 }
 
 impl Editor {
-    /// A server that hasn't been spoken to.
+    /// Starts a server, and sends it nothing.
     pub(crate) fn silent(folder: &Path) -> Self {
         Self::of(folder, karat(folder))
     }
@@ -55,12 +55,12 @@ impl Editor {
         Self { child, stdin, messages, folder, diagnostics, said, heard, requests, version }
     }
 
-    /// A server that has the folder open.
+    /// Starts a server, and opens a folder in it.
     pub(crate) fn open(folder: &Path) -> Self {
         Self::silent(folder).opened()
     }
 
-    /// One that asks the Tint of this machine.
+    /// Starts a server that uses the Tint of this machine, and opens a folder.
     pub(crate) fn with_tint(folder: &Path) -> Self {
         let mut command = karat(folder);
         command.env_remove("KARAT_TINT");
@@ -102,7 +102,7 @@ impl Editor {
         self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
     }
 
-    /// The whole answer to a request.
+    /// Sends a request, and returns the whole response.
     pub(crate) fn ask(&mut self, method: &str, parameters: Value) -> Value {
         self.requests += 1;
         let id = self.requests;
@@ -112,7 +112,7 @@ impl Editor {
         })
     }
 
-    /// The answer to what has no id that anybody could read.
+    /// Returns the response to a message without a readable id.
     pub(crate) fn refusal(&mut self) -> Value {
         self.until("a refusal", |_, message| message["error"].is_object())
     }
@@ -150,7 +150,7 @@ impl Editor {
         self.diagnostics.get(&self.uri(file)).cloned().unwrap_or_default()
     }
 
-    /// Waits until what is shown of a file is as it should be.
+    /// Waits until the diagnostics of a file meet a condition.
     #[track_caller]
     pub(crate) fn wait(&mut self, file: &str, is_so: impl Fn(&[Value]) -> bool) -> Vec<Value> {
         if !is_so(&self.shown(file)) {
@@ -160,7 +160,7 @@ impl Editor {
         self.shown(file)
     }
 
-    /// Waits until the user was told something.
+    /// Waits until the user sees a message with this part.
     pub(crate) fn wait_said(&mut self, part: &str) -> String {
         let has = |editor: &Self| editor.said.iter().any(|said| said.contains(part));
         if !has(self) {
@@ -169,7 +169,7 @@ impl Editor {
         self.said.iter().find(|said| said.contains(part)).cloned().unwrap_or_default()
     }
 
-    /// Waits until a method was called that changes nothing that is shown.
+    /// Waits for a call of a method that doesn't change the diagnostics.
     pub(crate) fn wait_heard(&mut self, method: &str) {
         let has = |editor: &Self| editor.heard.iter().any(|heard| heard == method);
         if !has(self) {
@@ -192,7 +192,6 @@ impl Editor {
         self.notify("textDocument/didChange", parameters);
     }
 
-    /// Edits a file and saves it.
     pub(crate) fn save(&mut self, file: &str, text: &str) {
         self.edit(file, text);
         std::fs::write(self.folder.join(file), text).expect("written");
@@ -200,7 +199,7 @@ impl Editor {
         self.notify("textDocument/didSave", json!({ "textDocument": document }));
     }
 
-    /// The titles of the lenses of a file, each with its line.
+    /// Returns the titles of the lenses in a file, each with its line.
     pub(crate) fn lenses(&mut self, file: &str) -> Vec<(u64, String)> {
         let document = json!({ "uri": self.uri(file) });
         let answer = self.ask("textDocument/codeLens", json!({ "textDocument": document }));
@@ -212,7 +211,7 @@ impl Editor {
         lenses.iter().map(lens).collect()
     }
 
-    /// Waits until a lens of a line begins so.
+    /// Waits until a lens on this line begins with this title.
     pub(crate) fn wait_lens(&mut self, file: &str, line: u64, title: &str) {
         let began = Instant::now();
         loop {
@@ -225,7 +224,7 @@ impl Editor {
         }
     }
 
-    /// Ends what is written to it, and waits for its exit code.
+    /// Closes the server's input, and waits for its exit code.
     pub(crate) fn end(mut self) -> Option<i32> {
         self.stdin = None;
         let began = Instant::now();
@@ -246,7 +245,7 @@ impl Drop for Editor {
     }
 }
 
-/// The next message. Whatever else is on standard output fails the test.
+/// Reads the next message. Any other text on standard output fails the test.
 fn read(out: &mut impl BufRead) -> Option<Value> {
     let mut length = None;
     loop {

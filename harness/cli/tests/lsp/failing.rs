@@ -1,4 +1,4 @@
-//! Checks that fail: those of tests without Rust after each save, and those of the last run.
+//! Failing checks: tests without Rust after each save, and the tests of the last run.
 
 use serde_json::{Value, json};
 
@@ -27,23 +27,23 @@ fn tests_without_rust_run_after_each_save() {
     assert_eq!(line, 5, "{message}");
     assert!(message.starts_with("`calc::sum` fails invariant_under: "), "{message}");
     assert!(message.contains("(0 ulp) on cpu, "), "{message}");
-    // No run knows a name for it.
+    // The failure doesn't belong to a run of `karat test`, so it has no name.
     assert_eq!(shown[0]["code"], Value::Null);
-    // What the author changes since isn't what failed; what he undoes is.
+    // If the author edits the failing text, the failure disappears. If the edit is undone, the failure is back.
     editor.edit(FILE, &format!("// new\n{wrong}"));
     editor.wait(FILE, <[_]>::is_empty);
     editor.wait(TEST, <[_]>::is_empty);
     editor.edit(FILE, &wrong);
     editor.wait(FILE, |all| all.len() == 1);
     editor.wait(TEST, |all| all.len() == 1);
-    // Mended, saved, and all is well.
+    // After the correction is saved, nothing fails.
     editor.save(FILE, CALC);
     editor.wait(FILE, <[_]>::is_empty);
     editor.wait(TEST, <[_]>::is_empty);
     editor.wait_lens(TEST, 4, "karat: 1 check passes");
 }
 
-/// A test that can't begin has no record. Its error stands at its place all the same.
+/// A test that can't begin has no record. Still, its error appears at its location.
 #[test]
 fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     let folder = folder();
@@ -57,7 +57,7 @@ fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     let (line, _, message) = told(&shown[0]);
     assert_eq!(line as usize, lines + 1, "{message}");
     assert!(message.contains("nothing"), "{message}");
-    // A record without a place says less than the test's own words.
+    // If there is a record without a location, the error of the test is shown instead.
     let declared =
         "[[test]]\nfunction = \"calc::half\"\nfinite = true\nfails_on = { vulcan = \"no\" }\n";
     write(folder.path(), "shaders/more.test.toml", declared);
@@ -67,7 +67,7 @@ fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     assert!(message.contains("did you mean `vulkan`?"), "{message}");
 }
 
-/// A file that was meant to declare tests and declares none is an error at its place, whatever is wrong with it.
+/// An unreadable file of tests has an error at its location, whatever the cause is.
 // Lesson 185
 #[test]
 fn a_misnamed_or_broken_test_file_is_a_diagnostic() {
@@ -87,9 +87,9 @@ fn a_misnamed_or_broken_test_file_is_a_diagnostic() {
     }
 }
 
-/// A test that an edit doesn't concern has the verdict that it had, at its new place.
+/// A test that an edit doesn't affect keeps its verdict, at its new line.
 #[test]
-fn an_edit_elsewhere_leaves_verdicts_true() {
+fn an_unrelated_edit_keeps_the_verdicts_in_the_editor() {
     let folder = folder();
     let wrong = CALC.replace("a + b", "a + 0.5 * b");
     write(folder.path(), FILE, &wrong);
@@ -102,7 +102,7 @@ fn an_edit_elsewhere_leaves_verdicts_true() {
     assert!(told(&shown[0]).2.starts_with("`calc::sum` fails "), "{shown:?}");
     editor.wait_lens(FILE, 1, "karat: 1 check passes");
     editor.wait_lens(FILE, 6, "karat: 1 of 2 checks fail");
-    // Nor does another declared test.
+    // An edit of another declared test doesn't change the verdict either.
     let more = "[[test]]\nfunction = \"lonely\"\nover = { x = \"0..1\" }\nfinite = true\n";
     write(folder.path(), "shaders/calc.test.toml", &format!("{DECLARED}{more}"));
     editor.wait_lens(FILE, 4, "karat: 1 check passes");
@@ -110,7 +110,7 @@ fn an_edit_elsewhere_leaves_verdicts_true() {
     editor.wait(FILE, |all| all.len() == 1);
 }
 
-/// A save while tests still run is judged when they have: nothing is left between two verdicts.
+/// A save while tests run is judged after that run. No verdict is lost.
 #[test]
 fn a_save_while_tests_run_is_judged_after_them() {
     let folder = folder();
@@ -123,14 +123,14 @@ fn a_save_while_tests_run_is_judged_after_them() {
     editor.wait_lens(FILE, 1, "karat: 2 checks pass");
     for factor in ["0.125", "0.25"] {
         editor.save(FILE, &CALC.replace("0.5 * x", &format!("{factor} * x")));
-        // Far less than the slow test takes, so that it runs now.
+        // The slow test takes far longer than this, so it is running now.
         std::thread::sleep(std::time::Duration::from_millis(150));
     }
     let shown = editor.wait(TEST, |all| all.len() == 1);
     assert!(told(&shown[0]).2.contains("saw 0.75"), "{shown:?}");
 }
 
-/// Another program edits a file, and a test that can't be read is told where it stands.
+/// If another program edits a file, the server notices. An unreadable test has an error at its location.
 #[test]
 fn files_that_no_editor_has_open_are_followed() {
     let folder = folder();
@@ -151,9 +151,9 @@ fn files_that_no_editor_has_open_are_followed() {
     editor.wait(FILE, <[_]>::is_empty);
 }
 
-/// What a run in a terminal finds has the name that `karat replay` knows.
+/// A failure of a run in a terminal has the name that `karat replay` knows.
 #[test]
-fn failures_of_a_run_have_its_names() {
+fn failures_in_the_editor_have_their_replay_names() {
     let folder = folder();
     write(folder.path(), FILE, &CALC.replace("a + b", "a + 0.5 * b"));
     let mut editor = Editor::open(folder.path());
@@ -165,7 +165,7 @@ fn failures_of_a_run_have_its_names() {
     assert_eq!(shown[0]["code"], name);
 }
 
-/// A Cargo project, in which a test in Rust failed on a path that nothing here opens.
+/// A Cargo project with a Rust test that failed on a path that doesn't open on this machine.
 fn recorded(hash: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "Cargo.toml", "[workspace]\n");
@@ -207,14 +207,14 @@ fn failures_of_the_last_run_are_shown_while_they_are_true() {
     editor.open_file(FILE, CALC);
     let title = "karat: 1 check fails, worst 8.5 ulp (4 ulp) on gl, 100 cases";
     editor.wait_lens(FILE, 3, title);
-    // A function that the whole run didn't check has no test.
+    // After a full run, a function that the run didn't check has no test.
     assert!(editor.lenses(FILE).contains(&(1, "karat: no test".to_owned())));
     editor.edit(FILE, &CALC.replace("return x", "return 1.0 * x"));
     editor.wait(FILE, <[_]>::is_empty);
     editor.wait_lens(FILE, 3, "karat: changed since it was tested");
     editor.edit(FILE, CALC);
     editor.wait(FILE, |all| all.len() == 1);
-    // A file that no editor has open is changed by another program.
+    // Another program changes a file that isn't open in the editor.
     let document = json!({ "uri": editor.uri(FILE) });
     editor.notify("textDocument/didClose", json!({ "textDocument": document }));
     write(folder.path(), FILE, &CALC.replace("return x", "return 1.0 * x"));
@@ -232,7 +232,7 @@ fn failures_of_other_files_are_not_shown() {
     assert!(editor.shown(FILE).is_empty());
 }
 
-/// A record that can't be read is told once, and all else goes on.
+/// An unreadable record is reported once, and everything else works.
 #[test]
 fn a_broken_record_is_reported_once() {
     let folder = recorded("0123");

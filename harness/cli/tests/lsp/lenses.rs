@@ -1,4 +1,4 @@
-//! Lenses beside functions, and what they run.
+//! The lenses beside functions, and the runs that they start.
 
 use serde_json::json;
 use tempfile::TempDir;
@@ -11,7 +11,7 @@ const FILE: &str = "shaders/calc.wgsl";
 const TEST: &str = "shaders/calc_test.wgsl";
 
 #[test]
-fn each_function_has_what_is_known_of_it() {
+fn each_function_has_a_lens_with_its_test_results() {
     let folder = folder();
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
@@ -30,7 +30,7 @@ fn each_function_has_what_is_known_of_it() {
         editor.lenses(TEST),
         [(4, "karat: 1 check passes, 1 case".to_owned()), (4, "run".to_owned()),]
     );
-    // Lines follow the text that isn't saved; verdicts are about what was.
+    // The lines are those of the unsaved text. The verdicts belong to the saved text.
     editor.edit(FILE, &format!("// a line\n{CALC}"));
     editor.wait_lens(FILE, 6, "karat: changed since it was tested");
     editor.wait_heard("workspace/codeLens/refresh");
@@ -51,14 +51,14 @@ fn a_lens_runs_the_tests_of_its_function() {
     for method in ["window/workDoneProgress/create", "$/progress"] {
         editor.wait_heard(method);
     }
-    // The run has a name for it.
+    // The run gives the failure a name.
     let shown = editor.wait(TEST, |all| all.len() == 1 && all[0]["code"].is_string());
     assert_eq!(told(&shown[0]).0, 5);
-    // Of the functions that weren't run it is still known what it was.
+    // The functions that didn't run keep their earlier state.
     editor.open_file(FILE, &CALC.replace("0.5 * x", "0.25 * x"));
     editor.wait_lens(FILE, 1, "karat: 1 check fails, 1 case");
     editor.wait_lens(FILE, 5, "karat: 2 checks pass");
-    // Mended, it passes.
+    // After the correction, the test passes.
     editor.save(FILE, CALC);
     editor.wait(TEST, <[_]>::is_empty);
     editor.said.clear();
@@ -87,8 +87,7 @@ fn a_lens_that_cannot_run_says_why() {
     }
 }
 
-/// A Cargo project with two tests in Rust. They keep a record as karat's checks do, without building karat:
-/// what is tested here is who runs what.
+/// A Cargo project with two Rust tests. The tests write records as Karat's checks do, but don't need a build of Karat.
 fn in_rust() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(
@@ -165,7 +164,7 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
         assert!(answer["error"].is_null(), "{answer}");
         editor.wait_said(&format!("`{function}`"))
     };
-    // Which function a Rust test checks is known once it has run.
+    // After its first run, a Rust test is known to check this function.
     editor.wait_lens(FILE, 1, "karat: no test is known: run `karat test`");
     assert_eq!(
         run(&mut editor, "calc::half"),
@@ -177,7 +176,7 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
     editor.wait_lens(FILE, 1, passes);
     editor.wait_lens(FILE, 1, "run");
     editor.wait_lens(FILE, 3, "karat: no test");
-    // Its tests alone run, and of the others the last run tells.
+    // The lens runs only the tests of its function. The last run has the verdicts of all others.
     editor.save(FILE, &wrong());
     editor.wait_lens(FILE, 1, "karat: changed since it was tested");
     let failed = format!("karat: `calc::half`: 1 check, 1 failed{UNASKED}");
@@ -198,11 +197,11 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
         format!("karat: `calc::sum`: 1 check, 0 failed{UNASKED}")
     );
     editor.wait_lens(FILE, 5, passes);
-    // What rustc refuses is told, and no verdict.
+    // An error of rustc is shown, and there is no verdict.
     write(folder.path(), "tests/calc.rs", &RUST.replace("let text =", "let text: u32 ="));
     let said = run(&mut editor, "calc::half");
     assert_eq!(said, "karat: `calc::half`: error[E0308]: mismatched types");
-    // A test that is gone, too.
+    // A removed test is reported, too.
     write(folder.path(), "tests/calc.rs", &RUST.replace("fn halves", "fn halved"));
     let said = run(&mut editor, "calc::half");
     assert_eq!(

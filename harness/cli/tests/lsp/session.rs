@@ -1,4 +1,4 @@
-//! How a session begins and ends, and what is said wrongly.
+//! The beginning and the end of a session, and invalid messages.
 
 use serde_json::{Value, json};
 
@@ -13,7 +13,7 @@ fn a_session_that_is_shut_down_ends_well() {
     let mut editor = Editor::open(folder.path());
     let answer = editor.ask("shutdown", Value::Null);
     assert_eq!((&answer["result"], &answer["error"]), (&Value::Null, &Value::Null), "{answer}");
-    // What comes between is refused.
+    // Requests before the initialization are refused.
     let answer = editor.ask("textDocument/codeLens", json!({}));
     assert_eq!(answer["error"]["code"], -32600, "{answer}");
     editor.notify("exit", Value::Null);
@@ -26,7 +26,7 @@ fn a_session_that_is_not_shut_down_ends_badly() {
     let mut editor = Editor::open(folder.path());
     editor.notify("exit", Value::Null);
     assert_eq!(editor.end(), Some(1));
-    // An editor that dies says nothing.
+    // The editor ends without asking the server to shut down.
     assert_eq!(Editor::open(folder.path()).end(), Some(1));
     let mut editor = Editor::silent(folder.path());
     editor.notify("exit", Value::Null);
@@ -39,7 +39,7 @@ fn requests_before_initialize_are_refused() {
     let mut editor = Editor::silent(folder.path());
     let answer = editor.ask("textDocument/codeLens", json!({}));
     assert_eq!(answer["error"]["code"], -32002, "{answer}");
-    // Whatever is in it: an editor without folders, and one that says nothing of itself.
+    // The parameters may be anything: some editors send no folders, or no capabilities.
     let answer = editor.ask("initialize", json!({ "capabilities": 5, "workspaceFolders": "a" }));
     assert!(answer["result"]["capabilities"].is_object(), "{answer}");
     let answer = editor.ask("initialize", json!({}));
@@ -70,9 +70,9 @@ fn garbage_ends_no_session() {
     editor.notify("textDocument/didOpen", json!({}));
     editor.notify("textDocument/didChange", json!([1]));
     editor.notify("textDocument/didSave", Value::Null);
-    // A file that was never opened.
+    // The editor changes a file that it never opened.
     editor.edit(FILE, "fn broken(");
-    // It still works.
+    // The server still works.
     editor.open_file(FILE, CALC);
     editor.edit(FILE, "fn broken(\n");
     editor.wait(FILE, |all| !all.is_empty());
@@ -81,13 +81,13 @@ fn garbage_ends_no_session() {
     assert_eq!(editor.end(), Some(0));
 }
 
-/// A folder without shaders, one that isn't there, and a project that can't be read.
+/// A folder without shaders, a missing folder, and an unreadable project have no diagnostics.
 #[test]
 fn folders_without_shaders_are_silent() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut editor = Editor::open(folder.path());
     assert_eq!(editor.lenses("a.wgsl"), []);
-    // Its first module is written while it is open.
+    // The first module of the folder is written while the folder is open.
     write(folder.path(), "a.wgsl", "fn f() -> f32 { return y; }\n");
     editor.open_file("a.wgsl", "fn f() -> f32 { return y; }\n");
     editor.wait("a.wgsl", |all| all.len() == 1);

@@ -1,4 +1,4 @@
-//! A headless Chromium, driven by its own protocol (CDP) over a WebSocket.
+//! A headless Chromium. The tests control it by its protocol (CDP) over a WebSocket.
 
 use std::io::BufRead;
 use std::net::TcpStream;
@@ -12,30 +12,30 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use tungstenite::{Message, WebSocket};
 
-/// Longest wait for anything that the browser does: SwiftShader on a busy machine is slow.
+/// The longest wait for an action of the browser. SwiftShader is slow on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// The process of a browser. It ends with the last test that uses it.
+/// The process of a browser. It ends after the last test that uses it.
 struct Process {
     child: Child,
     _profile: TempDir,
-    /// Where it listens.
+    /// The URL of its protocol.
     url: String,
 }
 
-/// The process that tests share while one of them uses it: starting one keeps both cores busy for half a second.
+/// The process that tests share. Starting a process keeps both cores busy for half a second.
 static SHARED: Mutex<Weak<Process>> = Mutex::new(Weak::new());
 
-/// A browser without a network but this machine, and with tabs and storage of its own.
+/// A browser that can reach only this machine, and has its own tabs and storage.
 pub(crate) struct Browser {
     _process: Arc<Process>,
-    /// The profile of this test, which no other test sees.
+    /// The profile of this test. Other tests don't use it.
     context: String,
     socket: WebSocket<TcpStream>,
     calls: u64,
-    /// The session of the tab that is in front.
+    /// The session of the front tab.
     front: String,
-    /// Whether the pointer's left button is down.
+    /// `true` if the left button of the pointer is down.
     pressed: bool,
 }
 
@@ -44,12 +44,12 @@ pub(crate) struct Tab {
     session: String,
 }
 
-/// The browser's program, or what to do about it. There is no silent skip.
+/// Returns the path of the browser, or panics with a remedy. No test is skipped silently.
 fn program() -> PathBuf {
     if let Some(named) = std::env::var_os("KARAT_BROWSER") {
         return named.into();
     }
-    // As in `ci/src/setup/browser.rs`, which installs one.
+    // The same list as in `ci/src/setup/browser.rs`, which installs a browser.
     let names = [
         "chromium",
         "chromium-browser",
@@ -78,15 +78,15 @@ impl Process {
         command.args([
             "--headless",
             "--remote-debugging-port=0",
-            // Frames are drawn in software, so that any machine can.
+            // Frames are drawn in software, so that any machine can run the tests.
             "--use-angle=swiftshader",
             "--enable-unsafe-swiftshader",
-            // Only what a page asks of WebGL: pages themselves are drawn faster without.
+            // The GPU process only runs WebGL. Pages are drawn faster without it.
             "--disable-gpu-compositing",
             "--disable-gpu-rasterization",
-            // One more process for a page that may come keeps a core busy.
+            // A spare process for the next page would keep a core busy.
             "--disable-features=SpareRendererForSitePerProcess",
-            // As root there is no sandbox; all that is loaded is ours.
+            // Root can't use the sandbox. All loaded pages are ours.
             "--no-sandbox",
             "--disable-dev-shm-usage",
             "--disable-background-networking",
@@ -106,7 +106,7 @@ impl Process {
         let stderr = child.stderr.take().expect("it is piped");
         let (sender, receiver) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
-            // Read to the end: a full pipe would stop the browser.
+            // The output is read to its end: a full pipe would stop the browser.
             for line in std::io::BufReader::new(stderr).lines().map_while(Result::ok) {
                 if let Some(url) = line.strip_prefix("DevTools listening on ") {
                     drop(sender.send(url.to_owned()));
@@ -134,7 +134,7 @@ impl Browser {
         Self::of(process)
     }
 
-    /// A process of its own, with more arguments.
+    /// Starts a separate process with more arguments.
     pub(crate) fn with(arguments: &[&str]) -> Self {
         Self::of(Arc::new(Process::start(arguments)))
     }
@@ -175,7 +175,7 @@ impl Browser {
         }
     }
 
-    /// A tab of 1280 by 720 pixels that has loaded a page.
+    /// Opens a tab of 1280 by 720 pixels, and waits until it has loaded a page.
     pub(crate) fn open(&mut self, url: &str) -> Tab {
         let target = self.call(
             None,
@@ -207,7 +207,7 @@ impl Browser {
         self.on(tab, "Emulation.setDeviceMetricsOverride", size);
     }
 
-    /// A telephone or tablet, whose pointer is a finger.
+    /// Makes the tab a telephone or tablet with a touch screen.
     pub(crate) fn touch(&mut self, tab: &Tab, width: u32, height: u32) {
         let size =
             json!({ "width": width, "height": height, "deviceScaleFactor": 1.0, "mobile": true });
@@ -216,7 +216,7 @@ impl Browser {
         self.on(tab, "Emulation.setTouchEmulationEnabled", touch);
     }
 
-    /// Fingers that go down, move or come up together.
+    /// Moves several fingers at once: they go down, move or go up.
     pub(crate) fn fingers(&mut self, tab: &Tab, kind: &str, places: &[(f64, f64)]) {
         let points: Vec<_> = places
             .iter()
@@ -227,14 +227,14 @@ impl Browser {
         self.on(tab, "Input.dispatchTouchEvent", event);
     }
 
-    /// Whether the person wants dark pages.
+    /// Sets the person's preference for dark pages.
     pub(crate) fn prefer_dark(&mut self, tab: &Tab, dark: bool) {
         let value = if dark { "dark" } else { "light" };
         let feature = json!({ "name": "prefers-color-scheme", "value": value });
         self.on(tab, "Emulation.setEmulatedMedia", json!({ "features": [feature] }));
     }
 
-    /// The value of a JavaScript expression.
+    /// Returns the value of a JavaScript expression.
     #[track_caller]
     pub(crate) fn value(&mut self, tab: &Tab, expression: &str) -> Value {
         let parameters = json!({
@@ -245,14 +245,13 @@ impl Browser {
         answer["result"]["value"].take()
     }
 
-    /// The text of the first element that a selector matches, as displayed.
+    /// Returns the displayed text of the first element that a selector matches.
     #[track_caller]
     pub(crate) fn text(&mut self, tab: &Tab, selector: &str) -> String {
         let text = self.value(tab, &format!("document.querySelector({selector:?})?.innerText"));
         text.as_str().unwrap_or_else(|| panic!("nothing matches {selector}")).to_owned()
     }
 
-    /// Waits until an expression is true.
     #[track_caller]
     pub(crate) fn wait(&mut self, tab: &Tab, condition: &str) {
         let start = Instant::now();
@@ -265,15 +264,15 @@ impl Browser {
         }
     }
 
-    /// Waits until the page shows the selected case, and has drawn its present state.
+    /// Waits until the page has drawn the selected case in its present state.
     #[track_caller]
     pub(crate) fn settle(&mut self, tab: &Tab) {
-        // A tab behind another one isn't drawn.
+        // The browser doesn't draw a tab behind another one.
         if self.front != tab.session {
             self.on(tab, "Page.bringToFront", json!({}));
             self.front.clone_from(&tab.session);
         }
-        // One frame draws what has changed by now, the next one comes after it.
+        // The first frame draws the changes. The second frame comes after that.
         let frames = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))";
         self.value(tab, frames);
         let ready = "window.karat?.stage.canvas.dataset.ready === 'true'";
@@ -283,7 +282,6 @@ impl Browser {
         }
     }
 
-    /// Presses a key, as a keyboard does.
     pub(crate) fn press(&mut self, tab: &Tab, key: &str) {
         let (code, text) = match key {
             "Enter" => (13, "\r"),
@@ -307,12 +305,12 @@ impl Browser {
         self.settle(tab);
     }
 
-    /// Types into what has the focus.
+    /// Types into the focused element.
     pub(crate) fn write(&mut self, tab: &Tab, text: &str) {
         self.on(tab, "Input.insertText", json!({ "text": text }));
     }
 
-    /// Moves the pointer; with `button`, presses or releases its left one.
+    /// Moves the pointer. With `button`, presses or releases the left button.
     pub(crate) fn pointer(&mut self, tab: &Tab, kind: &str, (x, y): (f64, f64)) {
         self.pressed = kind == "mousePressed" || (kind == "mouseMoved" && self.pressed);
         let button = if kind == "mouseMoved" && !self.pressed { "none" } else { "left" };
@@ -338,7 +336,7 @@ impl Browser {
         self.pointer(tab, "mouseReleased", at);
     }
 
-    /// What the screen shows, as rows of RGB; `save` keeps it as a file, too.
+    /// Returns the screen as rows of RGB. `save` also writes it to a file.
     pub(crate) fn screen(&mut self, tab: &Tab, save: Option<&Path>) -> Screen {
         let shot = self.on(tab, "Page.captureScreenshot", json!({ "format": "png" }));
         let data = shot["data"].as_str().expect("a picture");

@@ -9,13 +9,12 @@ use serde_json::Value;
 use crate::browser::{Browser, Tab};
 use crate::project::{Project, tiny};
 
-/// Accepts the selected case as a person does.
 fn accept(browser: &mut Browser, tab: &Tab, because: &str) {
     decide(browser, tab, because);
     browser.press(tab, "Enter");
 }
 
-/// For everybody, also where it wasn't rendered on lavapipe.
+/// Accepts a frame for all machines, although it wasn't rendered on lavapipe.
 fn accept_for_all(browser: &mut Browser, tab: &Tab, because: &str) {
     decide(browser, tab, because);
     for (choice, shown) in [("any-adapter", "any-adapter-line"), ("of-all", "of-which")] {
@@ -85,15 +84,14 @@ fn a_frame_is_looked_at_and_accepted() {
     browser.press(&tab, "r");
     browser.press(&tab, "Tab");
     browser.press(&tab, "Enter");
-    browser
-        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    browser.wait(&tab, "document.getElementById('count').textContent === 'nothing to review'");
     assert!(!project.pending("zebra").exists() && project.golden("zebra").is_file());
     let (code, _) = server.interrupt();
     assert_eq!(code, Some(0));
 }
 
-/// Renders a frame of one colour and compares it with the project's golden. A frame that waits
-/// elsewhere, as in CI, is brought beside its golden, where the review looks.
+/// Renders a frame of one colour, and compares it with the project's golden. If the pending frame is in another folder,
+/// as in CI, moves it beside its golden for the review.
 fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> {
     let wgsl = format!(
         "@vertex fn corners(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {{\n    \
@@ -120,7 +118,7 @@ fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> 
     result
 }
 
-/// Fail, review, accept, green: a new frame, and one that another shader has changed.
+/// A new frame fails, is accepted in the page, and passes. Then a frame of another shader does the same.
 #[test]
 fn a_failing_frame_is_accepted_in_the_page_and_passes() {
     let project = Project::new();
@@ -136,7 +134,7 @@ fn a_failing_frame_is_accepted_in_the_page_and_passes() {
         let tab = browser.open(&server.url);
         browser.settle(&tab);
         accept_for_all(&mut browser, &tab, because);
-        let done = "document.getElementById('count').textContent === 'nothing is left to review'";
+        let done = "document.getElementById('count').textContent === 'nothing to review'";
         browser.wait(&tab, done);
         assert_eq!(server.interrupt().0, Some(0));
         assert_eq!(facts(&project, "review_loop").1["because"], because);
@@ -187,7 +185,7 @@ fn the_library_s_refusals_are_shown() {
     );
     assert_eq!(facts(&project, "tiny").0, other, "the other golden isn't lost");
 
-    // Rendered again: what was looked at is another frame.
+    // The frame was rendered again, so the reader has seen another frame.
     browser.press(&tab, "Escape");
     project.put_pending("tiny", &tiny(), |_| {});
     accept(&mut browser, &tab, "why");
@@ -219,7 +217,8 @@ fn on_gl(facts: &mut Value) {
     facts["adapter"]["path"] = "gl".into();
 }
 
-/// Where the golden for all fails, a profile gets its own, unless the reviewer wants otherwise.
+/// If the golden for all machines fails on a profile, the frame becomes the profile's golden, unless the reviewer
+/// decides otherwise.
 #[test]
 fn a_frame_of_another_profile_becomes_its_golden() {
     let project = Project::with_tiny();
@@ -238,7 +237,6 @@ fn a_frame_of_another_profile_becomes_its_golden() {
     assert!(own("tiny").is_file(), "the default harms no other profile");
     assert_eq!(facts(&project, "tiny").0, tiny());
 
-    // A frame that isn't loaded yet can't be accepted.
     browser.settle(&tab);
     browser.press(&tab, "a");
     browser.wait(&tab, "document.getElementById('accept-dialog').open");
@@ -246,13 +244,12 @@ fn a_frame_of_another_profile_becomes_its_golden() {
     browser.click(&tab, "#because");
     browser.write(&tab, "it is right for all");
     browser.press(&tab, "Enter");
-    browser
-        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    browser.wait(&tab, "document.getElementById('count').textContent === 'nothing to review'");
     assert!(!own("zebra").exists());
     assert_eq!(facts(&project, "zebra").0, other);
 }
 
-/// A file that can't be read is on the list, and says why; the others are reviewed.
+/// An unreadable file is in the list, with the reason. The other frames can be reviewed.
 #[test]
 fn a_file_that_cannot_be_used_is_shown_with_its_reason() {
     let project = Project::with_tiny();
@@ -276,7 +273,7 @@ fn a_file_that_cannot_be_used_is_shown_with_its_reason() {
     assert!(project.pending("broken").is_file());
 }
 
-/// What a CI run has left is looked at there, and accepted here.
+/// The page shows the frames of a CI run, and accepts them in the project.
 #[test]
 fn frames_of_a_ci_run_are_reviewed() {
     let project = Project::with_tiny();
@@ -300,8 +297,7 @@ fn frames_of_a_ci_run_are_reviewed() {
     let tab = browser.open(&server.url);
     browser.settle(&tab);
     accept(&mut browser, &tab, "as CI has it");
-    browser
-        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    browser.wait(&tab, "document.getElementById('count').textContent === 'nothing to review'");
     assert_eq!(facts(&project, "tiny").1["because"], "as CI has it");
     assert!(!artefact.join("tiny.new.exr").exists());
 }
@@ -348,7 +344,7 @@ fn files_show_the_frames_without_any_network() {
     assert_eq!(browser.value(&tab, "document.getElementById('accept').checkVisibility()"), false);
     browser.press(&tab, "a");
     assert_eq!(browser.value(&tab, "document.activeElement.id"), "accept-command");
-    // The policy lets nothing else in: no request, no inline code.
+    // The policy blocks every request and all inline code.
     let blocked =
         browser.value(&tab, "fetch('http://127.0.0.1:9/').then(() => 'sent', error => error.name)");
     assert_eq!(blocked, "TypeError");

@@ -19,7 +19,7 @@ fn open(project: &Project, fragment: &str) -> (Server, Browser, Tab) {
     (server, browser, tab)
 }
 
-/// What the list shows, folders and frames.
+/// Returns the folders and frames in the list.
 fn list(browser: &mut Browser, tab: &Tab) -> Value {
     browser.settle(tab);
     browser.value(
@@ -48,7 +48,7 @@ fn numbers_are_ordered_by_value_and_folders_have_their_frames() {
 
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
-fn the_filter_leaves_what_has_each_of_its_words() {
+fn the_filter_lists_only_frames_that_contain_all_of_its_words() {
     let names: Vec<String> = (1..=12).map(|index| format!("room/f{index}")).collect();
     let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
     names.extend(["Lamp", "room/lamp"]);
@@ -67,14 +67,14 @@ fn the_filter_leaves_what_has_each_of_its_words() {
     browser.press(&tab, "/");
     browser.write(&tab, "nothing has this");
     assert_eq!(list(&mut browser, &tab), json!([]));
-    assert_eq!(browser.text(&tab, "#none-found"), "No name has all of this.");
+    assert_eq!(browser.text(&tab, "#none-found"), "No name contains all of these words.");
     browser.press(&tab, "Escape");
     assert_eq!(
         browser.value(&tab, "[karat.state.filter, document.activeElement.id]"),
         json!(["", ""])
     );
 
-    // The keys go through what is left, and so does deciding.
+    // Keys and decisions apply only to the filtered frames.
     browser.press(&tab, "/");
     browser.write(&tab, "f1");
     browser.press(&tab, "Enter");
@@ -110,7 +110,7 @@ fn the_address_names_the_frame() {
     browser.wait(&tab, "document.getElementById('name').textContent === 'a'");
 }
 
-/// The page writes the address a moment after a key. A person's address of that moment is kept.
+/// The page writes the address a moment after a key. If a person types an address in this moment, the page keeps it.
 #[test]
 fn a_typed_address_is_never_written_over() {
     let project = with(&["a", "rooms/dark", "z"]);
@@ -119,7 +119,7 @@ fn a_typed_address_is_never_written_over() {
     browser.value(
         &tab,
         "(() => {
-            // Both timers are due when the loop ends: this one runs, then the page's, then the event.
+            // Both timers are due when the loop ends: this timer runs first, then the page's timer, then the event.
             setTimeout(() => { location.hash = '#rooms/dark'; }, 0);
             const end = performance.now() + 600; // longer than the page waits
             while (performance.now() < end);
@@ -134,7 +134,10 @@ fn an_address_of_an_unknown_frame_is_reported() {
     let project = with(&["a", "b"]);
     let (_server, mut browser, tab) = open(&project, "#rooms/gone%");
     let message = browser.text(&tab, "#message");
-    assert!(message.starts_with("`rooms/gone%` isn't pending: it has been decided"), "{message}");
+    assert!(
+        message.starts_with("`rooms/gone%` isn't pending: somebody has accepted or rejected it"),
+        "{message}"
+    );
     assert_eq!(browser.text(&tab, "#name"), "", "no other takes its place");
     for id in ["accept", "reject"] {
         let disabled = format!("document.getElementById('{id}').disabled");

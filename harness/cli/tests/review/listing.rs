@@ -1,5 +1,4 @@
-//! The list of frames: thumbnails, how far each is over its tolerance, the contact sheet, several
-//! decisions at once.
+//! The list of frames: thumbnails, the ratio of errors to tolerances, the contact sheet, and common decisions.
 
 use karat::Image;
 use serde_json::json;
@@ -15,7 +14,7 @@ fn open(project: &Project) -> (Server, Browser, Tab) {
     (server, browser, tab)
 }
 
-/// Tiny frames that are a little off, far off, of another size, new, and no numbers.
+/// Tiny frames: one slightly different, one very different, one of another size, a new one, and one with NaN.
 fn various() -> Project {
     let project = Project::new();
     for (case, factor) in [("a-little", 1.004), ("b-far", 3.0)] {
@@ -37,7 +36,7 @@ fn various() -> Project {
 const THUMBS: &str = "document.querySelectorAll('#cases canvas.thumb').length === 5";
 
 #[test]
-fn the_list_shows_what_is_how_far_off() {
+fn the_list_shows_and_sorts_frames_by_their_error() {
     let project = various();
     let (_server, mut browser, tab) = open(&project);
     browser.wait(&tab, THUMBS);
@@ -54,10 +53,9 @@ fn the_list_shows_what_is_how_far_off() {
         text.as_str().and_then(|text| text.strip_suffix(" ×")?.parse().ok()).unwrap_or(f64::NAN)
     };
     assert!((times(&far[0]) - 4.0).abs() < 0.1 && times(&far[1]) > 1000.0, "{far}");
-    // A thumbnail has the colours of its frame: pale where all three channels are alike, and NaN's.
+    // A thumbnail has the colours of its frame: pale if all three channels differ equally, and the colour of NaN.
     let pixel = "(() => { const c = document.querySelectorAll('#cases canvas.thumb')[4]; const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; for (let i = 0; i < d.length; i += 4) if (d[i] === 255 && d[i + 1] === 0 && d[i + 2] === 255) return true; return false; })()";
     assert_eq!(browser.value(&tab, pixel), true, "NaN is magenta");
-    // What was loaded for a thumbnail isn't kept.
     let kept = browser.value(&tab, "karat.state.cases.map(({ data }) => data !== null)");
     assert_eq!(kept, json!([true, false, false, false, false]));
 
@@ -77,7 +75,7 @@ fn the_list_shows_what_is_how_far_off() {
 }
 
 #[test]
-fn the_contact_sheet_shows_all_and_leads_to_each() {
+fn the_contact_sheet_shows_and_opens_each_frame() {
     let project = various();
     let (_server, mut browser, tab) = open(&project);
     browser.press(&tab, "s");
@@ -121,7 +119,7 @@ fn several_frames_are_accepted_with_one_reason() {
     assert!(project.pending("c-size").is_file(), "it wasn't chosen");
     browser.wait(&tab, "document.getElementById('name').textContent === 'c-size'");
 
-    // The reason is offered the next time, and isn't taken by Enter alone.
+    // The page offers the previous reason, but Enter doesn't accept with it.
     browser.settle(&tab);
     browser.press(&tab, "a");
     assert!(browser.text(&tab, "#last-reason").contains("the light is warmer, as planned"));
@@ -133,7 +131,7 @@ fn several_frames_are_accepted_with_one_reason() {
     browser.wait(&tab, "document.getElementById('name').textContent === 'd-new'");
     assert!(!project.pending("c-size").exists());
 
-    // All that are listed; rejecting asks, and nothing is deleted by Enter alone.
+    // This chooses all listed frames. Rejecting asks first, and Enter deletes nothing.
     browser.press(&tab, "Y");
     assert_eq!(browser.text(&tab, "#reject-label"), "Reject 2");
     browser.press(&tab, "r");
@@ -143,12 +141,11 @@ fn several_frames_are_accepted_with_one_reason() {
     browser.press(&tab, "r");
     browser.press(&tab, "Tab");
     browser.press(&tab, "Enter");
-    browser
-        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    browser.wait(&tab, "document.getElementById('count').textContent === 'nothing to review'");
     assert!(!project.pending("d-new").exists() && !project.pending("e-nan").exists());
 }
 
-/// What is refused of several is told, and the others are done.
+/// If some of several decisions are refused, the page names them. The others are carried out.
 #[test]
 fn refused_frames_stay_pending() {
     let project = various();

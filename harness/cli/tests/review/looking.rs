@@ -1,4 +1,4 @@
-//! What the page shows, compared with what the files hold.
+//! The pixels on the page, compared with the contents of the files.
 
 use karat::Image;
 use karat::unstable::value::format_f32;
@@ -7,7 +7,7 @@ use crate::browser::{Browser, Tab};
 use crate::project::{Project, provenance, tiny};
 use crate::shots::shoot;
 
-/// IEC 61966-2-1, as the page is to show it: clipped, exposed by `stops`.
+/// The page's colour by IEC 61966-2-1, exposed by `stops` and clipped.
 fn srgb([r, g, b, _]: [f32; 4], stops: f32) -> [u8; 3] {
     [r, g, b].map(|value| {
         let x = (f64::from(value) * f64::from(stops).exp2()).clamp(0.0, 1.0);
@@ -20,7 +20,7 @@ fn close(a: [u8; 3], b: [u8; 3]) -> bool {
     a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= 1)
 }
 
-/// Where the middle of a texel is on the screen, in a pane.
+/// Returns the position of a texel's middle on the screen, in a pane.
 fn place(browser: &mut Browser, tab: &Tab, pane: usize, x: u32, y: u32) -> (usize, usize) {
     let at = browser.value(tab, &format!(
         "(() => {{ const p = karat.stage.panes()[{pane}]; const [l, t] = karat.stage.origin(p); const s = karat.state.scale; const b = karat.stage.canvas.getBoundingClientRect(); return [b.x + l + ({x} + 0.5) * s, b.y + t + ({y} + 0.5) * s]; }})()"
@@ -29,7 +29,7 @@ fn place(browser: &mut Browser, tab: &Tab, pane: usize, x: u32, y: u32) -> (usiz
     (side(0), side(1))
 }
 
-/// The colour on the screen of a texel in a pane.
+/// Returns the colour of a texel on the screen, in a pane.
 fn seen(browser: &mut Browser, tab: &Tab, pane: usize, x: u32, y: u32) -> [u8; 3] {
     let (x, y) = place(browser, tab, pane, x, y);
     browser.screen(tab, None).rgb(x, y)
@@ -39,7 +39,7 @@ fn open(project: &Project) -> (crate::project::Server, Browser, Tab) {
     let server = project.serve();
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
-    // Colours are read in the middle of texels, where their values would be written.
+    // Colours are read in the middle of texels, where the page would write their values.
     browser.value(&tab, "karat.change({ values: false, outlines: false })");
     browser.settle(&tab);
     (server, browser, tab)
@@ -89,7 +89,7 @@ fn all_cases_are_listed_and_keys_move_between_them() {
     assert_eq!(now, serde_json::json!([true, true, 1]));
     browser.press(&tab, "?");
     assert_eq!(browser.value(&tab, "document.getElementById('help').open"), true);
-    // All keys are there.
+    // The help lists all keys.
     let missing = browser.value(&tab, "(() => { const names = { Escape: 'Esc', ' ': 'space', '-': '−', '=': '+', ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑', ArrowDown: '↓' };
         const told = [...document.querySelectorAll('#help kbd')].map(key => key.innerText);
         return karat.keys.filter(key => !told.includes(names[key] ?? key)); })()");
@@ -137,8 +137,8 @@ fn the_canvas_is_what_the_formulas_give() {
         }
         browser.press(&tab, "m");
     }
-    // False colour: 0.18 is in the middle of the scale, where the polynomials are 0.588, 0.982 and
-    // 0.313 by hand.
+    // In false colour, 0.18 is in the middle of the scale. There the polynomials are 0.588, 0.982 and 0.313, calculated
+    // by hand.
     let middle = browser.value(&tab, "karat.tones.falseColor(0.18).map(v => Math.round(255 * v))");
     assert_eq!(middle, serde_json::json!([150, 250, 80]));
     browser.press(&tab, "f");
@@ -228,7 +228,7 @@ fn zoom_and_pan_are_linked_and_a_click_pins() {
 }
 
 #[test]
-fn flip_shows_both_in_turn_and_stops() {
+fn the_flip_view_alternates_both_images_and_can_be_stopped() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
     browser.press(&tab, " ");
@@ -274,7 +274,7 @@ fn the_inspector_s_values_are_those_of_the_files() {
 }
 
 #[test]
-fn numbers_are_those_of_rust() {
+fn numbers_in_the_page_are_printed_as_in_rust() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
     let powers = (-149..128).map(|exponent| f64::from(exponent).exp2() as f32);
@@ -357,7 +357,7 @@ fn facts_are_side_by_side_with_what_differs_first() {
     assert_eq!(rows[1], serde_json::json!(["driver", old, "llvmpipe Mesa 25.0.7 (LLVM 19.1.7)"]));
     let gate = browser.text(&tab, "#gates li");
     assert!(gate.contains("gate rel 1e-3") && gate.contains("fails"), "{gate}");
-    // What belongs together is on a line, and the lines of all gates are alike.
+    // Each gate has one line, and all lines have the same layout.
     let parts = "[...document.querySelectorAll('#gates .values, #gates .margin, #gates .place, #verdict .number')]";
     let broken = format!(
         "{parts}.filter(part => part.getBoundingClientRect().height > 24).map(part => part.innerText)"
@@ -374,7 +374,7 @@ fn facts_are_side_by_side_with_what_differs_first() {
 }
 
 #[test]
-fn a_screen_of_two_pixels_a_point_is_used_in_full() {
+fn the_canvas_uses_the_full_resolution_of_a_high_density_screen() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
     browser.resize(&tab, 1280, 720, 2.0);
@@ -385,14 +385,14 @@ fn a_screen_of_two_pixels_a_point_is_used_in_full() {
 }
 
 #[test]
-fn parts_maps_and_gates_are_what_the_data_has() {
+fn the_page_shows_the_parts_maps_and_gates_of_the_data() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
-    // The map of FLIP.
+    // This is the map of FLIP.
     assert_eq!(browser.value(&tab, "document.getElementById('view-map').disabled"), false);
     let maps = browser.value(&tab, "karat.state.cases[0].data.maps.map((map) => map.name)");
     assert_eq!(maps, serde_json::json!(["HDR-FLIP", "worst exposure in stops"]));
-    // What a data file with more than one image would hand over.
+    // A data file with several images would pass this data.
     browser.value(&tab, r#"(() => {
         const data = { ...karat.state.cases[0].data };
         const image = (...values) => ({ width: 4, height: 4, format: "f32", data:
@@ -424,7 +424,7 @@ fn parts_maps_and_gates_are_what_the_data_has() {
     );
 }
 
-/// Scalars from one end of their range to the other, and pixels that have none.
+/// Scalars over their whole range, and pixels without a value.
 #[test]
 fn a_map_has_its_range_and_holes() {
     let project = Project::with_tiny();
@@ -448,7 +448,7 @@ fn a_map_has_its_range_and_holes() {
     assert_eq!(ticks.split_whitespace().collect::<Vec<_>>(), ["−6", "−4", "−2"]);
 }
 
-/// A browser may take the graphics memory back, and give it again.
+/// A browser may take the graphics memory back, and restore it later.
 #[test]
 fn a_lost_webgl_context_is_restored() {
     let project = Project::with_tiny();
@@ -478,7 +478,7 @@ fn without_webgl_2_the_page_says_so() {
     assert!(names.contains("tiny"), "{names}");
 }
 
-/// A golden or pending table of the values of `x * gain`, as its test leaves it.
+/// Writes a golden or pending table of the values of `x * gain`, as a test does.
 pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
     let package =
         karat::Package::from_source("m", format!("fn f(x: f32) -> f32 {{ return x * {gain}; }}"));
@@ -490,7 +490,7 @@ pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
         .unrecorded()
         .try_matches(&goldens, case, karat::Ulp(1.0))
         .expect_err("nothing to agree with");
-    // In CI it waits elsewhere, together with those of other tests.
+    // In CI, the table is pending in another folder, together with those of other tests.
     let elsewhere = karat::unstable::golden::build_output()
         .join(format!("karat/pending/golden/{case}.new.csv"));
     if karat::unstable::golden::in_ci() {
@@ -498,7 +498,7 @@ pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
     }
 }
 
-/// The golden of values that [`left_values`] has left.
+/// Accepts the values that [`left_values`] wrote.
 pub(crate) fn accept_values(project: &Project, case: &str) {
     let goldens = karat::Goldens::open(&project.folder().join("golden"));
     let because = "the first".to_owned();
@@ -583,7 +583,7 @@ fn older_versions_of_values_are_compared_row_by_row() {
     choose(&mut browser, &tab);
     let history = browser.text(&tab, "#versions");
     assert!(history.contains("as now") && history.contains("4 rows differ"), "{history}");
-    // The end of a range is drawn often.
+    // The ends of a range are sampled often.
     assert_eq!(browser.value(&tab, rows), 4);
     assert_eq!(browser.value(&tab, row), serde_json::json!(["1", "1", "0.5", "0.75", "0.5"]));
     let count = browser.text(&tab, "#table-count");
@@ -595,7 +595,7 @@ fn older_versions_of_values_are_compared_row_by_row() {
     assert_eq!(browser.text(&tab, "#table-count"), "24 rows");
     drop(server);
 
-    // With the values that wait beside it, and in a report of files alone.
+    // The test repeats this with pending values, and in a report of files.
     left_values(&project, case, "(0.5 + select(0.0, 0.5, x <= 1.0))");
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
@@ -630,7 +630,7 @@ fn values_are_shown_as_rows_and_decided_like_frames() {
     );
     assert_eq!(cells, serde_json::json!(["1", "0.5", "0.75", "0.5"]));
     assert!(browser.text(&tab, "#table-count").ends_with("rows differ"));
-    // A frame has its images back.
+    // For a frame, the page shows images again.
     browser.press(&tab, "j");
     browser.settle(&tab);
     assert_eq!(browser.text(&tab, "#name"), "tiny");

@@ -1,4 +1,4 @@
-//! The review page in a browser, and its server without one.
+//! The review page in a browser, and its server without a browser.
 
 mod browser;
 mod comparing;

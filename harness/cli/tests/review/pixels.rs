@@ -1,4 +1,4 @@
-//! How a pixel comes about, in the page.
+//! The steps and values of a pixel, in the page.
 
 use karat::Image;
 
@@ -28,7 +28,7 @@ fn project() -> Project {
     project
 }
 
-/// A page without a server has the steps of the pixels that differ most, and says which these are.
+/// A page without a server has the steps of the pixels that differ most, and names these pixels.
 #[test]
 fn a_page_of_files_has_the_pixels_that_differ_most() {
     let project = project();
@@ -50,7 +50,7 @@ fn a_page_of_files_has_the_pixels_that_differ_most() {
     browser.value(&tab, choose);
     browser.wait(&tab, "document.getElementById('steps').innerText.includes('shade at (1, 1)')");
     assert!(browser.text(&tab, "#steps").contains("near = 1.0 - uv.x"));
-    // A frame that no shader draws has none.
+    // A frame that no shader draws has no steps.
     browser.press(&tab, "j");
     browser.wait(&tab, "document.getElementById('pixel').hidden");
 }
@@ -63,7 +63,7 @@ fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     let mut browser = Browser::start();
     let tab = browser.open(&format!("{}#disc", server.url));
     browser.settle(&tab);
-    // One that doesn't differ is traced where that is asked for.
+    // A pixel that doesn't differ is traced on request.
     browser.value(&tab, "karat.change({ pinned: [0, 3] })");
     browser.settle(&tab);
     assert_eq!(browser.text(&tab, "#steps"), "");
@@ -98,7 +98,7 @@ fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     assert_eq!(browser.value(&tab, &format!("{map}.range")), serde_json::json!([0.125, 0.875]));
     assert!(browser.text(&tab, "#map-about").contains("0.125 at (3, 0) to 0.875 at (0, 0)"));
     assert!(browser.text(&tab, "#map-value").contains("0.625"), "the pinned pixel's");
-    // The same again is the same map.
+    // A second request for the same value adds no second map.
     let count = browser.value(&tab, "karat.loaded().maps.length");
     browser.value(&tab, &choose("m::shade::broken"));
     browser.wait(&tab, &format!("{map}.name === 'm::shade::broken'"));
@@ -111,7 +111,7 @@ fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     browser
         .screen(&tab, Some(&std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("pixels.png")));
 
-    // The golden's commit had another shader.
+    // At the golden's commit, the shader was different.
     project.commit("first");
     project.put("shaders/m.wgsl", &SHADER.replace("near * near", "near * uv.y"));
     let tab = browser.open(&format!("{}#disc", server.url));
@@ -125,7 +125,7 @@ fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     assert!(steps.contains("was near * near: 0.390625"), "{steps}");
     assert!(browser.text(&tab, "#steps .parted").contains("near * uv.y"), "{steps}");
 
-    // A golden that no frame is declared for says so.
+    // If no frame is declared for a golden, the page says so.
     browser.press(&tab, "j");
     browser.wait(
         &tab,

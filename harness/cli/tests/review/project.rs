@@ -1,4 +1,4 @@
-//! A folder with goldens and pending frames, and the server that reviews them.
+//! A folder with goldens and pending frames, and the server that shows them for review.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -17,27 +17,27 @@ use crate::files::write;
 use crate::program::program;
 use crate::repository::git;
 
-/// Longest wait for the server. It is less than what the server grants a silent client, so that
-/// whoever waits for one isn't taken to answer.
+/// The longest wait for the server. The server gives a silent client more time than this, so a test that waits for a
+/// silent client fails.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(8);
 
-/// A project whose goldens are in `golden/`.
+/// A project with its goldens in `golden/`.
 pub(crate) struct Project {
     folder: TempDir,
 }
 
-/// The goldens of this repository: frames as people have them.
+/// Returns the folder of this repository's goldens: real frames.
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../golden")
 }
 
-/// What a golden of this repository says of itself.
+/// Returns the provenance of a golden of this repository.
 pub(crate) fn provenance() -> Value {
     let (_, metadata) = Image::read_exr(&repository().join("furnace.exr")).expect("a golden");
     serde_json::from_str(&metadata.expect("provenance")).expect("JSON")
 }
 
-/// Four by four pixels, whose values no two channels share: 0.01 to 0.64, and alpha 1.
+/// Returns an image of four by four pixels. All values of its channels differ: 0.01 to 0.64. Alpha is 1.
 pub(crate) fn tiny() -> Image {
     let value = |index: u8| f32::from(index + 1) * 0.01;
     let pixel = |i: u8| [value(4 * i), value(4 * i + 1), value(4 * i + 2), 1.0];
@@ -64,17 +64,16 @@ impl Project {
         self.folder.path().join(format!("golden/{case}.new.exr"))
     }
 
-    /// Writes a file of the project.
     pub(crate) fn put(&self, file: &str, text: &str) {
         write(self.folder(), file, text);
     }
 
-    /// Runs git in the project. What it prints.
+    /// Runs git in the project. Returns its output.
     pub(crate) fn git(&self, arguments: &[&str]) -> String {
         git(self.folder(), arguments)
     }
 
-    /// Commits all that is there. The commit's name.
+    /// Commits all files. Returns the hash of the commit.
     pub(crate) fn commit(&self, subject: &str) -> String {
         self.git(&["init", "-q"]);
         self.git(&["add", "-A"]);
@@ -82,12 +81,11 @@ impl Project {
         self.git(&["log", "-n", "1", "--format=%h"])
     }
 
-    /// Writes a golden.
     pub(crate) fn put_golden(&self, case: &str, image: &Image) {
         self.put_golden_with(case, image, |_| {});
     }
 
-    /// Writes a golden whose facts are others.
+    /// Writes a golden with a changed provenance.
     pub(crate) fn put_golden_with(&self, case: &str, image: &Image, change: impl Fn(&mut Value)) {
         let mut facts = provenance();
         facts["case"] = case.into();
@@ -98,7 +96,7 @@ impl Project {
         image.write_exr(&self.golden(case), Precision::Float, Some(&text)).expect("written");
     }
 
-    /// Writes a pending frame that was compared with the golden as it is now.
+    /// Writes a pending frame that was compared with the present golden.
     pub(crate) fn put_pending(&self, case: &str, image: &Image, change: impl Fn(&mut Value)) {
         let golden = Image::read_exr(&self.golden(case)).ok();
         let own = golden.as_ref().and_then(|(_, metadata)| metadata.as_ref());
@@ -112,7 +110,7 @@ impl Project {
         facts["height"] = image.height().into();
         if let Some((golden, _)) = golden {
             facts["compared_with"] = golden.hash().into();
-            // As a test would have found it that wants all of it.
+            // A test with all these bounds would have this finding.
             let bounds = [FrameTolerance::gate(1e-3), FlipTile(0.01), FlipMean(0.005)];
             let found = FrameTolerance::All(bounds.into()).compare(&golden, image, None);
             let found = found.as_ref().err().map(FrameFinding::from);
@@ -126,7 +124,7 @@ impl Project {
         image.write_exr(&self.pending(case), precision, Some(&text)).expect("written");
     }
 
-    /// The tiny golden with a frame that is twice as bright.
+    /// A project with the tiny golden, and a pending frame that is twice as bright.
     pub(crate) fn with_tiny() -> Self {
         let project = Self::new();
         project.put_tiny("tiny");
@@ -143,8 +141,8 @@ impl Project {
         self.put_pending(case, &actual, |facts| facts["shader"] = "changed".into());
     }
 
-    /// Frames of this repository: one whose shader changed, one whose driver did, one with values
-    /// that are no numbers, one that is new.
+    /// A project with frames of this repository: one with a changed shader, one with a changed driver, one with NaN,
+    /// and a new one.
     pub(crate) fn with_frames() -> Self {
         let project = Self::new();
         let read = |case: &str| {
@@ -159,7 +157,7 @@ impl Project {
         let width = scene.width() as usize;
         for (index, pixel) in scene.pixels_mut().iter_mut().enumerate() {
             let (x, y) = (index % width, index / width);
-            // Highlights are halved, and a part of the picture is 5 % brighter and warmer.
+            // Highlights are halved, and a part of the image is 5 % brighter and warmer.
             let bright = pixel[0] > 2.0;
             let inside = (260..330).contains(&x) && (120..190).contains(&y);
             for (value, warm) in pixel.iter_mut().zip([1.06, 1.05, 1.03]) {
@@ -233,7 +231,7 @@ pub(crate) struct Server {
     out: BufReader<ChildStdout>,
 }
 
-/// An answer to a raw request.
+/// The response to a raw request.
 #[derive(Debug)]
 pub(crate) struct Answer {
     pub(crate) status: u16,
@@ -241,7 +239,7 @@ pub(crate) struct Answer {
 }
 
 impl Answer {
-    /// What a connection answers, to its end.
+    /// Reads the response of a connection to its end.
     #[track_caller]
     pub(crate) fn of(stream: &mut TcpStream) -> Self {
         let mut text = String::new();
@@ -252,17 +250,17 @@ impl Answer {
 }
 
 impl Server {
-    /// `127.0.0.1:port`.
+    /// Returns `127.0.0.1:port`.
     pub(crate) fn host(&self) -> String {
         self.url.split('/').nth(2).expect("a host").to_owned()
     }
 
-    /// The path of the URL, with the token.
+    /// Returns the path of the URL, with the token.
     pub(crate) fn path(&self) -> String {
         format!("/{}/", self.url.split('/').nth(3).expect("a token"))
     }
 
-    /// Sends a request as it is written here, without a browser's care.
+    /// Sends a request exactly as written. A browser would add headers.
     pub(crate) fn raw(&self, head: &str, body: &str) -> Answer {
         let length = body.len();
         let request =
@@ -270,7 +268,7 @@ impl Server {
         Answer::of(&mut self.send(&request))
     }
 
-    /// A connection on which these bytes were sent, and which stays open.
+    /// Opens a connection, sends a text, and keeps the connection open.
     pub(crate) fn send(&self, text: &str) -> TcpStream {
         let mut stream = TcpStream::connect(self.host()).expect("it listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a time");
@@ -282,7 +280,7 @@ impl Server {
         self.raw(&format!("GET {}{place} HTTP/1.1\r\nHost: {}", self.path(), self.host()), "")
     }
 
-    /// A decision, sent as our own page sends it.
+    /// Sends a decision as the page does.
     pub(crate) fn post(&self, place: &str, decision: &Value) -> Answer {
         let (path, host) = (self.path(), self.host());
         let head = format!(
@@ -292,9 +290,8 @@ impl Server {
         self.raw(&head, &decision.to_string())
     }
 
-    /// Presses Ctrl-C.
     pub(crate) fn signal(&self) {
-        // A shell's own `kill`: not each machine has the program.
+        // The `kill` of a shell is used, because not every machine has the program.
         let script = format!("kill -INT {}", self.child.id());
         assert!(Command::new("sh").args(["-c", &script]).status().expect("a shell").success());
     }
@@ -303,7 +300,7 @@ impl Server {
         self.child.try_wait().expect("a child").is_none()
     }
 
-    /// Stops it as Ctrl-C does. Its exit code, and what it said at the end.
+    /// Stops the server as Ctrl-C does. Returns its exit code, and its last output.
     pub(crate) fn interrupt(mut self) -> (Option<i32>, String) {
         self.signal();
         let start = Instant::now();
@@ -327,7 +324,7 @@ impl Drop for Server {
     }
 }
 
-/// What the page sends to accept a case with these pixels.
+/// Returns the data that the page sends to accept a case with these pixels.
 pub(crate) fn decision(case: &str, pixels: &str) -> Value {
     json!({ "case": case, "pixels": pixels, "because": "why" })
 }

@@ -1,10 +1,10 @@
-//! The server without a browser: who is turned away, and that looking changes nothing.
+//! The server without a browser: it refuses strangers, and reading changes nothing.
 
 use serde_json::json;
 
 use crate::project::{Project, Server, decision, tiny};
 
-/// Hash of the tiny pending frame's pixels.
+/// Returns the hash of the tiny pending frame's pixels.
 fn bright() -> String {
     let mut image = tiny();
     for pixel in image.pixels_mut() {
@@ -14,7 +14,7 @@ fn bright() -> String {
 }
 
 #[test]
-fn only_who_has_the_url_gets_anything() {
+fn requests_without_the_secret_url_are_refused() {
     let project = Project::with_tiny();
     let server = project.serve();
     assert_eq!(server.get("").status, 200);
@@ -65,7 +65,7 @@ fn other_origins_cannot_decide() {
     assert!(!project.pending("tiny").exists());
 }
 
-/// Every file of the goldens' folder with its content.
+/// Returns every file in the goldens' folder with its content.
 fn snapshot(project: &Project) -> Vec<(String, Vec<u8>)> {
     let entries = std::fs::read_dir(project.folder().join("golden")).expect("a folder");
     let mut files: Vec<_> = entries
@@ -83,7 +83,7 @@ fn refused(server: &Server, place: &str, body: &serde_json::Value) -> String {
 }
 
 #[test]
-fn looking_changes_nothing_and_names_are_no_paths() {
+fn refused_requests_and_file_paths_as_names_change_no_file() {
     let project = Project::with_tiny();
     let outside = project.folder().join("outside.new.exr");
     std::fs::copy(project.pending("tiny"), &outside).expect("copied");

@@ -1,4 +1,4 @@
-//! The page of a run in a browser.
+//! The report of a run in a browser.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::browser::Browser;
 use crate::faults::fault;
 use crate::project::Project;
 
-/// A record of two functions, of which one fails over two arguments.
+/// Writes a record of two functions. One of them fails over two arguments.
 fn record(folder: &Path) {
     let line = |name: &str, fails: bool| {
         let ratio = |x: f64, y: f64| if fails { 40.0 * x * y } else { 0.1 };
@@ -41,9 +41,9 @@ fn record(folder: &Path) {
     std::fs::write(folder.join("run.json"), run.to_string()).expect("written");
 }
 
-/// Search, links and plots work from a file, at any width, light and dark.
+/// Search, links and plots work for a page from a file, at any width, in light and dark.
 #[test]
-fn a_report_is_searched_and_fits() {
+fn a_report_page_can_be_searched_and_fits_any_width() {
     let project = Project::new();
     let folder = project.folder().join("record");
     std::fs::create_dir(&folder).expect("a folder");
@@ -71,7 +71,7 @@ fn a_report_is_searched_and_fits() {
     assert_eq!(browser.value(&tab, &search("")), 3);
     let failing = format!("(() => {{ failing.click(); return {shown}; }})()");
     assert_eq!(browser.value(&tab, &failing), 2);
-    // Two plots and their map, drawn with points of both colours.
+    // There are two plots and a map. The plots have points of both colours.
     assert_eq!(browser.value(&tab, "document.querySelectorAll('figure svg').length"), 3);
     let colours = "new Set([...document.querySelectorAll('figure circle')].map(c => c.getAttribute('fill'))).size";
     assert_eq!(browser.value(&tab, colours), 2);

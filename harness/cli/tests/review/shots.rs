@@ -1,5 +1,5 @@
-//! Pictures of each view at its sizes, in `target/karat/review`, to be looked at. `cargo ci full` draws them, and
-//! `cargo test --test review -- --ignored shots::`.
+//! Pictures of each view at several sizes, in `target/karat/review`, for people. `cargo ci full` draws them, and `cargo
+//! test --test review -- --ignored shots::`.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ fn files_and_maps_are_drawn() {
     for key in ["j", "j"] {
         browser.press(&tab, key);
     }
-    // A map as another metric would hand it over: here, half of the golden's red channel.
+    // This map comes from another metric: in this test, from half of the golden's red channel.
     browser.value(
         &tab,
         r#"(() => {
@@ -78,7 +78,7 @@ fn every_view_is_drawn() {
     }
 }
 
-/// What is chosen when accepting, what can't be used, and many frames.
+/// The choices when accepting, an unusable file, and many frames.
 #[test]
 #[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn choices_faults_and_many_frames_are_drawn() {
@@ -111,7 +111,7 @@ fn choices_faults_and_many_frames_are_drawn() {
     shoot(&mut browser, &tab, "absent-1280");
 }
 
-/// What the second edition has, at the widths that people have, dark and light, and by touch.
+/// The views of the second edition at usual widths, in dark and light, and on touch screens.
 #[test]
 #[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn every_width_is_drawn() {
@@ -172,7 +172,7 @@ fn every_width_is_drawn() {
     shoot(&mut browser, &tab, "edition-touch-below-390");
 }
 
-/// Where cases come from: a repository with a record, goldens and functions that fail.
+/// The origins of cases: a repository with a record, goldens and failing functions.
 #[test]
 #[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn origins_are_drawn() {
@@ -203,7 +203,7 @@ fn origins_are_drawn() {
     browser.press(&tab, "4");
     browser.value(&tab, &format!("{older}[0].click()"));
     browser.wait(&tab, "karat.state.part === 0");
-    // `docs/guide/review.png` is this one.
+    // This picture is `docs/guide/review.png`.
     browser.resize(&tab, 1280, 800, 1.0);
     browser.value(&tab, "document.querySelector('#modules details').open = true");
     browser.value(&tab, "document.getElementById('judged').scrollIntoView()");
@@ -227,7 +227,7 @@ fn origins_are_drawn() {
             shoot(&mut browser, &tab, &format!("origin-{file}-{width}"));
             let aside = "document.querySelector('#versions:not([hidden]), #test').scrollIntoView()";
             browser.value(&tab, aside);
-            // What is in sight of the history is loaded then.
+            // The visible part of the history is loaded then.
             browser.wait(&tab, "[...document.querySelectorAll('#versions .version')].every(version => version.querySelector('canvas'))");
             shoot(&mut browser, &tab, &format!("origin-{file}-below-{width}"));
             browser.value(&tab, "document.querySelector('header').scrollIntoView()");

@@ -1,5 +1,5 @@
-//! Where a case comes from: its test, what changed since its golden, the golden's versions; functions
-//! that fail, and goldens that nothing is pending for.
+//! The origin of a case: its test, the changes since its golden, the golden's versions. Also failing functions, and
+//! goldens without a pending frame.
 
 use karat::Image;
 use karat::unstable::record::FileRead;
@@ -17,7 +17,7 @@ fn open(project: &Project, arguments: &[&str]) -> (Server, Browser, Tab) {
     (server, browser, tab)
 }
 
-/// The record of the project's last run.
+/// Writes the record of the project's last run.
 fn put_record(project: &Project, records: &[Value]) {
     let folder = project.folder().join("target/karat/record");
     std::fs::create_dir_all(&folder).expect("a folder");
@@ -56,7 +56,7 @@ fn function_record() -> Value {
     })
 }
 
-/// A repository in which the scene's shader changed, and a run that also failed a function.
+/// Adds a repository in which the scene's shader changed, and a run in which a function also failed.
 pub(crate) fn with_origins(project: &Project) {
     let text = "// The sun.\nconst SUN = 1.0;\n\nfn sun(cosine: f32) -> f32 {\n    return SUN * max(cosine, 0.0);\n}\n";
     project.put("shaders/light.wgsl", text);
@@ -100,7 +100,7 @@ pub(crate) fn with_origins(project: &Project) {
     put_record(project, &[frame, function_record()]);
 }
 
-/// The module that changed is named with its lines, and the golden's versions with their reasons.
+/// The page names the changed module with its lines, and the versions of the golden with their reasons.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn changes_since_the_golden_are_shown() {
@@ -117,7 +117,7 @@ fn changes_since_the_golden_are_shown() {
     .expect("written");
     let (_server, mut browser, tab) = open(&project, &[]);
     let told = browser.text(&tab, "#modules");
-    assert!(told.contains("can't be told: the golden is in no git repository"), "{told}");
+    assert!(told.contains("are unknown: the golden isn't in a git repository"), "{told}");
     assert_eq!(browser.value(&tab, "document.getElementById('versions').hidden"), true);
 
     project.git(&["init", "-q"]);
@@ -126,14 +126,14 @@ fn changes_since_the_golden_are_shown() {
     std::fs::write(module("light.wgsl"), "const SUN = 2.0; // <u>brighter</u>\nconst SKY = 0.5;\n")
         .expect("written");
     std::fs::write(module("other.wgsl"), "const OTHER = 2.0;\n").expect("written");
-    // Without a record it isn't known which modules are the frame's.
+    // Without a record, Karat doesn't know which modules the frame uses.
     let (_server, mut browser, tab) = open(&project, &[]);
     let names = "[...document.querySelectorAll('#modules summary')].map(name => name.innerText)";
     assert_eq!(browser.value(&tab, names), json!(["shaders/light.wgsl", "shaders/other.wgsl"]));
-    assert!(browser.text(&tab, "#modules").contains("No record of a run says which"));
+    assert!(browser.text(&tab, "#modules").contains("Without the record of a run"));
     assert_eq!(browser.value(&tab, "document.getElementById('test').hidden"), true);
 
-    // Another crate of the workspace may have a frame of this name.
+    // Another crate of the workspace may have a frame with the same name.
     let mut other = frame_record(&project);
     std::fs::create_dir_all(project.folder().join("crates/golden")).expect("a folder");
     other["subject"]["folder"] = "crates/golden".into();
@@ -158,10 +158,10 @@ fn changes_since_the_golden_are_shown() {
             "KARAT_PATHS=vulkan cargo test frames"
         ])
     );
-    // The button copies, or selects where the browser forbids it; it says which.
+    // The button copies the text. If the browser doesn't allow that, it selects the text. Its label says which.
     browser.click(&tab, "#test .line:nth-child(3) button");
     browser.wait(&tab, "['Copied', 'Selected'].includes(document.querySelector('#test .line:nth-child(3) button').innerText)");
-    // A golden that was accepted and isn't committed yet is of no commit.
+    // A golden that is accepted but not committed belongs to no commit.
     let mut other = tiny();
     other.pixels_mut()[0][0] = 5.0;
     project.put_golden("tiny", &other);
@@ -169,8 +169,8 @@ fn changes_since_the_golden_are_shown() {
     assert!(browser.text(&tab, "#modules").contains("the golden isn't committed"));
 }
 
-/// Golden and frame say themselves which modules made them, so that the golden needn't be committed, and
-/// commits that aren't the golden's don't count.
+/// Golden and frame contain the hashes of their modules. So the golden needn't be committed, and commits of other
+/// goldens don't count.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn modules_that_changed_are_known_by_their_hashes() {
@@ -208,7 +208,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
         );
         browser.text(&tab, "#modules .body")
     };
-    // The golden's version of the light isn't the latest that git has.
+    // The golden's version of the light isn't the latest version in git.
     let (light, other) = ("shaders/light.wgsl", "shaders/other.wgsl");
     put(
         json!({ light: hash(lights[0]), other: hash("a"), "noise::value": hash("b") }),
@@ -218,35 +218,41 @@ fn modules_that_changed_are_known_by_their_hashes() {
         shown(&project).lines().filter(|line| !line.is_empty()).collect::<Vec<_>>(),
         [
             "Modules that changed since the golden, by their hashes.",
-            "noise::value: the frame has it no longer",
+            "noise::value: the frame no longer uses this module",
             light,
             "@@ -1 +1 @@",
             "-const SUN = 1.0;",
             "+const SUN = 3.0;",
-            "shaders/new.wgsl: the golden didn't have it",
+            "shaders/new.wgsl: the golden didn't use this module",
         ]
     );
-    // Edited since, and never committed.
+    // The module was edited again, and never committed.
     put(
         json!({ light: hash(lights[1]), other: hash("never") }),
         json!({ light: hash("a draft"), other: hash("now") }),
     );
     let told = shown(&project);
-    assert!(told.contains("light.wgsl: it was edited again since the frame was drawn"), "{told}");
+    assert!(
+        told.contains("light.wgsl: the module was edited again after the frame was drawn"),
+        "{told}"
+    );
     assert!(told.contains("-const SUN = 2.0;"), "{told}");
-    assert!(told.contains("other.wgsl: git has no version of it with the golden's hash"), "{told}");
-    // A checkout that ends lines otherwise has edited nothing.
+    assert!(
+        told.contains("other.wgsl: git has no version of this module with the golden's hash"),
+        "{told}"
+    );
+    // A checkout that changes line ends isn't an edit.
     project.put("shaders/light.wgsl", &lights[2].replace('\n', "\r\n"));
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[2]) }));
     let told = shown(&project);
     assert!(told.contains("+const SUN = 3.0;") && !told.contains("edited"), "{told}");
     project.put("shaders/light.wgsl", lights[2]);
-    // The same modules: then something else made another program of them.
+    // The modules are equal, so something else changed the program.
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[0]) }));
     let told = shown(&project);
     assert!(told.contains("No module changed since the golden, by their hashes."), "{told}");
     assert!(told.contains("features, overrides or Karat changed"), "{told}");
-    // An old golden has no hashes, and git tells what it can.
+    // An old golden has no hashes, so the page shows what git knows.
     put(json!({}), json!({ light: hash(lights[2]) }));
     assert!(shown(&project).contains("the golden isn't committed"));
     project.git(&["add", "golden/tiny.exr"]);
@@ -259,7 +265,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
     assert!(!told.contains("other.wgsl"), "the frame says which modules are its own: {told}");
 }
 
-/// What a golden was: a thumbnail in its history, and a part to compare with.
+/// An older version of a golden is a thumbnail in its history, and a part for comparison.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_of_a_golden_are_seen_and_compared() {
@@ -273,7 +279,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
         project.commit(because)
     };
     let first = version(7.0, "the first");
-    // Facts may change alone.
+    // Two versions may differ only in their provenance.
     let (same, second) = (version(8.0, "the second"), version(8.0, "for another reason"));
     let commits = [first, second];
     version(9.0, "now");
@@ -301,7 +307,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     assert!(label.contains(&format!("Golden of {}", commits[0])), "{label}");
     let pressed = "document.querySelector('.version[aria-pressed=true]')?.dataset.commit ?? 'none'";
     assert_eq!(browser.value(&tab, pressed), commits[0].as_str());
-    // Another one takes its place, and the same once more is the golden again.
+    // Choosing another version replaces it. Choosing the same version again shows the golden again.
     browser.value(&tab, &choose(&commits[1]));
     browser.wait(&tab, "karat.loaded().parts[1].golden.values[0] === 8");
     assert_eq!(browser.value(&tab, "karat.loaded().parts.length"), 2);
@@ -309,17 +315,17 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     browser.wait(&tab, "karat.state.part === 0");
     assert_eq!(browser.value(&tab, sides), json!([9, red(0.01)]));
 
-    // Only what git has listed is a version.
+    // Only commits that git has listed are versions.
     for (place, status, text) in [
-        ("data/0-HEAD.js", 200, "it is no version of this golden"),
-        ("data/0---output=x.js", 200, "it is no version of this golden"),
+        ("data/0-HEAD.js", 200, "this isn't a version of the golden"),
+        ("data/0---output=x.js", 200, "this isn't a version of the golden"),
         ("data/9-0.js", 404, ""),
     ] {
         let answer = server.get(place);
         assert!(answer.status == status && answer.text.contains(text), "{answer:?}");
     }
 
-    // A golden that nothing is pending for is compared with what it was.
+    // A golden without a pending frame is compared with its older versions.
     std::fs::remove_file(project.pending("tiny")).expect("there");
     let (_server, mut browser, tab) = open(&project, &["--all-goldens"]);
     browser.value(&tab, &choose(&commits[0]));
@@ -330,7 +336,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     let label = browser.text(&tab, "#overlay");
     assert_eq!(label, format!("Golden now − golden of {}", commits[0]));
 
-    // From files, too.
+    // This also works for a page from files.
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--all-goldens", "--static"]).arg(&report).output();
     assert!(ran.expect("it was built").status.success());
@@ -340,14 +346,13 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     browser.wait(&tab, "karat.state.part === 1");
     assert_eq!(browser.value(&tab, sides), json!([8, 9]));
     assert!(report.join(format!("data/0-{}.js", commits[0])).is_file());
-    // What an older page left is gone.
+    // The files of an older page are removed.
     std::fs::remove_dir_all(project.folder().join(".git")).expect("there");
     let ran = project.karat(&["review", "--all-goldens", "--static"]).arg(&report).output();
     assert!(ran.expect("it was built").status.success());
     assert!(!report.join(format!("data/0-{}.js", commits[0])).exists());
 }
 
-/// A report has the older versions that fit.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_leave_a_report_small() {
@@ -383,10 +388,10 @@ fn older_versions_leave_a_report_small() {
     let tab = browser.open(&format!("file://{}/index.html", report.display()));
     browser.settle(&tab);
     browser.value(&tab, "document.getElementById('versions').scrollIntoView()");
-    browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out of this report, which stays small')");
+    browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out to keep this report small')");
 }
 
-/// Facts that the test declares are named where everybody looks.
+/// The header names changed properties that the test declares.
 #[test]
 fn declared_facts_that_changed_are_in_the_header() {
     let project = Project::new();
@@ -405,7 +410,7 @@ fn functions_that_fail_are_on_the_list() {
     let project = Project::with_tiny();
     put_record(&project, &[function_record()]);
     let (_server, mut browser, tab) = open(&project, &[]);
-    assert_eq!(browser.text(&tab, "#cases .folder"), "functions that fail");
+    assert_eq!(browser.text(&tab, "#cases .folder"), "failing functions");
     browser.press(&tab, "j");
     assert_eq!(browser.text(&tab, "#name"), "lobe::ggx agrees_with");
     assert!(browser.text(&tab, "#cases .function .severity").starts_with("40"));
@@ -427,7 +432,7 @@ fn functions_that_fail_are_on_the_list() {
     assert_eq!(browser.text(&tab, "#name"), "tiny");
     assert_eq!(browser.value(&tab, "document.getElementById('function').hidden"), true);
 
-    // From files, too.
+    // This also works for a page from files.
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
     assert!(ran.status.success(), "{ran:?}");
@@ -451,7 +456,7 @@ fn goldens_are_looked_at_without_anything_pending() {
     let names = "[...document.querySelectorAll('#cases .name')].map(name => name.innerText)";
     assert_eq!(browser.value(&tab, names), json!(["tiny", "rooms/dark"]));
     assert_eq!(browser.text(&tab, "#cases .folder"), "accepted goldens");
-    assert_eq!(browser.text(&tab, "#count"), "nothing is left to review");
+    assert_eq!(browser.text(&tab, "#count"), "nothing to review");
     let value = browser.value(&tab, "karat.loaded().parts[0].golden.values[1]");
     assert_eq!(value, f64::from(0.02_f32));
     assert_eq!(browser.text(&tab, "#overlay"), "Golden");
@@ -463,7 +468,7 @@ fn goldens_are_looked_at_without_anything_pending() {
     browser.wait(&tab, "document.querySelectorAll('#sheet canvas.thumb').length === 2");
 }
 
-/// A report is mailed and kept: a frame of 480 by 270 takes less than 1 MB, even if all of it is noise.
+/// People mail and keep reports: a frame of 480 by 270 pixels takes less than 1 MB, even if it is all noise.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn a_frame_takes_less_than_a_megabyte() {
@@ -471,14 +476,14 @@ fn a_frame_takes_less_than_a_megabyte() {
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
     assert!(ran.status.success(), "{ran:?}");
-    // In the order of names: diffuse has noise all over, and is a picture of 480 by 270.
+    // Frames are sorted by name. `diffuse` is an image of 480 by 270 pixels with noise everywhere.
     let length = |index: usize| {
         std::fs::metadata(report.join(format!("data/{index}.js"))).expect("written").len()
     };
     let lengths: Vec<u64> = (0..4).map(length).collect();
     println!("bytes: {lengths:?}");
     assert!(lengths.iter().all(|length| *length < 1_000_000), "{lengths:?}");
-    // And the browser has every bit of it.
+    // The browser gets every bit of the data.
     let mut browser = Browser::start();
     let tab = browser.open(&format!("file://{}/index.html", report.display()));
     browser.settle(&tab);

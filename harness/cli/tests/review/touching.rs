@@ -1,14 +1,14 @@
-//! Narrow windows and fingers.
+//! Narrow windows and touch screens.
 
 use serde_json::json;
 
 use crate::browser::Browser;
 use crate::project::Project;
 
-/// What is shown, fits, and is large enough for a finger.
+/// All visible controls fit on the screen, and are large enough for a finger.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
-fn a_narrow_touch_screen_has_all_of_it() {
+fn the_page_fits_narrow_touch_screens_with_large_buttons() {
     let project = Project::with_frames();
     let server = project.serve();
     let mut browser = Browser::start();
@@ -38,10 +38,10 @@ fn a_narrow_touch_screen_has_all_of_it() {
     }
 }
 
-/// On a telephone the toolbar is one line, whose views are scrolled, and the rest of it unfolds.
+/// On a telephone, the toolbar is one line with scrolling views. The other controls unfold.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
-fn a_telephone_has_its_screen_for_the_image() {
+fn the_toolbar_is_one_line_on_a_telephone() {
     let project = Project::with_frames();
     let server = project.serve();
     let mut browser = Browser::start();
@@ -60,7 +60,7 @@ fn a_telephone_has_its_screen_for_the_image() {
         browser.value(&tab, &format!("document.getElementById('{id}').checkVisibility()"))
     };
     assert_eq!(shown(&mut browser, "exposure"), false);
-    // The view that is looked at is in sight, whatever chose it.
+    // The toolbar scrolls to the current view, even if a key selected it.
     browser.press(&tab, "6");
     let inside = "(() => { const [view, row] = ['#view-map', '#tools .views'].map(of => document.querySelector(of).getBoundingClientRect()); return view.left >= row.left && view.right <= row.right + 1; })()";
     browser.wait(&tab, inside);
@@ -92,7 +92,7 @@ fn fingers_drag_and_pinch() {
         serde_json::from_value(browser.value(&tab, look)).expect("numbers")
     };
     let [x, y, scale, ..] = read(&mut browser)[..] else { panic!("five numbers") };
-    // Apart by twice as much: twice as large, and what is between the fingers stays.
+    // The fingers move to twice their distance. The image doubles its size, and the point between the fingers stays.
     browser.fingers(&tab, "touchStart", &[(x - 40.0, y)]);
     browser.fingers(&tab, "touchStart", &[(x - 40.0, y), (x + 40.0, y)]);
     browser.fingers(&tab, "touchMove", &[(x - 60.0, y), (x + 60.0, y)]);

@@ -1,16 +1,16 @@
-//! Clients that keep silent, announce what never comes, or are many: nobody waits for them.
+//! Clients that are silent, announce data that never arrives, or are many. The server waits for none of them.
 
 use std::net::Shutdown;
 use std::time::Duration;
 
 use crate::project::{Answer, Project, Server, decision, tiny};
 
-/// Hash of the frame that [`Project::put_tiny`] leaves pending.
+/// Returns the hash of the frame that [`Project::put_tiny`] makes pending.
 fn pixels(project: &Project) -> String {
     karat::Image::read_exr(&project.pending("tiny")).expect("pending").0.hash()
 }
 
-/// A POST of our own page whose body is said to have this length, and doesn't come.
+/// Returns a POST of the page that announces a body of this length, without the body.
 fn announced(server: &Server, length: &str) -> String {
     let (path, host) = (server.path(), server.host());
     format!(
@@ -22,7 +22,7 @@ fn announced(server: &Server, length: &str) -> String {
 #[test]
 fn a_client_that_never_sends_its_body_blocks_no_other() {
     let project = Project::with_tiny();
-    // 22 MB as the page gets it.
+    // The page gets 22 MB for this frame.
     let large = karat::Image::new(1024, 1024, vec![[0.1, 0.2, 0.3, 1.0]; 1 << 20]);
     project.put_pending("large", &large, |facts| facts["precision"] = "float".into());
     let server = project.serve();
@@ -32,7 +32,7 @@ fn a_client_that_never_sends_its_body_blocks_no_other() {
     assert_eq!(Answer::of(&mut refused).status, 403, "it is told without its body");
     let _silent = ["", "G", "GET / HTTP/1.1\r\nHost: ", stranger, &announced(&server, "200")]
         .map(|begun| server.send(begun));
-    // Takes nothing of its answer, which is larger than what the system keeps.
+    // The client doesn't read its response, which is larger than the buffers of the system.
     let (path, host) = (server.path(), server.host());
     let data = format!("GET {path}data/0.js HTTP/1.1\r\nHost: {host}\r\n\r\n");
     let _greedy = [(); 3].map(|()| server.send(&data));
@@ -43,9 +43,9 @@ fn a_client_that_never_sends_its_body_blocks_no_other() {
     assert_eq!((code, text.as_str()), (Some(1), "2 frames left pending\n"));
 }
 
-/// More than the server keeps open, and than it could have threads for.
+/// These are more connections than the server keeps open, and more than it could have threads for.
 #[test]
-fn silent_clients_make_room_for_one_that_speaks() {
+fn silent_connections_are_closed_for_new_requests() {
     let project = Project::with_tiny();
     let server = project.serve();
     let mut slow = server.send(&format!("GET {}", server.path()));
@@ -59,7 +59,7 @@ fn silent_clients_make_room_for_one_that_speaks() {
 }
 
 #[test]
-fn a_length_is_not_believed() {
+fn a_wrong_content_length_is_refused() {
     let project = Project::with_tiny();
     let server = project.serve();
     let huge = ["65537", "1000000000000000", "18446744073709551615", "99999999999999999999999"];
@@ -71,12 +71,12 @@ fn a_length_is_not_believed() {
     }
     let chunked = announced(&server, "2\r\nTransfer-Encoding: chunked");
     assert_eq!(Answer::of(&mut server.send(&chunked)).status, 413);
-    // Of strangers nothing is read at all.
+    // The server reads no body of a stranger.
     for length in huge {
         let head = format!("POST / HTTP/1.1\r\nHost: x\r\nContent-Length: {length}\r\n\r\n");
         assert_eq!(Answer::of(&mut server.send(&head)).status, 403, "{length}");
     }
-    // One that ends before its time.
+    // This body ends too early.
     let mut stream = server.send(&announced(&server, "200"));
     stream.shutdown(Shutdown::Write).expect("open");
     assert_eq!(Answer::of(&mut stream).status, 400);
@@ -103,12 +103,12 @@ fn malformed_requests_have_an_error_status() {
     }
     let head = Answer::of(&mut server.send("HEAD / HTTP/1.1\r\nHost: x\r\n\r\n"));
     assert!(head.status == 403 && head.text.ends_with("\r\n\r\n"), "without a body: {head:?}");
-    // A megabyte that nobody reads doesn't cost its sender the answer.
+    // The server doesn't read this megabyte, but the sender still gets the response.
     assert_eq!(server.raw("POST / HTTP/1.1\r\nHost: x", &"x".repeat(1 << 20)).status, 403);
     assert_eq!(server.get("").status, 200);
 }
 
-/// One of many decisions on a frame is carried out; the others are told.
+/// Of many decisions on one frame, one is carried out. The others get the reason.
 #[test]
 fn decisions_at_once_are_one_after_the_other() {
     let project = Project::with_tiny();
@@ -138,11 +138,12 @@ fn decisions_at_once_are_one_after_the_other() {
     assert_eq!(server.interrupt().0, Some(0));
 }
 
-/// The end waits for a decision, though for no client: golden and facts are never half written.
+/// The server completes a decision before it ends, but doesn't wait for clients. Golden and provenance are always
+/// written completely.
 #[test]
 fn a_decision_is_completed_before_the_end() {
     let project = Project::with_tiny();
-    // The lock under which one acceptance at a time is carried out in a folder.
+    // This lock allows one acceptance at a time in a folder.
     let folder = project.folder().join("golden").canonicalize().expect("a folder");
     let hash = blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex();
     let lock = std::env::temp_dir().join(format!("karat-{}.lock", &hash[..16]));
@@ -151,7 +152,7 @@ fn a_decision_is_completed_before_the_end() {
     let mut server = project.serve();
     let body = decision("tiny", &pixels(&project)).to_string();
     let _deciding = server.send(&format!("{}{body}", announced(&server, &body.len().to_string())));
-    // It is answered on a thread, which has come to the lock by then, however busy the machine.
+    // The thread of the decision has reached the lock by now, even on a busy machine.
     std::thread::sleep(Duration::from_secs(2));
     server.signal();
     std::thread::sleep(Duration::from_millis(500));

@@ -36,7 +36,7 @@ pub enum At<'f> {
 
 /// An error with a cause.
 pub trait Blamed {
-    /// The cause.
+    /// The cause of the error.
     fn blame(&self) -> Blame<'_>;
 }
 

@@ -36,7 +36,6 @@ impl<D, T> Composed<D, T> {
     }
 }
 
-/// The scalars of the value that consists of these members.
 fn lanes_of(shapes: &[Shape]) -> Vec<Scalar> {
     shapes.iter().flat_map(Shape::lanes).collect()
 }

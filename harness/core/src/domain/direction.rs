@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_stay_in_the_cube() {
+    fn drawn_colours_are_between_zero_and_one() {
         for index in 0..10_000 {
             let c = UnitRgb.draw(&mut Source::new(4, index)).expect("never rejects");
             assert!(c.cmpge(Vec3::ZERO).all() && c.cmple(Vec3::ONE).all());

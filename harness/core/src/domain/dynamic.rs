@@ -496,7 +496,6 @@ pub struct Dynamic {
 
 type Holds = dyn Fn(&[u32]) -> bool + Send + Sync;
 
-/// Keeps the rows that satisfy a condition.
 struct Filter {
     statement: String,
     holds: Box<Holds>,
@@ -922,7 +921,7 @@ mod tests {
     use crate::domain::Numbering;
 
     #[test]
-    fn parts_stand_side_by_side() {
+    fn a_row_has_the_values_of_each_parameter_in_order() {
         let float = ("x".to_owned(), Shape::Scalar(Scalar::F32));
         let vector = ("n".to_owned(), Shape::Vector { size: 3, scalar: Scalar::F32 });
         let parts = vec![

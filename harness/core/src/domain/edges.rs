@@ -126,7 +126,6 @@ fn distinct<T: PartialEq>(values: Vec<T>) -> Vec<T> {
     found
 }
 
-/// Implements [`Domain`] for the edges of one type.
 macro_rules! edges {
     ($($type:ty, |$v:ident| $complexity:expr, $same:expr;)*) => {$(
         impl Domain for Edges<$type> {
@@ -266,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn any_float_has_every_size() {
+    fn floats_of_each_magnitude_are_drawn() {
         let draws: Vec<f32> =
             (0..20_000).filter_map(|i| AnyF32::finite().draw(&mut Source::new(1, i))).collect();
         assert!(draws.len() == 20_000 && draws.iter().all(|value| value.is_finite()));

@@ -16,7 +16,6 @@ const PARALLEL: f64 = 1e-6;
 #[derive(Debug)]
 pub(super) struct Perpendicular {
     pub(super) lanes: Range<usize>,
-    /// The first lane of each other vector.
     pub(super) to: Vec<usize>,
 }
 
@@ -165,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_filter_keeps_the_rows_of_its_statement() {
+    fn a_filter_keeps_only_rows_that_satisfy_its_condition() {
         let float = |name: &str| (name.to_owned(), Shape::Scalar(Scalar::F32));
         let part = || vec![Part::range(Scalar::F32, 0.0..=1.0).expect("floats")];
         let ordered = |row: &[u32]| f32::from_bits(row[0]) <= f32::from_bits(row[1]);

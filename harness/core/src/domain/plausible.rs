@@ -197,7 +197,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_size_is_drawn_and_half_are_small() {
+    fn plausible_numbers_have_each_magnitude_and_half_are_small() {
         let floats = Plausible::floats();
         let draw = |case| floats.draw(&mut Source::new(3, case)).expect("a number");
         let drawn: Vec<f32> = (0..4000).map(draw).collect();

@@ -245,7 +245,6 @@ macro_rules! product {
     )*};
 }
 
-/// A domain of tuples with tied components.
 trait Tied<'a>: Domain {
     type Parts;
     /// The tuple from its parts. Simpler tuples simplify both components of a tie together, so that the tie holds, or
@@ -306,7 +305,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_edge_comes_at_least_once() {
+    fn each_edge_occurs_in_some_combination() {
         let few: Vec<_> = combinations([2, 3]).collect();
         assert_eq!(few, [[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2]]);
         let many: Vec<_> = combinations([60, 8, 8]).collect();

@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn draws_are_those_of_the_plain_form() {
+    fn draws_of_a_range_equal_those_of_the_reference_code() {
         for range in [0.0..=1.0, -1.0..=1.0, -0.0..=0.0, 3.0..=3.5, -1e30..=1e-3, 1e-45..=2e-38] {
             for case in 0..20_000 {
                 let (mut one, mut other) = (Source::new(5, case), Source::new(5, case));

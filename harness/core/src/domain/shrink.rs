@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn tuples_filters_and_maps_simplify_what_they_are_made_of() {
+    fn tuples_filters_and_maps_shrink_their_components() {
         let domain = (UnitVector, 0.0..=1.0_f32, Just(7_u32));
         assert_eq!(from_any(&domain, |(_, x, _)| *x > 0.45), (Vec3::Z, 1.0, 7));
         let domain = (0.0..=1.0_f32, 0.0..=1.0_f32).filter(|(a, b)| a < b);
@@ -389,7 +389,7 @@ mod tests {
 
     /// A case has the same value if it is sampled again.
     #[test]
-    fn a_case_is_the_same_when_it_can_be_shrunk() {
+    fn a_shrinkable_case_has_the_value_of_the_plain_case() {
         let domain = (UnitVector, 0.0..=1.0_f32)
             .filter(|(n, x)| n.z > *x)
             .map(|(n, x)| (n * x, OneOf(vec![1, 2]).nth(0)));

@@ -222,7 +222,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lengths_are_the_radius_and_all_directions_come() {
+    fn points_of_a_sphere_have_its_radius_and_all_directions() {
         let draw = |domain: &Sphere<Vec4>, index| domain.draw(&mut Source::new(9, index));
         let (shell, ball) =
             (Sphere::<Vec4>::of_radius(2.0), Sphere::<Vec4>::of_radius(2.0).filled());
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn simpler_ones_are_of_the_domain_and_end() {
+    fn shrinking_a_point_of_a_sphere_ends_within_the_domain() {
         for domain in [Sphere::<Vec2>::unit(), Sphere::<Vec2>::of_radius(3.5).filled()] {
             let mut at = domain.draw(&mut Source::new(1, 77)).expect("a draw");
             let mut steps = 0;

@@ -55,7 +55,7 @@ pub trait Stream: Send + Sync {
     /// decide.
     fn admits(&self, row: &[u32]) -> Option<bool>;
 
-    /// Two rows such that each lane of every value lies between theirs. `None` if there are none.
+    /// Two rows that bound all values: each lane of a value lies between the rows' lanes. `None` if there are none.
     fn ends(&self) -> Option<[Vec<u32>; 2]> {
         None
     }
@@ -123,7 +123,6 @@ pub struct Numbering {
     pub seed: u64,
     #[doc(hidden)]
     pub count: u64,
-    /// The number of cases that are edges.
     edges: usize,
     /// `true` if case i is value i of the domain.
     enumerated: bool,
@@ -180,7 +179,6 @@ pub struct Typed<D: Domain> {
     hold: fn(D::Value) -> Held,
 }
 
-/// Functions that convert values from and to words.
 #[derive(Debug)]
 struct Words<V> {
     shapes: fn() -> Vec<Shape>,
@@ -295,7 +293,6 @@ impl<D: Domain> Stream for Typed<D> {
 pub(super) mod tests {
     use super::*;
 
-    /// The cases of a domain, with their types.
     pub(in crate::domain) struct Cases<'a, D: Domain> {
         typed: Typed<&'a D>,
         numbering: Numbering,
@@ -385,7 +382,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn rows_are_the_lanes_of_the_same_values() {
+    fn rows_hold_the_words_of_the_drawn_values() {
         let domain = (-1.0..=1.0_f32, super::super::Integers(0..=9_u32));
         let typed = Typed::arguments(&domain);
         let numbering = Numbering::of(&typed, 3, 100, 10);

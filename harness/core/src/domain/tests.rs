@@ -61,7 +61,7 @@ fn grids_hit_both_ends_exactly() {
 
 /// Values are converted, bit for bit, to another type of the same shape.
 #[test]
-fn a_domain_is_cast() {
+fn a_cast_domain_has_the_same_edges() {
     let (own, cast) = (UnitVector.edges(), UnitVector.cast::<glam::Vec3>().edges());
     assert!(!own.is_empty());
     assert_eq!(own, cast);

@@ -29,7 +29,6 @@ pub(super) struct Tie {
     /// The stream from which `from` was sampled. A mapped domain can't check if it has a value. So it samples an equal
     /// value from this stream.
     start: Source,
-    /// The random numbers for a nearby value.
     place: Source,
 }
 
@@ -247,7 +246,7 @@ mod tests {
 
     // Lesson 64
     #[test]
-    fn like_directions_meet_off_the_axes() {
+    fn two_drawn_directions_are_sometimes_equal_or_opposite() {
         let cases = all(&(UnitVector, UnitVector));
         let count = |holds: &dyn Fn(Vec3, Vec3) -> bool| {
             cases.iter().filter(|(v, l)| off_axes(*v) && holds(*v, *l)).count()
@@ -266,7 +265,7 @@ mod tests {
     /// There are three directions, one from a narrower domain. In some cases two are equal, and in some all three.
     // Lesson 64
     #[test]
-    fn three_components_meet_within_their_domains() {
+    fn three_drawn_directions_are_sometimes_equal() {
         let upper = || UnitVector.filter(|v| v.z > 0.0);
         let cases = all(&(UnitVector, upper(), Hemisphere));
         assert!(cases.iter().all(|(_, b, c)| b.z > 0.0 && c.z >= 0.0));
@@ -281,7 +280,7 @@ mod tests {
 
     // Lesson 64
     #[test]
-    fn numbers_of_one_range_meet() {
+    fn two_numbers_of_overlapping_ranges_are_sometimes_equal() {
         let cases = all(&(0.0..=1.0_f32, 0.5..=2.0_f32, Integers(-9..=9_i32), Integers(0..=9_i32)));
         let inside = |(a, b, _, d): &(f32, f32, i32, i32)| {
             (0.0..=1.0).contains(a) && (0.5..=2.0).contains(b) && (0..=9).contains(d)

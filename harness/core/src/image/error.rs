@@ -34,37 +34,37 @@ pub enum ImageError {
     /// There is no such file.
     #[error("there is no image `{path}`")]
     Missing {
-        /// The file.
+        /// The path of the file.
         path: String,
     },
     /// The file can't be read.
     #[error("can't read `{path}`: {cause}")]
     Read {
-        /// The file.
+        /// The path of the file.
         path: String,
-        /// The reason.
+        /// The reason for the failure.
         cause: std::io::Error,
     },
     /// The file is a Git LFS pointer.
     #[error("`{path}` is a Git LFS pointer, not an image; run `git lfs pull`")]
     LfsPointer {
-        /// The file.
+        /// The path of the file.
         path: String,
     },
     /// The file is damaged, is larger than the limits allow, or uses features that Karat doesn't support.
     #[error("`{path}` isn't a readable {format} image: {reason}")]
     Corrupt {
-        /// The file.
+        /// The path of the file.
         path: String,
         /// The format in which Karat tried to read it.
         format: ImageFormat,
-        /// The problem.
+        /// The problem with the file.
         reason: String,
     },
     /// The file is neither OpenEXR nor PNG.
     #[error("`{path}` is neither an OpenEXR nor a PNG image: it is {found}")]
     Unknown {
-        /// The file.
+        /// The path of the file.
         path: String,
         /// The format that the file's first bytes suggest.
         found: &'static str,
@@ -72,17 +72,17 @@ pub enum ImageError {
     /// A part of an image can't have this name.
     #[error("`{name}` can't name a part of an image: {reason}")]
     PartName {
-        /// The name.
+        /// The name of the part.
         name: String,
-        /// The reason.
+        /// The reason for the failure.
         reason: &'static str,
     },
     /// The file can't be written.
     #[error("can't write `{path}`: {cause}")]
     Write {
-        /// The file.
+        /// The path of the file.
         path: String,
-        /// The reason.
+        /// The reason for the failure.
         cause: std::io::Error,
     },
 }

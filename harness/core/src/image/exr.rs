@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn files_give_back_what_was_written_and_are_the_same_each_time() {
+    fn exr_files_round_trip_and_are_reproducible() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("a.exr");
         // The metadata contain a reviewer's reason, which may be any text.

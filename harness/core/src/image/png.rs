@@ -12,7 +12,6 @@ use crate::diagnostic::shown;
 /// Middle grey: previews show the key of an image with this value.
 const MIDDLE_GREY: f32 = 0.18;
 
-/// The meaning of a PNG's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Samples {
     /// Light, encoded for screens.
@@ -133,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn no_exposure_turns_light_into_darkness() {
+    fn the_largest_exposure_keeps_bright_pixels_white() {
         let values = [0.0, -1.0, 1e-30, 1.0, 1e30, f32::MAX];
         assert_eq!(reds(&values, 1000.0), [0, 0, 255, 255, 255, 255]);
         assert_eq!(reds(&values, -1000.0), [0; 6]);

@@ -74,9 +74,9 @@ pub enum FlipFailure {
     Exposures {
         /// The brighter of the golden's and the frame's value.
         light: f32,
-        /// Column.
+        /// The column of the pixel.
         x: u32,
-        /// Row.
+        /// The row of the pixel.
         y: u32,
     },
     /// The exposures or the pixels per degree are invalid.

@@ -77,9 +77,9 @@ pub struct Outliers {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorstPixel {
-    /// Column.
+    /// The column of the pixel.
     pub x: u32,
-    /// Row.
+    /// The row of the pixel.
     pub y: u32,
     /// 0 red, 1 green, 2 blue, 3 alpha.
     pub channel: usize,

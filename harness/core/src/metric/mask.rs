@@ -21,9 +21,9 @@ pub const MASK: &str = "mask";
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rect {
-    /// First column.
+    /// The first column.
     pub left: u32,
-    /// First row.
+    /// The first row.
     pub top: u32,
     /// The number of columns.
     pub width: u32,
@@ -269,9 +269,9 @@ pub enum MaskError {
     /// The mask has a NaN or an infinity.
     #[error("the mask isn't a finite number at ({x}, {y})")]
     NonFinite {
-        /// Column.
+        /// The column of the pixel.
         x: usize,
-        /// Row.
+        /// The row of the pixel.
         y: usize,
     },
     /// The mask excludes all pixels.

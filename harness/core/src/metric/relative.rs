@@ -49,7 +49,7 @@ mod tests {
     use crate::image::Image;
 
     #[test]
-    fn the_key_is_that_of_the_image() {
+    fn the_fast_key_is_close_to_the_key_of_the_image() {
         for scale in [1e-30, 1.0, 1e30] {
             let pixels = (0..1003).map(|i| [scale * (i % 17) as f32; 4]).collect();
             let image = Image::new(1003, 1, pixels);

@@ -215,7 +215,7 @@ mod tests {
     /// Wherever a spot of 8 x 8 pixels is, some tile contains at least nine sixteenths of it.
     // Lesson 20
     #[test]
-    fn a_spot_counts_wherever_it_lies() {
+    fn some_tile_contains_most_of_a_spot_at_any_place() {
         let image = crate::image::Image::new(50, 40, vec![[0.5; 4]; 2000]);
         let pair = Pair::new(&image, &image).expect("finite");
         let (whole, largest) = (64.0 / 256.0, |left: u32, top: u32| {
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_ends_at_the_next_step() {
+    fn the_end_of_the_scale_is_rounded_up_to_a_step() {
         for (largest, full) in [
             (0.0, 1.0),
             (1e-9, 0.001),

@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crowd_is_shared_out_evenly() {
+    fn each_cell_holds_nearly_the_same_number_of_samples() {
         let samples = pilot(Support::Hemisphere, 16_384);
         let cells = Cells::new(Support::Hemisphere, &samples, 16, 32);
         assert_eq!(cells.len(), 512);
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_tile_their_cell_and_cells_their_support() {
+    fn cells_cover_their_support_without_gaps() {
         for support in [Support::Sphere, Support::Disk, Support::Interval(-1.0, 3.0)] {
             let cells = Cells::new(support, &pilot(support, 2000), 8, 16);
             let area = |r: Rectangle| (r.high[0] - r.low[0]) * (r.high[1] - r.low[1]);

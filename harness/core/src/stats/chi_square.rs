@@ -81,7 +81,7 @@ mod tests {
 
     /// Mendel counted 315, 108, 101 and 32 of 556 peas. His theory expects 9 : 3 : 3 : 1.
     #[test]
-    fn peas_are_as_mendel_says() {
+    fn the_chi_square_test_of_the_peas_of_mendel_has_the_known_p_value() {
         let expected = [9.0, 3.0, 3.0, 1.0].map(|share| 556.0 * share / 16.0);
         let test = ChiSquare::of(&[315, 108, 101, 32], &expected).expect("four cells");
         assert_eq!((test.dof, test.pooled), (3, 0));

@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn measures_are_those_of_the_supports() {
+    fn the_integral_of_one_is_the_measure_of_the_support() {
         for (support, measure) in [
             (Support::Sphere, 2.0 * TAU),
             (Support::Hemisphere, TAU),
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_is_followed() {
+    fn an_integral_over_a_discontinuity_converges() {
         let (sum, nodes) =
             total(Support::Disk, 1e-6, |[x, ..]| f64::from(u8::from(x > 0.3))).expect("ends");
         let exact = 0.3_f64.acos() - 0.3 * 0.91_f64.sqrt();

@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_die_is_compared_at_its_steps() {
+    fn a_fair_die_passes_and_a_loaded_die_fails() {
         let throws = |fair: bool| -> Vec<f64> {
             (0..6000).map(|i| f64::from(if fair { i % 6 } else { (i % 7) % 6 })).collect()
         };

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_have_the_moments_of_the_whole() {
+    fn merged_moments_equal_those_of_all_values() {
         let values: Vec<f64> = (0..1000).map(|i| 1e6 + f64::from(i % 37)).collect();
         let whole = moments(values.iter().copied());
         let parts = values.chunks(77).map(|part| moments(part.iter().copied()));
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn constants_are_right_or_wrong() {
+    fn a_constant_sample_has_p_value_one_or_zero() {
         let ones = moments([1.0; 500]);
         assert_eq!(Mean::of(&ones, 1.0, 0.0).map(|test| test.p), Ok(1.0));
         assert_eq!(Mean::of(&ones, 1.001, 0.0).map(|test| test.p), Ok(0.0));

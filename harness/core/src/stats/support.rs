@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn coordinates_come_back() {
+    fn locating_a_point_returns_its_coordinates() {
         for support in [Support::Sphere, Support::Hemisphere, Support::Disk] {
             let [(a0, a1), (b0, b1)] = support.extent();
             for (s, t) in [(0.01, 0.0), (1e-9, 0.3), (0.5, 0.999), (0.99, 0.6)] {

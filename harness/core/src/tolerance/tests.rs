@@ -76,7 +76,7 @@ fn the_last_component_has_its_own_bound() {
 }
 
 #[test]
-fn display_reads_as_written() {
+fn a_tolerance_is_displayed_as_it_is_written() {
     let tolerance = Ulp(4.0).or(Abs(1e-6)).near_zero(0.01);
     assert_eq!(tolerance.to_string(), "4 ulp (absolute below 0.01) or abs 1e-6");
     assert_eq!(significant(0.000_123_4), "1.23e-4");

@@ -88,7 +88,6 @@ impl Chain {
         matches!(self, Self::Product(_))
     }
 
-    /// The chain of a value that is one of two values.
     pub(super) fn join(self, ends: Ends, other: Self, others: Ends) -> Self {
         match self.is_sum() || other.is_sum() {
             true => Self::Sum(self.sum(ends).join(other.sum(others))),
@@ -286,7 +285,6 @@ impl Sum {
     }
 }
 
-/// The interval of an `f32` between these ends.
 fn outwards(ends: Option<Ends>) -> Interval {
     ends.map_or(Interval::UNBOUNDED, |(lo, hi)| Interval::outwards(lo, hi))
 }
@@ -325,7 +323,6 @@ pub(super) struct Product {
     dividend: f32,
     divisors: u16,
     dividends: u16,
-    /// The largest number of divisions in any order.
     divisions: u16,
     /// The number of factors that may cause rounding errors: those that aren't powers of two.
     rounding: u16,

@@ -75,7 +75,6 @@ impl Interval {
     }
 }
 
-/// The distance between neighbouring `f16` near a number.
 fn ulp(x: f64) -> f64 {
     power(exponent(x).max(LEAST_NORMAL) - 10)
 }

@@ -390,7 +390,6 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Shows a named value to observers after it was computed.
     fn mark(
         &mut self,
         scope: &Scope<'m>,
@@ -414,7 +413,6 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// The number of returns in a block, including nested blocks.
 fn returns(block: &Block) -> usize {
     stacker::maybe_grow(STACK.0, STACK.1, || {
         block

@@ -52,7 +52,6 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Notes the origin of the operations that follow.
     pub(super) fn enter_expression(&mut self, scope: &Scope<'m>, handle: Handle<Expression>) {
         self.span = scope.expressions.get_span(handle);
         let name =

@@ -259,7 +259,6 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// Checks if the engine knows how a storage format rounds.
 fn is_storable(format: naga::StorageFormat) -> bool {
     crate::texture::stored(format, [0; 4]).is_some()
 }

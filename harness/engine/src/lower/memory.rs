@@ -8,7 +8,6 @@ use super::{Lower, Lowered, Scope, Value};
 use crate::code::{Count, Op, Reg, Step, Walk};
 use crate::scalar::{Counts, File, Scalar, stride_bytes};
 
-/// The target of a pointer.
 #[derive(Clone, Debug)]
 pub(crate) struct Place {
     root: Root,
@@ -245,7 +244,6 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// The scalars of a type in a buffer, with their offsets in bytes.
     fn leaves(&self, inner: &TypeInner, offset: u32) -> Lowered<Vec<(Scalar, u32)>> {
         self.counts(inner)?;
         let mut leaves = Vec::new();

@@ -20,7 +20,6 @@ pub(super) struct Computed {
 }
 
 impl<'m> Lower<'m> {
-    /// Notes how a register is computed, if its result may wrap.
     pub(super) fn note_computed(&mut self, rule: Integer, out: Reg, ins: &[Reg]) {
         use Integer as I;
         let ins = match (rule, ins) {

@@ -10,7 +10,6 @@ use crate::code::{Instruction, Op};
 /// The number of rounds after which the clock is read again.
 const ROUNDS: u64 = 1024;
 
-/// Borrows the registers without the masks.
 macro_rules! files {
     ($machine:expr) => {
         Files { floats: &mut $machine.floats, ints: &mut $machine.ints, bools: &mut $machine.bools }

@@ -6,7 +6,6 @@ use crate::code::{Detail, ImageKind, ImageOp};
 use crate::races::{Accessed, Place};
 use crate::texture::{self, Dimension, Level, Many, Mean, Sampler, TOGETHER, Texture};
 
-/// The registers of an operation on a texture, by their roles.
 struct Operands<'a> {
     outs: &'a [u32],
     floats: &'a [u32],

@@ -17,7 +17,6 @@ struct Frame<A: Rules> {
     kind: Kind,
     saved: Box<[A::Bool]>,
     left: Box<[A::Bool]>,
-    /// The lanes that left a loop by `break`.
     broken: Box<[A::Bool]>,
 }
 
@@ -25,7 +24,6 @@ struct Frame<A: Rules> {
 pub(crate) struct Masks<A: Rules> {
     current: Box<[A::Bool]>,
     frames: Vec<Frame<A>>,
-    /// Unused frames, which are kept for reuse.
     spare: Vec<Frame<A>>,
     any: bool,
     all: bool,

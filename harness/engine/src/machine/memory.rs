@@ -66,7 +66,6 @@ impl<'a, A: Rules> Buffer<'a, A> {
     }
 }
 
-/// The memory that the lanes of a chunk share.
 #[derive(Clone, Debug)]
 pub(crate) struct Memory<'a, A: Rules> {
     pub(crate) buffers: Vec<Buffer<'a, A>>,

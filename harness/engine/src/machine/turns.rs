@@ -15,7 +15,6 @@ use crate::options::Elsewhere;
 /// a word sets the count to 0.
 const PATIENCE: u32 = 3;
 
-/// An atomic store that hasn't taken effect yet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Late {
     pub(crate) number: u32,
@@ -147,7 +146,6 @@ impl<A: Rules> Machine<'_, A> {
         (self.code.sites[site as usize].span, lane)
     }
 
-    /// The accesses of the machine's next turn, at an atomic.
     pub(crate) fn next_step(&self, memory: &Memory<'_, A>, group: u32) -> Step {
         let (instruction, registers) = self.here();
         let Some(walk) = self.code.walk_of(instruction.op) else { return Step::default() };

@@ -89,9 +89,7 @@ struct Frame<A: Rules> {
     continued: Box<[bool]>,
     /// For the lanes that fork, their variables at the entry.
     start: State<A>,
-    /// The worlds that wait for the end of the construct.
     waiting: State<A>,
-    /// The worlds that wait for the end of a loop's body.
     round: State<A>,
     has_else: bool,
 }

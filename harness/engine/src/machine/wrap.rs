@@ -47,7 +47,6 @@ impl<A: Rules> Machine<'_, A> {
     }
 }
 
-/// The value of the terms, computed without wrapping.
 fn whole(terms: &[Term], mut leaves: impl Iterator<Item = i128>, stack: &mut Vec<i128>) -> i128 {
     stack.clear();
     for term in terms {

@@ -231,7 +231,6 @@ from_int_rules! {
     }
 }
 
-/// Rules from a float and an integer to a float.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Scale {
     /// `x 2^i`.

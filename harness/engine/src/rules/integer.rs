@@ -251,7 +251,6 @@ fn product(x: Range, y: Range, signed: bool) -> Range {
 }
 
 impl Integer {
-    /// Checks if the rule divides by its second argument.
     pub(crate) fn divides(self) -> bool {
         matches!(self, Self::DivideI | Self::DivideU | Self::RemainderI | Self::RemainderU)
     }

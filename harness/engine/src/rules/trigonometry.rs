@@ -135,7 +135,7 @@ mod tests {
 
     /// Tests each exponent and sign, and all floats near multiples of pi / 2.
     #[test]
-    fn waves_are_those_of_double_precision() {
+    fn sine_and_cosine_agree_with_double_precision() {
         let near = (1..100_000_u32).flat_map(|k| {
             let x = (f64::from(k) * std::f64::consts::FRAC_PI_2) as f32;
             [x.next_down(), x, x.next_up()]

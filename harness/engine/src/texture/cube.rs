@@ -61,7 +61,6 @@ struct Edge {
     reversed: bool,
 }
 
-/// The left, right, upper and lower edge of each face.
 static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
     let edge = |face: usize, edge: usize| {
         // The second texel along each edge of a face with 4 x 4 texels.
@@ -128,7 +127,7 @@ mod tests {
 
     /// A step equals a finite difference.
     #[test]
-    fn steps_are_those_of_the_face() {
+    fn a_step_on_a_cube_face_equals_a_finite_difference() {
         let directions = [[0.3, -0.2, 1.5], [0.3, -0.2, -1.5], [2.0, 0.4, 0.1], [-2.0, 0.4, 0.1]];
         let others = [[0.2, 0.7, -0.1], [0.2, -0.7, -0.1]];
         for at in directions.into_iter().chain(others) {
@@ -144,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_are_those_of_the_geometry() {
+    fn texels_beyond_a_cube_edge_are_found_as_by_geometry() {
         for size in 1..8 {
             let last = i64::from(size) - 1;
             for face in 0..6 {

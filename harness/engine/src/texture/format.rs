@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn channels_are_rounded_and_others_are_0_0_0_1() {
+    fn stored_channels_are_rounded_and_missing_ones_have_defaults() {
         let floats = [0.3, -2.0, f32::NAN, 7.0].map(f32::to_bits);
         let read = |format| stored(format, floats).map(|texel| texel.map(f32::from_bits));
         assert_eq!(read(F::R8Unorm), Some([77.0 / 255.0, 0.0, 0.0, 1.0]));

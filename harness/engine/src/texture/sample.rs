@@ -11,7 +11,6 @@ pub(crate) enum Level {
     Gradient([f64; 3], [f64; 3]),
 }
 
-/// The number of samples that are computed together.
 pub(crate) const TOGETHER: usize = 64;
 
 /// One number for each of [`TOGETHER`] samples.
@@ -46,7 +45,6 @@ impl Texture {
         }
     }
 
-    /// The binary logarithm of the longer gradient, in texels.
     fn detail(&self, level: Level) -> f64 {
         match level {
             Level::Exact(level) => level,
@@ -348,11 +346,9 @@ impl Texture {
 #[derive(Clone, Copy)]
 struct Plane<'a> {
     texels: &'a [[f32; 4]],
-    /// The size without the frame.
     size: [f64; 2],
     /// The width of the frame in texels: 0 or 1.
     frame: f64,
-    /// The number of texels in a row, including the frame.
     row: u32,
 }
 
@@ -475,7 +471,7 @@ mod tests {
     /// Computing four texels together gives the same result as computing them one by one, also at the edges and corners
     /// of cubes.
     #[test]
-    fn four_together_are_four_apart() {
+    fn sampling_four_texels_together_equals_sampling_each() {
         let mut state = 1u32;
         let mut random = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -40,7 +40,7 @@ fn of<'a>(
 
 // Lesson 28: lines, branches and results that no test compares
 #[test]
-fn lanes_are_counted_on_every_way() {
+fn cases_are_counted_on_each_branch() {
     let text = "fn side(x: f32) -> f32 { if (x > 0.0) { return 2.0 * x; } return -x; }\n\
                 fn f(x: f32) -> f32 {\n    var y = side(x);\n    if (x > 10.0 && y < 50.0) {\n        y += 1.0;\n    } else {\n        y -= 1.0;\n    }\n    \
                 switch (i32(x)) { case 1, 2: { y *= 3.0; } case 3: { y *= 4.0; } default: { y *= 5.0; } }\n    \

@@ -205,7 +205,7 @@ fn generated(state: &mut u64, invocations: usize, atomics: usize) -> Vec<Vec<Ato
 /// The explorer finds each result that any order has, and no other results, and runs fewer orders than there are.
 // Lesson 216: each outcome is found
 #[test]
-fn all_outcomes_of_all_orders_are_met() {
+fn the_explorer_finds_exactly_the_outcomes_of_all_orders() {
     let mut state = 0x6578_706c;
     for (invocations, atomics, count) in [(2, 2, 60), (2, 3, 40), (2, 4, 20), (3, 2, 30), (3, 3, 4)]
     {

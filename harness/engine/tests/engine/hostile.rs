@@ -105,7 +105,7 @@ fn huge_arrays_are_refused() {
 }
 
 #[test]
-fn calls_that_multiply_are_refused() {
+fn exponentially_many_calls_are_refused() {
     let mut source = "fn g0(x: f32) -> f32 { return x * x + 1.0; }\n".to_owned();
     for k in 1..64 {
         let before = k - 1;

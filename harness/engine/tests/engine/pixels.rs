@@ -52,7 +52,7 @@ fn a_draw_runs_each_of_its_pixels() {
 
 /// A discarded pixel continues, so that its neighbours have derivatives. It has no other effect.
 #[test]
-fn a_pixel_that_is_discarded_helps_and_writes_nothing() {
+fn a_discarded_pixel_gives_derivatives_and_writes_nothing() {
     let body = "if at(p) % 2u == 0u { discard; }\n\
                 x = x * x; d[at(p)] = dpdx(x); atomicAdd(&count, 1u);\n\
                 loop { if atomicCompareExchangeWeak(&count, 1000u, 0u).exchanged || at(p) % 2u == 1u { break; } }";
@@ -77,7 +77,7 @@ fn a_pixel_that_is_discarded_helps_and_writes_nothing() {
 
 /// Pixels may race. Helpers don't race, and their indices aren't checked.
 #[test]
-fn helpers_are_in_no_race() {
+fn helper_invocations_cannot_race() {
     for (guard, expected) in [("", Some(([0, 0], [1, 0]))), ("if at(p) != 3u { discard; }", None)] {
         let body = format!("{guard} d[7] = x; d[at(p) * 1000u * u32(p.x > 10.0)] = d[9];");
         let program = lowered(&body);

@@ -190,7 +190,7 @@ fn written_elements_are_listed() {
 
 /// Booleans and 16-bit floats may be different elements in the same word.
 #[test]
-fn small_elements_are_apart() {
+fn writes_to_different_elements_of_one_word_are_no_race() {
     let text = |body: &str| {
         format!(
             "enable f16;\nvar<workgroup> flags: array<bool, 64>;\nvar<workgroup> halves: array<f16, 64>;\n\
@@ -480,7 +480,7 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
 
 /// Two workgroups may load the same value from an atomic, if one of them stalls after its load.
 #[test]
-fn a_workgroup_that_stalls_acts_upon_what_is_old() {
+fn a_stalled_workgroup_uses_an_old_value() {
     let source = |body: &str| {
         format!(
             "@group(0) @binding(0) var<storage, read_write> d: array<u32>;\n\

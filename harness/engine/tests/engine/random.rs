@@ -293,7 +293,7 @@ fn walked(block: &[Statement], x: u32, bits: u32) -> u32 {
 }
 
 #[test]
-fn random_programs_agree_with_a_walk_over_their_tree() {
+fn random_programs_agree_with_a_tree_interpreter() {
     let mut random = Random(7);
     for _ in 0..300 {
         let mut open = 0;

@@ -15,7 +15,7 @@ fn is_same(a: &str, b: &str) -> bool {
 }
 
 #[test]
-fn identities_hold_for_every_number() {
+fn equivalent_expressions_are_equal_for_each_number() {
     for (a, b) in [
         ("return x * 2.0;", "return x + x;"),
         ("return 2.0 * x;", "return x + x;"),

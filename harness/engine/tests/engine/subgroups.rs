@@ -42,7 +42,7 @@ fn x(i: u32) -> u32 {
 type Lane = (u32, u32, u32);
 
 #[test]
-fn lanes_see_each_other() {
+fn subgroup_operations_exchange_values_between_lanes() {
     let all = |(first, size, _): Lane| (first..first + size).map(x);
     let f = |i: u32| x(i) as f32 - 5.0;
     let floats = |(first, size, _): Lane| (first..first + size).map(f);

@@ -300,7 +300,7 @@ fn storage_textures_are_written_as_their_format_rounds() {
 }
 
 #[test]
-fn a_texture_of_another_kind_is_no_texture() {
+fn a_texture_with_another_type_of_texels_is_an_error() {
     let source = "
         @group(0) @binding(0) var t: texture_2d<i32>;
         fn f(x: i32) -> vec4i { return textureLoad(t, vec2i(x, 0), 0); }";
@@ -331,7 +331,7 @@ fn bounds(source: &str, texture: Texture) -> Vec<(f32, f32)> {
 /// Even if all texels are equal, a filter adds texels with rounded weights.
 // Lesson 169
 #[test]
-fn a_filter_of_equal_texels_is_near_to_them() {
+fn bounds_of_filtered_equal_texels_are_wider_than_the_texel() {
     let source = "
         @group(0) @binding(0) var t: texture_cube<f32>;
         @group(0) @binding(1) var s: sampler;

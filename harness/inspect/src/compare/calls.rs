@@ -1,4 +1,4 @@
-//! Compares the results of a function on both sides of an edit, over the same inputs.
+//! Compares a function's results before and after an edit, over the same inputs.
 
 use std::borrow::Cow;
 
@@ -16,10 +16,9 @@ use crate::limits::{CHANGED_WORK, COMPARED_WORK, LAST_VERTEX, LEAST_EQUAL, OTHER
 use crate::made_up::{Arguments, Content, Drawn, Mix, Ranges, Resources};
 use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
-/// The seed: each run has the same arguments.
+/// The seed of the arguments, the same in each run.
 const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
 
-/// The inputs that a comparison ran over.
 #[derive(Default)]
 pub(super) struct Ran {
     pub(super) drawn: Drawn,
@@ -27,14 +26,14 @@ pub(super) struct Ran {
     pub(super) reached: Both,
 }
 
-/// Both sides of an edit, on one path and over one content of their resources.
+/// Both versions of a function, on one path and over one content of their resources.
 struct Pair<'p> {
     old: Caller<'p>,
     new: Caller<'p>,
     shared: &'p Shared,
 }
 
-/// The results of both sides, one row a call.
+/// The results of both versions, one row for each call.
 struct Results {
     was: Vec<u32>,
     is: Vec<u32>,
@@ -65,18 +64,18 @@ impl<'p> Pair<'p> {
 }
 
 impl Results {
-    /// The words of one call.
+    /// The results of one call, before and after the edit.
     fn of(&self, case: usize) -> (&[u32], &[u32]) {
         let [was, is] = self.widths;
         (&self.was[case * was..][..was], &self.is[case * is..][..is])
     }
 }
 
-/// How clearly a case shows a change, and the distance between its results.
+/// The clarity with which a case shows a change, and the distance between its two results.
 type Evidence = (Clarity, bool, Distance);
 
 impl Request {
-    /// Runs both sides on each path, over each content of buffers.
+    /// Runs both versions on each path, over each content of their buffers.
     pub(super) fn run_both(
         &self,
         before: &Probed,
@@ -84,7 +83,8 @@ impl Request {
         (ran, mut shared): (&mut Ran, Shared),
     ) -> Result<Change, String> {
         let mut ranges = self.ranges()?;
-        // A shader may look up its corners: 3 vertices are as valid as 36, and both sides get the same.
+        // A shader may index an array with the vertex number. Both versions get the same small vertex numbers, which
+        // are always valid.
         for (path, builtin) in &after.function.form.builtins {
             if matches!(&**builtin, "vertex_index" | "instance_index") && ranges.get(path).is_none()
             {
@@ -100,19 +100,19 @@ impl Request {
         let (mut drawn, mut anywhere) = (arguments.drawn(), any.drawn());
         let (count, rows) = arguments.rows_beside(&any, SEED, self.cases);
         if count == 0 {
-            return Err("no arguments can be made up for it".to_owned());
+            return Err("Karat can't generate arguments for it".to_owned());
         }
         let own = Arguments::of(&before.function, &ranges)?;
         let (own_count, of_own) = own.rows(SEED, 2 * contents().count());
         let mut paths: Vec<PathChange> = Vec::new();
         let (mut cases, mut left_out) = (0, 0);
-        // The second content without names has negative numbers.
+        // The second content that ignores names has negative numbers.
         let usual = Content::OF_FUNCTIONS.map(|content| (content, &ranges));
         let of_nameless = Content::NAMELESS.into_iter().zip([&nameless, &below]);
         for (content, ranges) in usual.into_iter().chain(of_nameless) {
             let (all, rows) = arguments.part(&rows, count, content.draw);
             if own_count > 0 && !shared.is_same() {
-                // The values behind the edges; the first edges are 0.
+                // The first values are edges, and the very first are 0. Take values after the edges.
                 let at = own_count - 1 - content.draw % own_count;
                 shared.fill(&of_own[at * own.width()..][..own.width()]);
             }
@@ -133,11 +133,11 @@ impl Request {
                 let pair = Pair::new(*path, [before, after], &held, (&shared, count));
                 let pair = pair.map_err(|error| error.to_string())?;
                 let found = match changed(&pair, &arguments, (&rows, count, allowed)) {
-                    // The function still ended before the edit.
+                    // Before the edit, the function still ended.
                     Err(ProbeError::Rounds { .. })
                         if pair.old.results(&shared.rows(&rows, count), count).is_ok() =>
                     {
-                        return Err("after the edit a loop of it goes round too often to compare it, or doesn't end".to_owned());
+                        return Err("after the edit, one of its loops has too many rounds to compare, or doesn't end".to_owned());
                     }
                     other => other,
                 };
@@ -169,7 +169,7 @@ impl Request {
         if paths.is_empty() && each < LEAST_EQUAL && left_out > 0 {
             let inputs = counted(each, "input");
             return Err(format!(
-                "not looked at whole: {inputs} of {} give the same results, and more is too much work",
+                "not compared completely: {inputs} of {} give the same results, and more inputs are too much work",
                 each + left_out
             ));
         }
@@ -181,12 +181,12 @@ impl Request {
     }
 }
 
-/// The contents of buffers and textures: the usual ones, and those that ignore names.
+/// The contents of buffers and textures: those that follow from names, and those that ignore names.
 fn contents() -> impl Iterator<Item = Content> {
     Content::OF_FUNCTIONS.into_iter().chain(Content::NAMELESS)
 }
 
-/// The resources of both sides of an edit.
+/// The resources of both versions.
 struct Made {
     held: [Fixtures; 2],
     members: Vec<(String, String)>,
@@ -195,7 +195,8 @@ struct Made {
 }
 
 impl Made {
-    /// Generates the resources of each side. A resource that only one side reads is generated for that side.
+    /// Generates the resources of both versions. A resource that only one version reads is generated only for that
+    /// version.
     fn of(
         [before, after]: [&Probed; 2],
         ranges: &Ranges,
@@ -214,7 +215,7 @@ impl Made {
     }
 }
 
-/// The members of buffers that affect a change in a row: with another value the results differ.
+/// The members of buffers that affect a change: with another value of the member, the results of this row differ.
 fn matter(
     sides: [&Probed; 2],
     ranges: &Ranges,
@@ -236,7 +237,7 @@ fn matter(
     members.iter().filter(|member| matters(member)).cloned().collect()
 }
 
-/// The difference of the results on a path, and a row that shows it; `None` if they are equal.
+/// The difference between the results on a path, with a case that shows it; `None` if all results are equal.
 fn changed(
     pair: &Pair<'_>,
     drawn: &Arguments,
@@ -257,7 +258,7 @@ fn changed(
         let far = all().filter_map(|(scalar, was, is)| distance(scalar, was, is)).max()?;
         Some((clear, drawn.domain.admits(row) != Some(false), far))
     };
-    // The first of equally clear ones: edges come first, and are simplest.
+    // Among equally clear cases, the first one is the simplest, because edges come first.
     let row_of = |case: usize| &rows[case * width..][..width];
     let evidence = |case| Some((shows(row_of(case), results.of(case))?, std::cmp::Reverse(case)));
     let Some((best, std::cmp::Reverse(first))) = (0..count).filter_map(evidence).max() else {
@@ -318,8 +319,8 @@ fn changed(
     Ok(Some((change, row)))
 }
 
-/// For each lane of a row, `true` if it affects the results: they differ with the word of another row. If the work
-/// budget allows no other row, each lane counts.
+/// Checks for each lane of a row if it affects the results: with the lane of another row, the results must differ. If
+/// there is no work left for another row, each lane counts.
 fn lanes_that_matter(
     pair: &Pair<'_>,
     (rows, count, allowed): (&[u32], usize, usize),

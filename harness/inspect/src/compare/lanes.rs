@@ -1,5 +1,5 @@
-//! Matches the lanes of a function before and after an edit. An attribute identifies an entry point's input or output,
-//! whatever its name and structure are.
+//! Matches the lanes of a function's inputs and outputs before and after an edit. For an entry point, attributes match
+//! lanes; names and structures don't matter.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -8,24 +8,24 @@ use karat::unstable::probe::Probed;
 use karat::unstable::reflect::Function;
 use karat_core::value::{Scalar, Shape};
 
-/// The lanes that both sides of an edit have.
+/// The lanes that a function has before and after an edit.
 #[derive(Debug)]
 pub(super) struct Shared {
-    /// For each argument lane before the edit, the lane after it.
+    /// For each argument lane before the edit, the index of the matching lane after the edit.
     arguments: Vec<Option<usize>>,
-    /// The lanes before and after the edit that hold the same value.
+    /// The indices of each matched result lane, before and after the edit.
     pub(super) results: Vec<(usize, usize)>,
-    /// `true` if both sides have the same lanes in the same order.
+    /// `true` if the lanes and their order didn't change.
     is_same: bool,
-    /// The words of arguments that only the function before the edit has.
+    /// The values of the argument lanes that exist only before the edit.
     pub(super) own: Vec<u32>,
 }
 
-/// Lanes by their attribute, or else their name, and the component.
+/// Lanes by attribute and component, or by name and component without an attribute.
 type Keyed = Vec<(String, Scalar)>;
 
 impl Shared {
-    /// The matched lanes of two functions; `None` if their inputs or outputs differ and no attribute identifies them.
+    /// Matches the lanes of two functions; `None` if their inputs or outputs differ and have no attributes.
     pub(super) fn of(
         before: &Probed,
         after: &Probed,
@@ -72,7 +72,7 @@ impl Shared {
             old.iter().map(|one| new.iter().position(|other| other == one)).collect();
         let [given, gives] = results;
         let (given, gives) = (keyed(0, given), keyed(1, gives));
-        // Resources that both sides write have no attribute; they are matched by name.
+        // Resources that both versions write have no attribute, so names match them.
         let named = |all: &Keyed| {
             all.iter().filter(|(key, _)| !key.contains('@')).cloned().collect::<Vec<_>>()
         };
@@ -85,8 +85,8 @@ impl Shared {
         (!results.is_empty()).then_some(Self { arguments, results, is_same: false, own })
     }
 
-    /// The matched lanes of two functions that no host calls, by the positions of parameters and the names of members:
-    /// a structure's members may change their order, or their names.
+    /// Matches the lanes of two functions that no host calls, by the parameters' positions and the members' names. An
+    /// edit may reorder or rename the members of a structure.
     fn of_names(was: &Function, is: &Function) -> Option<Self> {
         let arguments = |function: &Function| -> Keyed {
             let of = |(at, (_, shape)): (usize, &(String, Shape))| {
@@ -113,12 +113,12 @@ impl Shared {
         Some(Self { arguments, results, is_same: false, own })
     }
 
-    /// Fills the lanes that only the function before the edit has, from one of its own rows.
+    /// Sets the lanes that exist only before the edit.
     pub(super) fn fill(&mut self, row: &[u32]) {
         self.own.copy_from_slice(row);
     }
 
-    /// The rows before the edit for the rows after it.
+    /// Converts the argument rows of the edited function to rows of the original function.
     pub(super) fn rows<'r>(&self, rows: &'r [u32], count: usize) -> Cow<'r, [u32]> {
         if self.is_same {
             return Cow::Borrowed(rows);
@@ -131,13 +131,13 @@ impl Shared {
         Cow::Owned((0..count).flat_map(|at| of(&rows[at * width..][..width])).collect())
     }
 
-    /// Returns `true` if results are shown whole, because both sides have the same lanes.
+    /// Checks if both versions have the same lanes, so that results can be shown as whole values.
     pub(super) fn is_same(&self) -> bool {
         self.is_same
     }
 }
 
-/// Returns `true` if the type of an attribute that both sides have differs.
+/// Checks if an attribute has another type after the edit.
 fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     let of = |all: &Keyed| -> BTreeMap<String, Keyed> {
         let mut types = BTreeMap::<_, Keyed>::new();
@@ -151,7 +151,7 @@ fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     of(one).iter().any(|(attribute, lanes)| others.get(attribute).is_some_and(|of| of != lanes))
 }
 
-/// The lanes of the arguments: `in.uv.x`. In a quad, each begins with the name of one of its three parts.
+/// The names of the argument lanes, such as `in.uv.x`. In a quad, each value has three parts: the value, `dx` and `dy`.
 fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
     let of = |(name, shape): &(String, Shape)| {
         let parts: Vec<(&str, &Shape)> = match shape.quad() {
@@ -167,7 +167,7 @@ fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
     function.parameters.iter().flat_map(of).collect()
 }
 
-/// The lanes of the result: `result.color.x`.
+/// The names of the result's lanes: `result.color.x`.
 fn result_lanes(function: &Function) -> Vec<(String, Scalar)> {
     let shape = &function.result;
     let named = shape.lane_names().into_iter().zip(shape.lanes());
@@ -182,10 +182,9 @@ fn result_lanes(function: &Function) -> Vec<(String, Scalar)> {
     named.map(|(lane, scalar)| (full(lane), scalar)).collect()
 }
 
-/// The name of an unnamed result.
 const RESULT: &str = "result";
 
-/// Replaces the path before an attribute with the attribute: `in.uv.x` becomes `@location(0).x`.
+/// Replaces the path of a lane by its attribute: `in.uv.x` becomes `@location(0).x`.
 fn key(path: &str, attributes: &[(String, String)]) -> String {
     let (part, path) = path.split_once(' ').map_or(("", path), |(part, path)| (part, path));
     let found = attributes.iter().find_map(|(known, attribute)| {

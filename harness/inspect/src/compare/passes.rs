@@ -1,4 +1,4 @@
-//! Compares a compute pass before and after an edit: the words that it leaves in each resource, and its violations.
+//! Compares a compute pass before and after an edit: the values that it writes into each resource, and its violations.
 
 use karat::check::HazardKind as Kind;
 use karat::fixture::Fixtures;
@@ -18,7 +18,7 @@ use crate::made_up::Content;
 use crate::passes::{self, Usual};
 
 impl Request {
-    /// Dispatches a pass before and after the edit over generated resources.
+    /// Dispatches a pass before and after the edit, over generated resources.
     pub(super) fn compare_passes(&self, name: &str) -> Compared {
         let mut compared = Compared::of(name, Change::Same { cases: 0 });
         match self.run_passes(name, &mut compared) {
@@ -50,7 +50,7 @@ impl Request {
         compared.dispatched = Some(usual);
         let mut runs: Vec<(Content, [u32; 3])> =
             Content::OF_PASSES.map(|content| (content, usual)).to_vec();
-        // In a pass of one workgroup, the workgroup may get its number from an atomic.
+        // If the pass has only one workgroup, an atomic may number the workgroups, so Karat also runs several.
         if sides.iter().all(|side| side.workgroups() == [1; 3]) {
             runs.push((Content::OF_PASSES[0], [SEVERAL_WORKGROUPS * usual[0], usual[1], usual[2]]));
         }
@@ -60,12 +60,12 @@ impl Request {
         let mut covered = Both::default();
         let mut unwatched = None;
         for (content, invocations) in runs {
-            // The pass may not be made for several workgroups: they only count if nothing else shows the edit.
+            // The pass may be written for one workgroup. So several workgroups run only if no other run shows the edit.
             let is_more = invocations != usual;
             if is_more && !(paths.is_empty() && brought.sure.is_empty()) {
                 break;
             }
-            // Names are ignored if the indices and counts aren't likely ones, either.
+            // If the content has no likely indices and counts, it doesn't use the ranges of names, either.
             let ranges = if content.is_likely { &ranges } else { &nameless };
             let made = |package: &Package, given: &Fixtures| {
                 passes::arbitrary(package, name, Some(invocations), ranges, (content, None, given))
@@ -85,7 +85,7 @@ impl Request {
                 break;
             }
             match (&seen_old.endless, &seen_new.endless) {
-                (None, Some(_)) => return Err("after the edit a loop of it goes round too often to compare it, or doesn't end".to_owned()),
+                (None, Some(_)) => return Err("after the edit, one of its loops has too many rounds to compare, or doesn't end".to_owned()),
                 (Some(_), _) => {
                     compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                     continue;
@@ -93,7 +93,7 @@ impl Request {
                 (None, None) => {}
             }
             if seen_new.too_long && !seen_old.too_long {
-                return Err("after the edit its loops go round too often to be compared".to_owned());
+                return Err("after the edit, its loops have too many rounds to compare".to_owned());
             }
             if seen_old.too_long {
                 compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
@@ -104,7 +104,7 @@ impl Request {
             if is_whole {
                 mended.add(content, [&seen_new, &seen_old], &renamed);
             }
-            // Drivers return tickets in their own order.
+            // Each driver numbers the workgroups in its own order, so they run only in the engine.
             let paths_of = self.paths.iter().filter(|path| !is_more || **path == Path::CPU);
             for path in paths_of {
                 let run = |passes: &Passes| {
@@ -121,8 +121,8 @@ impl Request {
                     None => paths.push(change),
                 }
             }
-            // A driver has its own order: an effect of the edit that depends on it may not show in the engine's order.
-            // A violation that the edit adds says more.
+            // An effect of the edit may depend on the order of invocations, and not appear in the engine's usual order.
+            // A violation that the edit adds is the better evidence.
             let is_silent = paths.is_empty() && brought.sure.is_empty();
             if is_silent && content.is_likely {
                 paths.extend(ordered((&old, &new), &renamed, &made.members)?);
@@ -135,10 +135,10 @@ impl Request {
             }
         }
         if words == 0 && compared.cut > 0 {
-            return Err("its loops are too long to be run".to_owned());
+            return Err("the loops of the pass are too long to run".to_owned());
         }
         if words == 0 {
-            return Err("it writes nothing that is seen afterwards".to_owned());
+            return Err("it writes nothing that remains after the pass".to_owned());
         }
         compared.violations = brought.told(!paths.is_empty());
         compared.mended = mended.told(!paths.is_empty() || !compared.violations.is_empty());
@@ -158,8 +158,8 @@ impl Request {
 }
 
 impl Request {
-    /// Violations between the pixels of a draw, for a fragment function that writes memory: those that an edit adds,
-    /// and those that it removes.
+    /// The violations between pixels, for a fragment function that writes memory: those that the edit adds, and those
+    /// that it removes.
     pub(super) fn brought_to_pixels(
         &self,
         name: &str,
@@ -189,18 +189,20 @@ impl Request {
     }
 }
 
-/// Returns `true` if the sanitizer saw both sides completely. If it saw only the side before the edit, the violations
-/// that the edit adds are unknown: keeps the reason, in case nothing else shows the edit.
+/// Checks if the sanitizer saw both versions completely. If it saw only the original, it may miss violations that the
+/// edit adds. Then this function keeps the reason, in case nothing else shows the edit.
 fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) -> bool {
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
     if was.is_empty() && !is.is_empty() {
-        unwatched.get_or_insert(format!("after the edit its invocations can't be watched: {is}"));
+        unwatched.get_or_insert(format!(
+            "after the edit, the sanitizer can't watch its invocations: {is}"
+        ));
     }
     was.is_empty() && is.is_empty()
 }
 
-/// The subject of a violation, with the names that resources have after the edit. Indices have no variable; their
-/// headline says whether they read or write.
+/// The variable of a violation, with its name after the edit. A violation of an index has no variable, so the headline
+/// replaces it.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
     let text = match one.kind.is_of_index() {
@@ -212,23 +214,25 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     (one.kind, renamed.iter().fold(text, new_name))
 }
 
-/// Violations of only one side of an edit: the first of each kind for each variable.
+/// The violations of only one version: the first of each kind for each variable.
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
-    /// Indices outside over arbitrary sizes and numbers: a guard was removed.
+    /// Indices outside of arrays with arbitrary sizes and numbers. They show that the edit removed a guard.
     of_indices: Vec<Violation>,
 }
 
 impl Brought {
-    /// Adds violations over a content that only the second side has. `renamed` are the resources that the edit renamed.
+    /// Adds the violations over one content that only the second version has. `renamed` has the resources that the edit
+    /// renamed.
     fn add(&mut self, content: Content, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
         let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
             if old.violations.iter().any(|(known, _)| subject(known) == subject(one)) {
                 continue;
             }
-            // If sizes are independent of each other, an index may be outside on only one side.
+            // If the sizes of resources are independent, an index may be outside of an array in only one version by
+            // chance.
             let is_sure = content.is_sized || !one.kind.is_of_index();
             if content.is_likely && is_sure {
                 add_kind(&mut self.sure, one);
@@ -239,7 +243,7 @@ impl Brought {
         }
     }
 
-    /// The violations. Includes indices over arbitrary sizes if nothing else shows the edit.
+    /// The violations to report. They include indices over arbitrary sizes only if nothing else shows the edit.
     fn told(self, is_changed: bool) -> Vec<Violation> {
         if self.sure.is_empty() && !is_changed { self.of_indices } else { self.sure }
     }
@@ -251,7 +255,7 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
-/// The change in an order of invocations that didn't affect the results before the edit.
+/// The change in an order of invocations that gave the usual results before the edit.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
@@ -263,7 +267,7 @@ fn ordered(
     let usual = left(old, None)?;
     for run in Runner::new(new).few(ORDERS) {
         let Some(order) = run.order else { continue };
-        // If the pass already depended on the order before, or didn't end in it, that isn't an effect of the edit.
+        // If the original already depended on this order, or didn't end in it, the edit isn't the cause.
         let was = left(old, Some(&order)).ok().filter(|was| *was == usual);
         let (Some(was), Some(is)) = (was, run.left) else { continue };
         let path = format!("{}, in another order", Path::CPU);
@@ -275,16 +279,16 @@ fn ordered(
     Ok(None)
 }
 
-/// The reason why a resource has lanes: a dispatch returns the words of each resource that a pass writes.
+/// The reason for an `expect`: each resource that a pass writes has lanes.
 const WRITTEN: &str = "a pass writes the resource";
 
-/// The differences between the words that passes leave.
+/// The differences between the values that two passes write.
 #[derive(Default)]
 struct Difference {
     words: usize,
     changed: usize,
     largest: Largest,
-    /// The element of each resource that shows its change best, and how clearly.
+    /// The element of each resource that shows its change most clearly.
     firsts: Vec<(Clarity, WordChange)>,
 }
 
@@ -302,7 +306,7 @@ impl Difference {
             let lanes = new.lanes(*number, words).expect(WRITTEN);
             let short = name.rsplit("::").next().unwrap_or(name);
             let known = renamed.iter().find(|(_, is)| is == name).map_or(name, |(was, _)| was);
-            // A resource that wasn't written keeps its content.
+            // A resource that a pass doesn't write keeps its contents.
             let (old_shape, before) = match old.written(known) {
                 Ok((part, shape)) => {
                     let words = was.iter().find(|(known, _)| *known == part.number);
@@ -311,11 +315,13 @@ impl Difference {
                 Err(_) => match old.content(known) {
                     Ok((_, shape, lanes)) => (shape, Some(lanes)),
                     Err(_) => {
-                        return Err(format!("it writes `{short}`, which it didn't use before"));
+                        return Err(format!(
+                            "the pass writes `{short}`, which it didn't use before the edit"
+                        ));
                     }
                 },
             };
-            // A structure that contains only an array counts as the array.
+            // A structure with only an array counts as the array.
             let (is, was) = (shape.lanes(), old_shape.lanes());
             if is.len() != was.len() {
                 return Err(format!("`{short}` has {} words, and had {}", is.len(), was.len()));
@@ -355,13 +361,13 @@ impl Difference {
             let known = renamed.iter().find(|(was, _)| was == name).map_or(name, |(_, is)| is);
             if new.written(known).is_err() {
                 let short = name.rsplit("::").next().unwrap_or(name);
-                return Err(format!("it wrote `{short}`, and doesn't any more"));
+                return Err(format!("the pass no longer writes `{short}`"));
             }
         }
         Ok(all)
     }
 
-    /// The change on a path, with the members of uniforms; `None` if nothing changed.
+    /// The change on a path, with the members of uniforms; `None` if no value changed.
     fn change(self, path: String, members: &[(String, String)]) -> Option<PathChange> {
         let (clarity, first) = self.firsts.first()?.clone();
         let Largest { ulp, relative } = self.largest;
@@ -398,7 +404,7 @@ mod tests {
             if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
         }";
 
-    /// On its own each pixel does what it did before; side by side, pixels use one place.
+    /// Each single pixel has the same results as before. The violation is between pixels that write the same element.
     #[test]
     fn a_new_race_between_pixels_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -410,8 +416,7 @@ mod tests {
             }";
         let package = |text: &str| Package::from_source("collect", text.to_owned());
         let compared = |before: &str, after: &str| {
-            let mut all =
-                Request::new(package(before), package(after)).run().expect("both are valid");
+            let mut all = Request::new(package(before), package(after)).run().expect("compared");
             all.pop().expect("the fragment function")
         };
         for first in ["", "if at.x < fwidth(at.x) { discard; }"] {
@@ -422,11 +427,14 @@ mod tests {
             assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
             let [race, ..] = &one.violations[..] else { panic!("{one:?}") };
             assert_eq!((race.variable.as_str(), race.kind), ("list", Kind::Race));
-            assert!(compared(&edited, &text).violations.is_empty(), "an edit may mend it");
+            assert!(
+                compared(&edited, &text).violations.is_empty(),
+                "an edit that fixes the race brings no violation"
+            );
         }
     }
 
-    /// The numbers of elements repeat in only one content. They are positions in a list.
+    /// The numbers in the buffer are positions in a list. Only one of the generated contents repeats a number.
     #[test]
     fn a_violation_with_one_content_is_reported() {
         let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
@@ -447,17 +455,20 @@ mod tests {
             let edited = text.replace("list[k] = k", "list[place[k]] = k");
             let of = |before: &str, after: &str| {
                 let [before, after] = [before, after].map(|text| Package::from_source("m", text));
-                let mut all = Request::new(before, after).run().expect("both are valid");
+                let mut all = Request::new(before, after).run().expect("compared");
                 all.pop().expect("one entry point").violations
             };
             let brought = of(text, &edited);
             let [race] = &brought[..] else { panic!("{brought:?}") };
             assert_eq!((race.variable.as_str(), race.kind), ("list", Kind::Race));
-            assert!(of(&edited, text).is_empty(), "an edit may mend it");
+            assert!(
+                of(&edited, text).is_empty(),
+                "an edit that fixes the race brings no violation"
+            );
         }
     }
 
-    /// Words that only one side writes aren't a change of words.
+    /// If only one version writes a resource, its values don't count as changed.
     #[test]
     fn a_resource_that_only_one_side_writes_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
@@ -468,25 +479,28 @@ mod tests {
             }";
         let reason = |before: &str, after: &str| {
             let [before, after] = [before, after].map(|text| Package::from_source("p", text));
-            let all = Request::new(before, after).run().expect("both are valid");
+            let all = Request::new(before, after).run().expect("compared");
             let Change::Unjudged { reason } = &all[0].change else { panic!("{all:?}") };
             reason.clone()
         };
         let without = text.replace("b[g.x] = 1u;", "");
-        assert_eq!(reason(text, &without), "it wrote `b`, and doesn't any more");
-        assert_eq!(reason(&without, text), "it writes `b`, which it didn't use before");
+        assert_eq!(reason(text, &without), "the pass no longer writes `b`");
+        assert_eq!(
+            reason(&without, text),
+            "the pass writes `b`, which it didn't use before the edit"
+        );
         let reads = text.replace("var<storage, read_write> b", "var<storage, read> b");
         let reads = reads.replace("b[g.x] = 1u;", "").replace("= g.x;", "= g.x + 0u * b[0];");
-        assert_eq!(reason(text, &reads), "it wrote `b`, and doesn't any more");
+        assert_eq!(reason(text, &reads), "the pass no longer writes `b`");
     }
 
     fn compared(before: &str, after: &str) -> super::Compared {
         let [before, after] = [before, after].map(|text| Package::from_source("p", text));
-        let mut all = Request::new(before, after).run().expect("both are valid");
+        let mut all = Request::new(before, after).run().expect("compared");
         all.pop().expect("the pass")
     }
 
-    /// A resource that was renamed is the same one; a resource with another type isn't.
+    /// A renamed resource counts as the same resource. A resource with another type doesn't.
     #[test]
     fn resources_are_compared_by_their_names_and_types() {
         let text = "@group(0) @binding(0) var<storage, read> from_: array<u32>;
@@ -509,7 +523,7 @@ mod tests {
         );
     }
 
-    /// A loop that ended before the edit, and one that didn't.
+    /// A loop may end before the edit and not after it, or never end.
     #[test]
     fn a_loop_that_becomes_endless_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -523,9 +537,9 @@ mod tests {
             (
                 text,
                 &*endless,
-                "after the edit a loop of it goes round too often to compare it, or doesn't end",
+                "after the edit, one of its loops has too many rounds to compare, or doesn't end",
             ),
-            (&endless, text, "its loops are too long to be run"),
+            (&endless, text, "the loops of the pass are too long to run"),
         ] {
             let one = compared(before, after);
             let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
@@ -541,8 +555,8 @@ mod tests {
                 y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
             }";
 
-    /// An index over arbitrary numbers is reported only if nothing else is. A pass of one workgroup that races with
-    /// itself in several workgroups is made for one.
+    /// An index over arbitrary numbers is reported only if nothing else is. A pass that races only with several
+    /// workgroups is written for one workgroup.
     #[test]
     fn findings_with_arbitrary_numbers_come_last() {
         let text = GATHER;
@@ -562,43 +576,43 @@ mod tests {
             }";
         let edited = text.replace("= g.x;", "= g.x + 7u;").replace("1.0", "2.0");
         let [before, after] = [text, &edited].map(|text| Package::from_source("p", text));
-        let all = Request::new(before, after).run().expect("both are valid");
+        let all = Request::new(before, after).run().expect("compared");
         let Change::Changed { paths } = &all[0].change else { panic!("{all:?}") };
         let words: Vec<&str> = paths[0].words.iter().map(|one| &*one.before).collect();
         assert_eq!(words, ["a[0] = 0", "b[0].y = 1"], "{paths:?}");
         assert_eq!(paths[0].before, words[0]);
     }
 
-    /// If a host's numbers stay inside, an edit that drops a guard changes nothing else.
+    /// If all numbers of the host are valid indices, removing a guard changes no result.
     #[test]
     fn a_removed_guard_is_reported() {
         let text = GATHER;
         let brought = |before: &str, after: &str| {
             let [before, after] = [before, after].map(|text| Package::from_source("m", text));
-            let all = Request::new(before, after).run().expect("both are valid");
+            let all = Request::new(before, after).run().expect("compared");
             all[0].violations.iter().map(|one| one.headline.clone()).collect::<Vec<_>>()
         };
         let bare = text.replace("min(column[id.x], arrayLength(&x) - 1u)", "column[id.x]");
         let reads = brought(text, &bare);
         assert!(reads.len() == 1 && reads[0].contains("reads outside"), "{reads:?}");
         assert!(brought(&bare, text).is_empty());
-        // Another index outside doesn't hide it.
+        // Another index outside of an array doesn't hide the removed guard.
         let both = bare.replace("if id.x >= arrayLength(&y) { return; }", "");
         let writes = brought(&bare, &both);
         assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
-    /// Atomics don't race, and statements that run side by side count correctly without a barrier.
+    /// Atomics don't race. Statements that run in lockstep count correctly even without a barrier.
     #[test]
     fn a_result_that_becomes_dependent_on_order_is_a_change() {
         let change = |texts: [&str; 2]| {
             let [before, after] = texts.map(|text| Package::from_source("counts", text));
-            let all = Request::new(before, after).run().expect("both are valid");
+            let all = Request::new(before, after).run().expect("compared");
             let [one] = &all[..] else { panic!("{all:?}") };
             one.change.clone()
         };
         let barrier = "workgroupBarrier();";
-        let last = COUNTS.rfind(barrier).expect("it has two");
+        let last = COUNTS.rfind(barrier).expect("`COUNTS` has two barriers");
         let without = format!("{}{}", &COUNTS[..last], &COUNTS[last + barrier.len()..]);
         match change([COUNTS, &without]) {
             Change::Changed { paths } => assert_eq!(paths[0].path, "cpu, in another order"),
@@ -606,11 +620,11 @@ mod tests {
         }
         let alike = COUNTS.replace("% 16u", "& 15u");
         assert!(matches!(change([COUNTS, &alike]), Change::Same { .. }));
-        // If an edit removes the dependence on the order, the results don't count as changed.
+        // If the edit removes the dependence on the order, the results don't count as changed.
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 
-    /// A row or a mode that the host gives decides where a pass writes; their names don't say so.
+    /// The host's numbers `width` and `mode` determine where a pass writes, but their names don't show that.
     #[test]
     fn lines_that_no_invocation_reaches_are_listed() {
         let text = "struct P { width: u32, mode: u32 }
@@ -626,7 +640,7 @@ mod tests {
             }";
         let compared = |edited: &str| {
             let [before, after] = [text, edited].map(|text| Package::from_source("p", text));
-            let mut all = Request::new(before, after).run().expect("both are valid");
+            let mut all = Request::new(before, after).run().expect("compared");
             all.pop().expect("the pass")
         };
         let lines = |one: &super::Compared| {
@@ -637,7 +651,7 @@ mod tests {
         let mode = compared(&text.replace("= 3.0;", "= 4.0;"));
         assert!(matches!(mode.change, Change::Same { .. }), "{mode:?}");
         assert_eq!(lines(&mode), ["d[g.x] = 4.0;", "d[g.x] = 3.0;"], "{mode:?}");
-        // A removed line belongs to the edit.
+        // Removing a line is an edit of this line.
         assert_eq!(lines(&compared(&text.replace("d[g.x] = 3.0;", ""))), ["d[g.x] = 3.0;"]);
         let same = compared(&text.replace("2.0 * f32(row)", "f32(row) * 2.0").replace("a row", ""));
         assert!(matches!(same.change, Change::Same { .. }) && lines(&same).is_empty(), "{same:?}");
@@ -717,7 +731,8 @@ mod tests {
             if i == 0u && group < arrayLength(&starts) { starts[group] = group * 32u; }
         }";
 
-    /// Edits that only some rows show, or twice as many elements as invocations, or a colour below 0.
+    /// Each of these edits shows only in some rows, with twice as many elements as invocations, or for a colour
+    /// below 0.
     #[test]
     fn edits_that_few_inputs_reveal_are_reported() {
         for (text, from, to) in [
@@ -738,13 +753,14 @@ mod tests {
             assert!(text.contains(from), "{from}");
             let edited = text.replace(from, to);
             let [before, after] = [text, &edited].map(|text| Package::from_source("m", text));
-            let all = Request::new(before, after).run().expect("both are valid");
-            let pass = all.iter().find(|one| one.dispatched.is_some()).expect("it has a pass");
+            let all = Request::new(before, after).run().expect("compared");
+            let pass =
+                all.iter().find(|one| one.dispatched.is_some()).expect("the package has a pass");
             assert!(matches!(pass.change, Change::Changed { .. }), "{to}: {pass:?}");
         }
     }
 
-    /// One workgroup for each row: each row of the texture has a workgroup.
+    /// The dispatch has one workgroup for each row of the texture.
     #[test]
     fn the_last_row_of_a_texture_is_compared() {
         let text = |guard: &str| {
@@ -760,10 +776,10 @@ mod tests {
         };
         let [before, after] =
             ["w.x", "w.x + 1u"].map(|guard| Package::from_source("rows", text(guard)));
-        let all = Request::new(before, after).run().expect("both are valid");
+        let all = Request::new(before, after).run().expect("compared");
         let [one] = &all[..] else { panic!("{all:?}") };
         let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
-        // The format has one channel.
+        // The texture's format has one channel.
         assert!(paths[0].before.starts_with("image[0, 1] = "), "{}", paths[0].before);
     }
 }

@@ -1,4 +1,4 @@
-//! The interface between a host and a function on both sides of an edit: resources, attributes, overrides.
+//! The interface of a function with its host, before and after an edit: resources, attributes and overrides.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use karat::unstable::probe::Probed;
 use karat::unstable::reflect::{Binding, Program};
 use karat_core::value::Shape;
 
-/// A function or an entry point on one side of an edit, with its resources.
+/// A function or an entry point in one of the two packages, with its resources.
 #[derive(Clone, Copy)]
 pub(super) struct Side<'s> {
     pub(super) program: &'s Program,
@@ -19,7 +19,7 @@ impl<'s> Side<'s> {
         Self { program: &probed.program, bindings: &probed.function.bindings }
     }
 
-    /// Returns `true` if a resource has the same layout as on the other side.
+    /// Checks if a resource has the same layout in both packages.
     fn has_layout(self, binding: &Binding, other: Self, is: &Binding) -> bool {
         let layout = |side: Self, binding: &Binding| {
             let lanes = side.program.written_shape(binding, Some(256)).map(|shape| shape.lanes());
@@ -29,7 +29,7 @@ impl<'s> Side<'s> {
     }
 }
 
-/// The resource before an edit: the one with the same name, or one that no longer exists and had this binding.
+/// The original of a resource: the one with the same name, or one that no longer exists and had the same binding.
 fn was<'b>(before: Side<'b>, after: Side<'_>, new: &Binding) -> Option<&'b Binding> {
     let is_gone = |old: &Binding| after.bindings.iter().all(|new| new.path != old.path);
     let place = |one: &Binding| (one.group, one.binding, one.kind);
@@ -39,7 +39,7 @@ fn was<'b>(before: Side<'b>, after: Side<'_>, new: &Binding) -> Option<&'b Bindi
         .or_else(|| olds.iter().find(|old| place(old) == place(new) && is_gone(old)))
 }
 
-/// Resources that an edit renamed without changing their layout: the paths before and after it.
+/// The resources that an edit renamed without changing their layout, with their paths before and after the edit.
 pub(super) fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)> {
     let of = |is: &Binding| {
         let was = was(before, after, is).filter(|was| was.path != is.path)?;
@@ -48,8 +48,8 @@ pub(super) fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)
     after.bindings.iter().filter_map(of).collect()
 }
 
-/// Gives renamed resources, or resources with renamed members, the same contents on both sides: contents depend on
-/// names. A resource that one side writes gets that side's length on both.
+/// Sets the same contents in both packages for renamed resources, and for resources with renamed members, because
+/// contents depend on names. If one version writes a resource, both get the length that this version needs.
 pub(super) fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
     let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
     let mut named = renamed(Side::of(before), Side::of(after));
@@ -73,7 +73,7 @@ pub(super) fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, aft
     }
 }
 
-/// Buffers with the same name whose members were renamed, with the same types at the same offsets.
+/// Buffers whose members were renamed, but kept their types and offsets.
 fn with_renamed_members(before: &Probed, after: &Probed) -> Vec<(String, String)> {
     fn names(shape: &Shape, all: &mut BTreeSet<String>) {
         match shape {
@@ -101,8 +101,7 @@ fn with_renamed_members(before: &Probed, after: &Probed) -> Vec<(String, String)
     all.map(|one| (one.path.clone(), one.path.clone())).collect()
 }
 
-/// The differences in how the host has to connect an entry point: attributes of its inputs and outputs. Names don't
-/// matter.
+/// The changed attributes of an entry point's inputs and outputs, which affect the host. Names don't matter.
 pub(super) fn attributes(before: &[(String, String)], after: &[(String, String)]) -> Vec<String> {
     let is_given = |(path, _): &(String, String)| path.starts_with("result");
     let has = |all: &[(String, String)], one: &(String, String)| {
@@ -122,7 +121,7 @@ pub(super) fn attributes(before: &[(String, String)], after: &[(String, String)]
     all
 }
 
-/// The resources that an entry point has on only one side of an edit.
+/// The resources that an entry point has only before or only after an edit.
 pub(super) fn gained_and_lost(before: Side<'_>, after: Side<'_>) -> Vec<String> {
     let shown = |one: &Binding| {
         format!("`{}` at @group({}) @binding({})", one.name(), one.group, one.binding)
@@ -133,10 +132,10 @@ pub(super) fn gained_and_lost(before: Side<'_>, after: Side<'_>) -> Vec<String> 
     let is_gone = |old: &&Binding| !known.contains(old);
     let gained = after.bindings.iter().filter(is_new).map(|one| format!("{} is new", shown(one)));
     let lost = before.bindings.iter().filter(is_gone);
-    gained.chain(lost.map(|one| format!("{} isn't used any more", shown(one)))).collect()
+    gained.chain(lost.map(|one| format!("{} is no longer used", shown(one)))).collect()
 }
 
-/// The differences in how the host has to name overrides or to set them.
+/// The changes of overrides' names and values that affect the host.
 pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
     let [old, new] = [before, after].map(Program::declared_overrides);
     let of = |all: &[(String, String)], name: &str| {
@@ -145,15 +144,15 @@ pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
     let changed = new.iter().filter_map(|(name, is)| match of(&old, name) {
         Some(was) if was == *is => None,
         Some(was) => Some(format!("the override `{name}` is {is}, and was {was}")),
-        None => Some(format!("the override `{name}` ({is}) is used, and wasn't")),
+        None => Some(format!("the override `{name}` ({is}) is used, and wasn't before")),
     });
     let gone = old.iter().filter(|(name, _)| of(&new, name).is_none());
     changed
-        .chain(gone.map(|(name, was)| format!("the override `{name}` ({was}) isn't used any more")))
+        .chain(gone.map(|(name, was)| format!("the override `{name}` ({was}) is no longer used")))
         .collect()
 }
 
-/// The differences in how the host has to supply resources after an edit: bindings and offsets of members.
+/// The changed bindings of resources, and the changed offsets of their members, which a host must adapt to.
 pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
     let mut all = Vec::new();
     for new in after.bindings {
@@ -180,14 +179,15 @@ pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
         let (was, is) = (before.program.places(old), after.program.places(new));
         let moved = is.iter().find_map(|(path, place)| {
             let (_, old) = was.iter().find(|(known, _)| known == path)?;
-            (old != place).then(|| format!("`{name}{path}` lies at byte {place}, and was at {old}"))
+            (old != place).then(|| format!("`{name}{path}` is at byte {place}, and was at {old}"))
         });
         all.extend(moved);
     }
     all
 }
 
-/// The signatures of both sides of an edit. If they are equal, the written resources differ.
+/// The signatures of a function before and after an edit. If the signatures are equal, the texts also name the written
+/// resources.
 pub(super) fn signatures(sides: [&Probed; 2]) -> [String; 2] {
     let shown = sides.map(|one| one.function.to_string());
     if shown[0] != shown[1] || sides.iter().all(|one| one.function.written().next().is_none()) {

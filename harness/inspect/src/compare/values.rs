@@ -1,13 +1,15 @@
-//! Compares two values of a result: their distance, and the text that shows them.
+//! Measures the distance between two results, and shows them as text.
 
 use crate::limits::VISIBLE;
 use karat_core::tolerance::ulp_distance;
 use karat_core::value::{Scalar, Shape, format_lane};
 
-/// The most components that a result shows whole. A larger one, such as a buffer, shows only those that changed.
+/// The largest number of components of a result that is shown as a whole. Of a larger result, such as a buffer, only
+/// changed components are shown.
 const WHOLE: usize = 16;
 
-/// The text of a result: whole, unless it is long or the two sides have different results.
+/// The text of a result. Shows the changed components if the result is long, or if the two versions have different
+/// lanes.
 pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool) -> String {
     let scalars = shape.lanes();
     if is_whole && scalars.len() <= WHOLE {
@@ -28,14 +30,14 @@ pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool
     }
 }
 
-/// The distance between two results.
+/// A distance between two results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Distance {
-    /// For integers and booleans: they differ.
+    /// Two integers or booleans that differ.
     Other,
-    /// In `f32` steps.
+    /// The distance of two floats in steps of an `f32`.
     Ulp(u64),
-    /// Between a number and NaN.
+    /// A number and NaN.
     Nan,
 }
 
@@ -44,7 +46,7 @@ impl Distance {
         if let Self::Ulp(steps) = self { Some(steps) } else { None }
     }
 
-    /// Returns `true` if it shows as much as the largest distance: it has at least half as many binary digits.
+    /// Checks if the distance is about as clear as the largest one: it has at least half as many binary digits.
     pub(super) fn is_like(self, farthest: Self) -> bool {
         match (self, farthest) {
             (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),
@@ -53,7 +55,7 @@ impl Distance {
     }
 }
 
-/// The distance between two words; `None` if they are equal bit by bit, or both are NaN.
+/// The distance between two lanes; `None` if they have the same bits, or if both are NaN.
 pub(super) fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
     if was == is {
         return None;
@@ -69,20 +71,20 @@ pub(super) fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
     }
 }
 
-/// How clearly a case shows a change. The clearest case is shown: plain numbers that differ visibly before NaN, which
-/// the names of inputs may rule out, and both before a last digit.
+/// The clarity with which a case shows a change. Karat shows the clearest case. Numbers that differ visibly are clearer
+/// than NaN, because real inputs may never lead to NaN. A difference in the last digit is the least clear one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Clarity {
     /// The difference is too small to see in an image.
     #[default]
     Slight,
-    /// A value is NaN or infinite on one side.
+    /// One of the values is NaN or infinite.
     NotFinite,
     /// The numbers differ visibly.
     Plain,
 }
 
-/// How clearly a word shows a change; `None` if there is none.
+/// The clarity with which a lane shows a change; `None` if the lane didn't change.
 pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
     distance(scalar, was, is)?;
     if !scalar.is_float() {
@@ -96,12 +98,12 @@ pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
     })
 }
 
-/// The largest changes among some words.
+/// The largest changes of several lanes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Largest {
-    /// In `f32` steps; `None` once a pair has no distance in steps.
+    /// The largest distance in steps of an `f32`; `None` if a changed lane has no such distance.
     pub(super) ulp: Option<u64>,
-    /// Relative to the value before; `None` in the same cases.
+    /// The largest change relative to the old value; `None` in the same cases as `ulp`.
     pub(super) relative: Option<f64>,
 }
 
@@ -112,7 +114,7 @@ impl Default for Largest {
 }
 
 impl Largest {
-    /// Adds two words, and returns their distance.
+    /// Adds the two values of a lane, and returns their distance.
     pub(super) fn add(&mut self, scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
         let far = distance(scalar, was, is)?;
         let (a, b) = (f64::from(f32::from_bits(was)), f64::from(f32::from_bits(is)));
@@ -128,9 +130,9 @@ impl Largest {
 mod tests {
     use super::*;
 
-    /// Words are compared bit by bit, except NaN.
+    /// Lanes are compared bit by bit, except for NaN.
     #[test]
-    fn words_are_as_far_as_their_values() {
+    fn the_distance_of_two_words_depends_on_their_type() {
         let far = |was: f32, is: f32| distance(Scalar::F32, was.to_bits(), is.to_bits());
         let nan = f32::from_bits(f32::NAN.to_bits() ^ 5);
         assert_eq!([far(1.0, 1.0), far(f32::NAN, nan)], [None; 2]);
@@ -156,7 +158,7 @@ mod tests {
         assert!(Clarity::Slight < Clarity::NotFinite && Clarity::NotFinite < Clarity::Plain);
     }
 
-    /// Of many components, the first four that changed are shown, and the others are counted.
+    /// If many components changed, the text shows the first four and counts the others.
     #[test]
     fn the_first_components_that_changed_are_shown() {
         let of = |changed: usize, length: u32| {

@@ -5,21 +5,21 @@ use std::collections::{BTreeMap, BTreeSet};
 use karat::package::Package;
 use karat::unstable::reflect::Program;
 
-/// Each function, with the functions that it calls.
+/// The call graph: each function with its direct callers.
 #[derive(Debug, Default)]
 pub(super) struct Callers {
     by_called: BTreeMap<String, BTreeSet<String>>,
 }
 
 impl Callers {
-    /// The call graph of a package, as far as its modules can be read.
+    /// Builds the call graph from the modules that can be read.
     pub(super) fn of(package: &Package) -> Self {
         let mut callers = Self::default();
         for module in package.modules().unwrap_or_default() {
             let Ok(items) = package.functions_in(&module) else { continue };
             let whole = Program::of_module(package, &module).ok();
             for item in items {
-                // Some functions of an invalid module are valid.
+                // An invalid module may contain valid functions.
                 let own = item.name.rsplit("::").next().unwrap_or_default();
                 let alone = || Program::of_items(package, &module, &[own]).ok();
                 let Some(program) = whole.clone().or_else(alone) else { continue };
@@ -31,13 +31,13 @@ impl Callers {
         callers
     }
 
-    /// Returns `true` for a function that some other one calls.
+    /// Checks if another function calls this one.
     pub(super) fn calls(&self, function: &str) -> bool {
         self.by_called.contains_key(function)
     }
 
-    /// The direct and indirect callers of this function among those that are `looked_at`, leaving out callers that one
-    /// of these calls; the function itself if it has none.
+    /// The functions through which a function is judged: its direct and indirect callers that were checked and that no
+    /// other of these callers calls. The function itself if it has no such callers.
     pub(super) fn roots<'c>(
         &'c self,
         function: &'c str,
@@ -45,7 +45,7 @@ impl Callers {
     ) -> BTreeSet<&'c str> {
         let (mut roots, mut seen) = (BTreeSet::new(), BTreeSet::from([function]));
         let mut open = vec![(function, function)];
-        // Each function, with the last checked one on the way to it.
+        // Each function, with the last checked function on the path to it.
         while let Some((one, last)) = open.pop() {
             let Some(all) = self.by_called.get(one) else {
                 roots.insert(last);
@@ -56,7 +56,7 @@ impl Callers {
             }
         }
         if roots.len() > 1 {
-            // One way leads through a checked function, another way through none.
+            // One path leads through a checked caller, and another path leads through none.
             roots.remove(function);
         }
         roots

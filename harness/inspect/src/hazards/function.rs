@@ -1,4 +1,4 @@
-//! Finds hazards in functions: trials over arguments and contents of resources, and inputs that avert a finding.
+//! Finds hazards in functions: runs them over arguments and contents, and searches for inputs that avert a finding.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,17 +18,17 @@ use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
 use rayon::prelude::*;
 
-/// The number of a site, and the kind of error there.
+/// The number of an operation, and the kind of its error.
 pub(super) type Key = (usize, Kind);
 
-/// The contents of resources. All rows run over the first one.
+/// The contents of the resources. Only the first content runs with all rows.
 const CONTENTS_TRIED: &[Content] = &Content::OF_FUNCTIONS;
 const FIRST: Content = Content::OF_FUNCTIONS[0];
 
-/// The site of a loop that may not end; it has no number.
+/// The number that stands for a loop that may not end.
 const LOOP: usize = usize::MAX;
 
-/// A function, and the inputs that it is tried with.
+/// A function, with the inputs of its trial.
 pub(super) struct Trial {
     name: String,
     probed: Probed,
@@ -40,45 +40,44 @@ pub(super) struct Trial {
     main: Tally,
 }
 
-/// One case: a content of the resources, and arguments.
+/// A case: the content of the resources, and the arguments.
 #[derive(Clone, Debug)]
 struct Case {
     content: Content,
     row: Vec<u32>,
 }
 
-/// A finding in some cases.
 #[derive(Clone, Debug)]
 struct Gathered {
-    /// The finding in the simplest case.
+    /// The error in the simplest case.
     found: Found,
     case: Case,
     members: Vec<(String, String)>,
     oddity: [usize; 2],
-    /// The cases in which the result, a condition or an index depends on it.
+    /// The number of cases in which the result, a condition or an index depends on the wrong value.
     wrong: usize,
     dropped: usize,
-    /// Some of these cases.
+    /// Some of the failing cases.
     failing: Vec<Case>,
-    /// The numbers of the cases over the first content.
+    /// The numbers of the failing cases over the first content.
     numbers: Vec<usize>,
     kinds: BTreeSet<Kind>,
-    /// The content and the number of the last case that was counted.
+    /// The content and the number of the last counted case.
     last: Option<(Content, usize)>,
 }
 
-/// The findings of some runs.
+/// The findings of one or more runs.
 #[derive(Debug, Default)]
 struct Tally {
     cases: usize,
-    /// The rows of the first content.
+    /// The rows over the first content.
     rows: Vec<u32>,
-    /// By site: the number of cases that reached it, and the number of contents in which some did.
+    /// For each operation: the number of cases that reached it, and the number of contents with such cases.
     reached: BTreeMap<usize, [usize; 2]>,
     found: BTreeMap<Key, Gathered>,
     cut: usize,
     in_part: bool,
-    /// Cases in which a loop has too many rounds.
+    /// The number of cases in which a loop has too many rounds.
     long: usize,
 }
 
@@ -87,28 +86,28 @@ impl Tally {
         self.reached.get(&site).copied().unwrap_or_default()
     }
 
-    /// Returns `true` if it goes wrong in each case that reaches it, and enough cases do.
+    /// Checks if the operation goes wrong in each case that reaches it, and if enough cases reach it.
     fn is_always(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         let [cases, contents] = self.reached(key);
         wrong > 0 && wrong >= cases && (wrong >= DRAWS || contents >= CONTENTS)
     }
 
-    /// Returns `true` if some case reaches it and is fine.
+    /// Checks if the operation doesn't go wrong in some case that reaches it.
     fn is_averted(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         wrong < self.reached(key)[0]
     }
 }
 
-/// `true` for an input that takes its value from another content.
+/// Selects the inputs that keep their values from another content.
 type Takes<'t> = &'t (dyn Fn(&Input) -> bool + Sync);
 
-/// Keeps the findings of one run separate, so that one finding doesn't hide another of its kind.
+/// Keeps each finding of a run, so that one finding doesn't hide another of its kind.
 const EACH: &(dyn Fn(&Found) -> bool + Sync) = &|_| true;
 
 impl Trial {
-    /// Tries a function without effects besides its result.
+    /// Runs a function without side effects, and collects its findings.
     pub(super) fn of(
         name: &str,
         probed: Probed,
@@ -134,7 +133,7 @@ impl Trial {
         }
     }
 
-    /// The cases of some rows, run over a content.
+    /// Selects the cases that run over a content.
     fn chosen(&self, resources: &Resources, (count, rows): (usize, &[u32])) -> Chosen {
         let Self { probed, arguments, .. } = self;
         let side = Side { probed, fixtures: &resources.fixtures, own: None };
@@ -142,7 +141,7 @@ impl Trial {
     }
 
     fn tried(&self) -> Result<Tally, String> {
-        // A function with long loops would keep one core busy while the others are idle.
+        // Runs the contents in parallel. Otherwise, a function with long loops would use only one core.
         let looked = self.contents.par_iter().map(|content| {
             let resources = Resources::of(&self.probed, &self.ranges, *content)?;
             let (count, rows) = self.arguments.part(&self.rows, self.count, content.draw);
@@ -166,13 +165,13 @@ impl Trial {
             }
             self.add(&mut tally, (*content, &resources), &chosen.rows, &seen);
         }
-        // The loops of these cases ended.
+        // In these cases, all loops ended.
         let ended = tally.cases;
         tally.reached.entry(LOOP).and_modify(|[cases, _]| *cases += ended);
         Ok(tally)
     }
 
-    /// Adds a loop that may not end, and whether it ends for other inputs.
+    /// Adds a loop that may not end, and finds out if it ends for other inputs.
     fn endless(
         &self,
         tally: &mut Tally,
@@ -208,7 +207,7 @@ impl Trial {
         Ok(())
     }
 
-    /// Adds the findings of some rows over a content.
+    /// Adds the findings of some rows with one content.
     fn add(
         &self,
         tally: &mut Tally,
@@ -243,17 +242,17 @@ impl Trial {
                     kinds: BTreeSet::new(),
                     last: None,
                 };
-                // NaN or infinite: it is the same number.
+                // NaN and infinity are two kinds of the same finding.
                 let kind = if one.kind == Kind::Infinite { Kind::Nan } else { one.kind };
                 let known = tally.found.entry((one.site, kind)).or_insert_with(new);
                 known.kinds.insert(one.kind);
-                // A case that shows it is worse than other cases that drop it.
+                // A case that shows the wrong value is worse than a case that drops it.
                 let rank = |one: &Found, oddity: [usize; 2]| (one.hidden, oddity, one.kind);
                 if rank(one, oddity) < rank(&known.found, known.oddity) {
                     (known.found, known.case) = (one.clone(), own());
                     (known.members, known.oddity) = (resources.members.clone(), oddity);
                 }
-                // The components of a vector may be NaN and infinite at once.
+                // One component of a vector may be NaN while another is infinite.
                 if known.last == Some((content, case)) {
                     continue;
                 }
@@ -274,7 +273,7 @@ impl Trial {
         }
     }
 
-    /// Runs the function with the known inputs of a case, and samples the others anew.
+    /// Runs the function with the declared inputs of a case, and with new samples of the others.
     fn held(&self, case: &Case) -> Tally {
         let takes = |input: &Input| input.known;
         self.again(&takes, &|content| {
@@ -284,7 +283,7 @@ impl Trial {
         })
     }
 
-    /// Runs the function over each content, with its rows, but with some inputs of another content.
+    /// Runs the function over each content with that content's rows, but with some inputs of another content.
     fn again(
         &self,
         takes: Takes<'_>,
@@ -304,7 +303,7 @@ impl Trial {
         tally
     }
 
-    /// Runs some rows over a content, with some inputs of another content.
+    /// Runs rows over a content, with some inputs of another content.
     fn run(
         &self,
         (content, other, takes): (Content, Content, Takes<'_>),
@@ -319,13 +318,13 @@ impl Trial {
         Some((resources, rows, seen))
     }
 
-    /// The inputs in resources.
+    /// The inputs in the function's resources.
     fn inputs(&self) -> Vec<Input> {
         let made = Resources::of(&self.probed, &self.ranges, FIRST);
         made.map(|made| made.inputs).unwrap_or_default()
     }
 
-    /// Classifies findings as faults or requirements, by running the function again.
+    /// Runs the function again, and classifies its findings as faults or requirements.
     pub(super) fn judge(&self, hazards: &mut [Hazard], keys: &[Key]) {
         let (inputs, mut holds) = (self.inputs(), BTreeMap::new());
         for (hazard, key) in hazards.iter_mut().zip(keys) {
@@ -335,7 +334,7 @@ impl Trial {
             }
             let (class, held) = self.class(*key, one, &inputs, &mut holds);
             hazard.class = class;
-            // Hold only the inputs whose change doesn't avert it.
+            // Keeps only the inputs whose change doesn't avert the error.
             if let Some(case) = held.filter(|case| case.row != one.case.row) {
                 let made = Resources::of(&self.probed, &self.ranges, case.content);
                 let members = made.map(|made| made.members).unwrap_or_default();
@@ -357,7 +356,7 @@ impl Trial {
         let nothing_free = self.arguments.are_known() && all(|one| one.known);
         let known = inputs.iter().any(|one| one.known);
         match key.1 {
-            // WGSL requires uniformity for any data (15.2).
+            // WGSL requires uniform control flow for all data (15.2).
             Kind::Barrier => return (Class::Fault, None),
             kind if is_of_wgsl(kind) && !is_declared => return (Class::Requirement, None),
             _ => {}
@@ -389,7 +388,7 @@ impl Trial {
         (Class::Requirement, None)
     }
 
-    /// The arguments of a case, and members of buffers.
+    /// The arguments of a case, and the members of buffers.
     fn described(&self, row: &[u32], members: &[(String, String)]) -> Vec<(String, String)> {
         let mut named =
             if row.is_empty() { Vec::new() } else { self.probed.function().arguments(row) };
@@ -397,7 +396,8 @@ impl Trial {
         named
     }
 
-    /// The findings, with the cases that reached each place. Classifies only the faults that no caller judges.
+    /// The findings, and the number of cases that reached each position. Only faults of functions without callers are
+    /// classified here.
     pub(super) fn seen(self) -> Seen {
         let function = self.probed.function();
         let hazard = |(key, one): (&Key, &Gathered)| {
@@ -408,7 +408,7 @@ impl Trial {
             let of = |case: usize| -> &[u32] { &rows[case * width..][..width] };
             let count = rows.len().checked_div(width).unwrap_or(1);
             let fails = cause_of(function, count, &of, &one.numbers);
-            // The condition comes from sampled values. Other values may fail, too.
+            // The condition holds for the sampled values. Other values may fail, too.
             let fails = fails.map(|fails| fails.replace(", and nowhere else", ""));
             let reached = self.main.reached(*key)[0].max(one.wrong + one.dropped);
             let hazard = Hazard {
@@ -431,11 +431,11 @@ impl Trial {
             (*key, hazard)
         };
         let mut found: Vec<(Key, Hazard)> = self.main.found.iter().map(hazard).collect();
-        // The engine gives the places; the program is the same over each content.
+        // The engine knows the positions. The program is the same for each content.
         let engine = Resources::of(&self.probed, &self.ranges, FIRST)
             .ok()
             .and_then(|made| Interpreted::new(&self.probed, &made.fixtures).ok());
-        // For each place, the cases that reached it; may be 0.
+        // For each position, the number of cases that reached it. It may be 0.
         let mut reached: BTreeMap<String, usize> = BTreeMap::new();
         for (site, place) in engine.iter().flat_map(Interpreted::places) {
             *reached.entry(place).or_default() += self.main.reached((site, Kind::Nan))[0];
@@ -443,7 +443,7 @@ impl Trial {
         found.sort_by(|(_, a), (_, b)| {
             (&a.location, &a.text, a.kind).cmp(&(&b.location, &b.text, b.kind))
         });
-        // A number that is NaN or infinite for some inputs, and unbounded for others, is one finding.
+        // A value that is NaN or infinite for some inputs, and unbounded for others, is one finding.
         found.dedup_by(|(_, next), (_, one)| {
             let is_same = next.kind == Kind::Unbounded
                 && (&next.location, &next.text) == (&one.location, &one.text)
@@ -463,7 +463,7 @@ impl Trial {
         Seen { hazards, reached, drawn, cut, in_part, trial, ..Seen::default() }
     }
 
-    /// The inputs that can avert a finding on their own, from its simplest case.
+    /// The inputs of the simplest case that can avert the error. A change of any one of them suffices.
     pub(super) fn needs(&self, key: Key) -> Vec<String> {
         let parameters = &self.probed.function().parameters;
         if let ([(name, _)], true) = (&**parameters, self.inputs().is_empty()) {
@@ -518,8 +518,8 @@ impl Trial {
     }
 }
 
-/// Returns `true` for a kind that is a fault only if each input is declared: most functions lose digits, or use an
-/// operation that WGSL doesn't bound, somewhere.
+/// Checks if a kind counts as a fault only if all inputs are declared. Most functions somewhere lose digits, or use an
+/// operation for which WGSL bounds no error.
 fn is_of_wgsl(kind: Kind) -> bool {
     matches!(kind, Kind::LostDigits | Kind::Unbounded)
 }

@@ -1,5 +1,5 @@
-//! Finds hazards in compute passes, and in pixels of a draw that write storage. The engine dispatches both over
-//! generated resources.
+//! Finds hazards in compute passes, and in pixels that write storage. The engine dispatches both over generated
+//! resources.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,10 +18,9 @@ use crate::made_up::{Content, Input, Mix, Numbered, Ranges, Resources};
 
 use rayon::prelude::*;
 
-/// The first argument of a finding in a pass.
+/// The name of the first argument of a finding in a pass.
 pub(super) const INVOCATION: &str = "invocation";
 
-/// Checks a compute pass.
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
     let (program, ..) = Program::of_pass(package, name, &ranges.overrides_of(package, name))?;
     let ranges = &ranges.with_literals(program.literals());
@@ -33,7 +32,6 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
     Looked { name, make: &make, are_pixels: false }.seen()
 }
 
-/// Checks a fragment function that writes memory.
 pub(super) fn look_at_pixels(
     package: &Package,
     name: &str,
@@ -45,57 +43,56 @@ pub(super) fn look_at_pixels(
     Looked { name, make: &make, are_pixels: true }.seen()
 }
 
-/// Arrays of zeros, of ones, and of numbers far apart.
+/// Contents whose arrays have only zeros, only ones, or numbers far from each other.
 fn plain() -> [Content; 3] {
     [Numbered::Zero, Numbered::One, Numbered::Apart].map(|how| Content::OF_PASSES[0].numbered(how))
 }
 
-/// Contents that may avert a finding of the usual ones: plain ones, long arrays, and a single workgroup.
+/// Further contents that may avert a finding: plain numbers, long arrays, and a single workgroup.
 fn others() -> Vec<Content> {
     let [first, second, ..] = Content::OF_PASSES;
     let one = [first, first.numbered(Numbered::Apart)].map(Content::of_one_workgroup);
     [&plain()[..], &[first, second].map(Content::long), &one].concat()
 }
 
-/// The contents that run with the known inputs of another content: fewer, each of another kind.
+/// The contents that run with the declared inputs of another content. They are few and of different kinds.
 fn held() -> Vec<Content> {
     let [first, _, third, bits, _, _, _, _, drawn] = Content::OF_PASSES;
     [&[first, third, bits, drawn][..], &plain(), &[first.long(), first.of_one_workgroup()]].concat()
 }
 
-/// Returns `true` if some array has fewer elements than there are invocations.
+/// Checks if an array of the content has fewer elements than the pass has invocations.
 fn is_short(content: &Content) -> bool {
     content.tail.is_some() || content.shorter.is_some()
 }
 
-/// Generates passes over a content.
+/// Makes a pass over a content.
 type Make<'m> =
     &'m (dyn Fn(Content, Option<&Mix<'_>>) -> Result<(Passes, Resources), String> + Sync);
 
-/// The places of a finding (a race has two), its kind, and the text of an operation: `1.0 / a` begins where `1.0 / a /
-/// b` does.
+/// The positions of a finding (a race has two), its kind, and the operation's text. The text is necessary because `1.0
+/// / a` begins where `1.0 / a / b` begins.
 type Key = (BTreeSet<String>, Kind, String);
 
-/// The findings over one content.
 #[derive(Debug, Default)]
 struct InContent {
     /// The invocations in which an operation goes wrong; empty for a race.
     wrong: BTreeMap<Key, BTreeSet<usize>>,
     reached: BTreeMap<String, BTreeSet<usize>>,
-    /// `true` if the run ended early.
+    /// `true` if the run stopped early.
     is_cut: bool,
-    /// `true` if a single workgroup ran.
+    /// `true` if only one workgroup ran.
     one_workgroup: bool,
 }
 
 impl InContent {
-    /// Returns `true` if some invocations reach all places of a finding.
+    /// Checks if invocations reach all positions of a finding.
     fn is_reached(&self, (places, kind, _): &Key) -> bool {
         let reached = |place: &String| self.reached.get(place).filter(|all| !all.is_empty());
         match kind {
-            // A loop isn't an operation.
+            // A loop has no operation to reach.
             Kind::Endless => true,
-            // It takes two workgroups, unless the host dispatches a single one.
+            // A race needs two workgroups, unless the host dispatches only one.
             Kind::Race | Kind::EqualWrites => {
                 let Some(all) = places.iter().map(reached).collect::<Option<Vec<_>>>() else {
                     return false;
@@ -107,16 +104,16 @@ impl InContent {
         }
     }
 
-    /// Returns `true` if it goes wrong. Two writes of zero count as equal writes, and as a race if other contents write
-    /// unequal words.
+    /// Checks if the finding occurs. Two writes of zero count as equal writes. They also count as a race if the writes
+    /// differ over other contents.
     fn is_wrong(&self, key: &Key) -> bool {
         let equal = || (key.0.clone(), Kind::EqualWrites, key.2.clone());
         self.wrong.contains_key(key) || key.1 == Kind::Race && self.wrong.contains_key(&equal())
     }
 }
 
-/// Returns `true` if a finding occurs in each content in which its operation is reached, in the same invocation, and in
-/// enough contents.
+/// Checks if a finding occurs over each content in which its operation is reached, in the same invocation, and if there
+/// are enough such contents.
 fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
     let reaching = || contents.clone().filter(|content| content.is_reached(key));
     let is_enough = reaching().count() >= CONTENTS;
@@ -136,7 +133,7 @@ fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clon
     !always.is_empty()
 }
 
-/// A pass that is checked.
+/// A pass, or pixels, with the data for the search.
 struct Looked<'l> {
     name: &'l str,
     make: Make<'l>,
@@ -155,7 +152,7 @@ impl Looked<'_> {
             seen.drawn.merge(made.drawn.clone());
             let one = self.run(&passes, &made);
             if let Some(reason) = &one.reason {
-                // If it has findings it was checked, though not to its end.
+                // A pass with findings counts as checked, even if it didn't run to its end.
                 if contents.is_empty() && one.hazards.is_empty() {
                     return Err(reason.clone());
                 }
@@ -169,7 +166,7 @@ impl Looked<'_> {
                     Entry::Occupied(known) => known.into_mut(),
                     Entry::Vacant(place) => place.insert((content, hazard.clone())),
                 };
-                // A content that shows it is worse than other contents that drop it.
+                // A content that shows the wrong value is worse than a content that drops it.
                 if known.1.class == Class::Dropped && class != Class::Dropped {
                     let kinds = std::mem::take(&mut known.1.kinds);
                     *known = (content, Hazard { kinds, ..hazard });
@@ -179,10 +176,10 @@ impl Looked<'_> {
                 }
             }
             contents.insert(content, one.content);
-            // In a draw, each content has other texture coordinates.
+            // In a draw, each content has other texture coordinates, so its runs differ even without resources.
             let varies = made.varies;
             inputs = made.inputs;
-            // Other contents take as long.
+            // Other contents would take as much time.
             if !varies || too_long {
                 break;
             }
@@ -190,7 +187,7 @@ impl Looked<'_> {
         for (place, invocations) in contents.values().flat_map(|one| &one.reached) {
             *seen.reached.entry(place.clone()).or_default() += invocations.len();
         }
-        // The race of unequal writes covers it.
+        // A race of different writes covers equal writes at the same positions.
         let races: BTreeSet<_> = found
             .keys()
             .filter(|(_, kind, _)| *kind == Kind::Race)
@@ -208,7 +205,7 @@ impl Looked<'_> {
             let takes = |input: &Input| input.known;
             let mix = Mix { content, extents: None, takes: &takes };
             let is_fault = match key.1 {
-                // WGSL requires uniformity for any data (15.2).
+                // WGSL requires uniform control flow for all data (15.2).
                 Kind::Barrier => true,
                 Kind::LostDigits | Kind::Unbounded => false,
                 _ if only_one && !too_long => true,
@@ -241,21 +238,23 @@ impl Looked<'_> {
                 };
                 if is_index && wrong_in.iter().all(is_short) {
                     if wrong_in.iter().any(|one| one.tail.is_some()) && !self.are_pixels {
-                        let tail = "where the elements are no multiple of the workgroup";
+                        let tail =
+                            "where the number of elements isn't a multiple of the workgroup size";
                         hazard.fails = Some(tail.to_owned());
                     }
                     hazard.needs = vec![length];
                 } else {
                     let varied =
                         varied.entry(content).or_insert_with(|| match contents[&content].is_cut {
-                            // It would prove nothing about places that it doesn't reach, and it takes the longest.
+                            // A stopped run proves nothing about positions that it doesn't reach, and takes the
+                            // longest.
                             true => Vec::new(),
                             false => self.varied(content, &inputs),
                         });
                     let named = varied.iter().filter(|(_, runs)| runs.iter().any(averted));
                     hazard.needs = named.map(|(path, _)| path.clone()).collect();
                     if hazard.needs.is_empty() {
-                        // For an index, any content that averts it has another length.
+                        // If a content averts a wrong index, another length of the array may be the reason.
                         let mut others =
                             contents.iter().filter(|(one, _)| is_index || is_short(one));
                         if others.any(|(_, one)| averted(one)) {
@@ -271,7 +270,7 @@ impl Looked<'_> {
         Ok(seen)
     }
 
-    /// Runs over more contents.
+    /// Runs the pass over further contents.
     fn add(
         &self,
         contents: &mut BTreeMap<Content, InContent>,
@@ -285,7 +284,7 @@ impl Looked<'_> {
         }
     }
 
-    /// Runs in which only one input comes from another content.
+    /// Runs the pass again for each input, with only this input from another content.
     fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
         let paths: BTreeSet<&str> =
             inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();
@@ -310,7 +309,7 @@ impl Looked<'_> {
         all
     }
 
-    /// Runs passes once, and collects the findings.
+    /// Runs a pass once, and collects its findings.
     fn run(&self, passes: &Passes, made: &Resources) -> Ran {
         let examined = examine_made_up(passes);
         let watched = examined.watched;
@@ -349,13 +348,13 @@ impl Looked<'_> {
         };
         ran.content.reached = reached;
         ran.content.is_cut = ran.reason.is_some();
-        // A draw has several pixels.
+        // A draw has several pixels, even in one workgroup.
         let is_one = passes.passes.iter().all(|pass| pass.workgroups == [1; 3]);
         ran.content.one_workgroup = is_one && !self.are_pixels;
         for one in wrong {
             let location = one.found.span.to_string();
             let kind = one.found.kind;
-            // The sanitizer reports the indices that matter.
+            // The sanitizer reports those indices that matter.
             if matches!(kind, Kind::OutOfRange | Kind::Wrapped) {
                 for place in one.statement.into_iter().chain([location]) {
                     let key = (BTreeSet::from([place]), kind, String::new());
@@ -365,7 +364,7 @@ impl Looked<'_> {
             }
             let text = one_line(&one.found.text);
             let of_text = text.clone();
-            // NaN or infinite: it is the same number.
+            // NaN and infinity are two kinds of the same finding.
             let family = if kind == Kind::Infinite { Kind::Nan } else { kind };
             let own = Hazard {
                 class: if one.found.hidden { Class::Dropped } else { Class::Requirement },
@@ -381,7 +380,7 @@ impl Looked<'_> {
         }
         for (violation, diagnostic) in examined.violations {
             let kind = violation.kind;
-            // Workgroup memory is zero until it is written (WGSL 7.3), so this isn't a finding.
+            // Unwritten workgroup memory is zero (WGSL 7.3), so reading it isn't a finding.
             if kind == Kind::Unwritten {
                 continue;
             }
@@ -412,28 +411,26 @@ impl Looked<'_> {
     }
 }
 
-/// The names for the number of workgroups, and for lengths, among the inputs that a pass needs.
+/// The names of two inputs that a pass may need: the number of workgroups, and lengths.
 const WORKGROUPS: &str = "another number of workgroups";
 const SIZES: &str = "other sizes of arrays and textures";
 
-/// The name at the start of an access: `tile` in `tile[i].sum = 1.0`.
+/// The variable at the start of an access: `tile` in `tile[i].sum = 1.0`.
 fn variable_of(text: &str) -> &str {
     text.split(|c: char| c != '_' && !c.is_alphanumeric()).next().unwrap_or_default()
 }
 
-/// One run of passes.
 #[derive(Default)]
 struct Ran {
     hazards: Vec<(Key, Hazard)>,
     content: InContent,
-    /// The reason why the run ended early.
+    /// The reason why the run stopped early.
     reason: Option<String>,
-    /// The number of invocations.
     of: usize,
     too_long: bool,
 }
 
-/// The place of a violation, and the text there.
+/// The position of a violation, and the text at that position.
 fn place_of(violation: &Violation, diagnostic: &Diagnostic) -> (String, String) {
     match diagnostic.location() {
         Some(span) => {

@@ -1,4 +1,5 @@
-//! Checks how tightly WGSL bounds the shader library: wider rules must leave enough to judge by.
+//! Checks how tightly WGSL bounds the results of the shader library. A change of the rules must leave enough tight
+//! bounds.
 
 use karat::package::Package;
 use karat::unstable::interpret::{Bound, Interpreted};
@@ -8,13 +9,13 @@ use karat_core::value::Scalar;
 
 use super::{Content, Ranges, Resources};
 
-/// Cases of each function.
+/// The number of cases for each function.
 const CASES: usize = 128;
 
-/// The relative width of bounds that `Spec` accepts by default.
+/// The largest relative width of bounds that `Spec` accepts by default.
 const NEEDED: f64 = 1.0 / 1024.0;
 
-/// Numbers of the unit interval, where most of the library is defined, and small counts.
+/// Small counts, and numbers from 0 to 1, where most functions of the library are defined.
 fn row(scalars: &[Scalar], source: &mut Source) -> Vec<u32> {
     let word = |scalar: &Scalar| match scalar {
         Scalar::F32 | Scalar::F16 => (source.unit() as f32).to_bits(),
@@ -28,7 +29,7 @@ fn is_narrow(bound: &Bound) -> bool {
     bound.ends().is_some_and(|(least, most)| most - least <= NEEDED * least.abs().max(most.abs()))
 }
 
-/// The number of cases of a function with bounds, and of those with tight enough bounds.
+/// The number of a function's cases that have bounds, and the number of cases with tight bounds.
 fn share(package: &Package, name: &str) -> Option<(usize, usize)> {
     let probed = Probed::new(package, name).ok()?;
     let engine = Interpreted::new(
@@ -45,8 +46,8 @@ fn share(package: &Package, name: &str) -> Option<(usize, usize)> {
     Some((all(|bound| bound.ends().is_some()), all(is_narrow)))
 }
 
-/// Before bounds covered each order of operations, 99.0 % of the cases had bounds, and 80.4 % had tight ones. These may
-/// drop by 3 %.
+/// Before bounds covered every order of operations, 99.0 % of the cases had bounds, and 80.4 % had tight ones. Each
+/// percentage may be lower by 3 %.
 // Lesson 168: most functions have a bound
 #[test]
 fn most_of_the_library_is_bounded() {

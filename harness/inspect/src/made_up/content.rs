@@ -1,28 +1,28 @@
-//! The contents of buffers and textures, and their sizes: one table for functions and one for passes, with a row for
-//! each content to try.
+//! Tables of the contents and sizes of buffers and textures: one table for functions and one for passes. Each row is
+//! one content.
 
 use crate::limits::ELEMENTS;
 use karat_core::value::Scalar;
 
-/// The numbering of integers in arrays. Each of them may be an index into another array.
+/// The values of integers in arrays. Each integer may be an index into another array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Numbered {
-    /// 0, 1, 2 ..: all are different.
+    /// 0, 1, 2 and so on: all elements differ.
     Forwards,
-    /// .. 2, 1, 0: sorted input would hide that a pass doesn't sort.
+    /// The last element is 0, and each earlier one is larger by 1. Sorted input would hide that a pass doesn't sort.
     Backwards,
     /// 0 and 1, as in cells and flags.
     Bits,
-    /// All are 0, and floats, too: an index that is still outside doesn't come from the contents.
+    /// All integers and floats are 0. An index that is still outside of its array doesn't come from the contents.
     Zero,
-    /// All are 1, and floats, too.
+    /// All integers and floats are 1.
     One,
-    /// 0, 65536, 131072 ..: so far apart that sums of an index with different elements never meet.
+    /// 0, 65536, 131072 and so on: so far apart that sums of an index and different elements never coincide.
     Apart,
 }
 
 impl Numbered {
-    /// The number of all elements, if it is the same.
+    /// The value of all elements, if they are equal.
     pub(super) fn constant(self, scalar: Scalar) -> Option<u32> {
         match (self, scalar) {
             (Self::Zero, _) => Some(0),
@@ -33,7 +33,7 @@ impl Numbered {
         }
     }
 
-    /// The number of an element of an array with this length.
+    /// The value of an element in an array of `count` elements.
     pub(super) fn of(self, element: u32, count: u32) -> u32 {
         match self {
             Self::Zero => 0,
@@ -41,70 +41,73 @@ impl Numbered {
             Self::Forwards => element,
             Self::Apart => element.wrapping_mul(1 << 16),
             Self::Backwards => count - 1 - element,
-            // Each neighbourhood occurs; three of eight bits are set.
+            // Each combination of neighbours occurs. Three in eight elements are 1.
             Self::Bits => u32::from(hashed(0, element) & 7 < 3),
         }
     }
 }
 
-/// The contents of textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Texels {
-    /// Numbers that change little between texels, so that the few bits of a filter's weights don't matter much.
+    /// Values that change little between texels, so that the few bits of a filter's weights hardly matter.
     Smooth,
-    /// Numbers that are independent of their neighbours.
+    /// Values that are independent of neighbouring texels.
     Noise,
-    /// The same, many of them negative.
+    /// Independent values, many of them negative.
     NoiseBelowZero,
-    /// 0, transparent.
+    /// 0, also in the alpha channel.
     Black,
-    /// The same number everywhere: the one at this position among those of the text. A filter keeps it.
+    /// The same value in all texels, which filtering doesn't change. It is the number at this position in the list of
+    /// numbers in the text.
     OfText(usize),
 }
 
-/// The share of its elements that a runtime-sized array, or a texture, has.
+/// The resources that are shorter than others. A resource is a runtime-sized array or a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shorter {
-    /// Of two names, the first has more elements.
+    /// The first of two names has more elements.
     Most,
-    /// Of two names, the second has more elements.
+    /// The second of two names has more elements.
     Least,
 }
 
-/// The contents and the sizes of resources.
+/// The contents and sizes of resources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Content {
-    /// Its number: 0 has only random samples; each further one begins with another of the preferred numbers.
+    /// The content's number. With 0, all values are random samples. With each further number, the first value is
+    /// another preferred number.
     pub(crate) draw: usize,
     pub(super) texels: Texels,
-    /// The elements of a runtime-sized array that a function reads. In a pass it has as many as there are invocations.
+    /// The number of elements in a runtime-sized array that a function reads. In a pass, the dispatch determines this
+    /// number.
     pub(super) elements: usize,
-    /// The numbering of elements in arrays of integers; `None` if they are sampled.
+    /// The values of integers in arrays; `None` if they are sampled.
     pub(crate) numbered: Option<Numbered>,
-    /// The least value of whole numbers that their name doesn't constrain; `None` if they are sampled.
+    /// The smallest value of integers that their names don't constrain; `None` if they are sampled.
     pub(super) least: Option<u32>,
-    /// The invocations in each direction that have no element, for a short side and for a long one: the number of
-    /// elements is then no multiple of the workgroup.
+    /// The number of invocations in each direction that have no element, for a short side and for a long side. With a
+    /// tail, the number of elements isn't a multiple of the workgroup size.
     pub(crate) tail: Option<[u32; 2]>,
-    /// This many times the invocations, in several rows. Doesn't cause a race that another content lacks.
+    /// The number of elements for each invocation, in several rows. It doesn't cause a race that another content lacks.
     pub(super) rows: Option<u32>,
-    /// `true` if unconstrained floats of arrays are negative, so that a missing element shows.
+    /// `true` if unconstrained floats in arrays are negative, so that a missing element changes the result.
     pub(super) negative: bool,
-    /// Runtime-sized arrays and textures are shorter, each by another share.
+    /// Which runtime-sized arrays and textures are shorter, each by another share; `None` if all have the same size.
     pub(crate) shorter: Option<Shorter>,
-    /// `true` if they are longer than a pass needs.
+    /// `true` if resources have more elements than a pass needs.
     pub(super) long: bool,
-    /// The order of each of three buffers in turn: a sorted one leads to an unsorted one, like the edges of a graph.
+    /// The values of each of three buffers in turn. A sorted buffer leads to an unsorted one, like the edges of a
+    /// graph.
     pub(super) orders: Option<[Numbered; 3]>,
-    /// `true` if a single workgroup is dispatched.
+    /// `true` if only one workgroup is dispatched.
     pub(crate) one_workgroup: bool,
-    /// `true` if a host may well give such indices and counts.
+    /// `true` if a host may use such indices and counts.
     pub(crate) is_likely: bool,
     /// `true` if all sizes follow from the dispatch.
     pub(crate) is_sized: bool,
 }
 
-/// Random samples only.
+/// A content with only random samples.
 const DRAWN: Content = Content {
     draw: 0,
     texels: Texels::Smooth,
@@ -123,9 +126,9 @@ const DRAWN: Content = Content {
 };
 
 impl Content {
-    /// The contents that functions read: random samples; then the first of the preferred numbers in each member, the
-    /// second, and so on. Ends of ranges, 0 and 1 are among these. Textures have other sizes in each content. A missing
-    /// guard shows if an array is short.
+    /// The contents that functions read. The first has random samples. In the others, each member has its first
+    /// preferred number, then its second, and so on. Preferred numbers include ends of ranges, 0 and 1. Textures have
+    /// another size in each content. A short array shows a missing guard.
     pub(crate) const OF_FUNCTIONS: [Self; 6] = [
         DRAWN,
         Self { draw: 1, ..DRAWN },
@@ -135,14 +138,15 @@ impl Content {
         Self { draw: 5, texels: Texels::Noise, ..DRAWN },
     ];
 
-    /// The contents that functions read if names are ignored. All texels are one number of the text.
+    /// The contents that functions read if names are ignored. All texels of a texture have the same number from the
+    /// text.
     pub(crate) const NAMELESS: [Self; 2] = [
         Self { draw: 60, texels: Texels::OfText(10), ..DRAWN },
         Self { draw: 66, texels: Texels::OfText(11), ..DRAWN },
     ];
 
-    /// The contents that passes read and write. In the first, sizes follow from the dispatch; the second has a tail;
-    /// others try the numbers that a parameter may be compared with; the last one samples.
+    /// The contents that passes read and write. In the first, sizes follow from the dispatch. The second has a tail.
+    /// Others have numbers with which a shader may compare a parameter. The last has random samples.
     pub(crate) const OF_PASSES: [Self; 9] = {
         use Numbered::{Backwards, Bits, Forwards};
         const LIKELY: Content = Content { is_likely: true, ..DRAWN };
@@ -168,7 +172,7 @@ impl Content {
                 ..LIKELY
             },
             Self { draw: 5, numbered: Some(Forwards), least: Some(0), ..DRAWN },
-            // More than a tile of 8 or 16, so that a loop over tiles has several rounds.
+            // More elements than a tile of 8 or 16, so that a loop over tiles has several rounds.
             Self {
                 draw: 6,
                 numbered: Some(Forwards),
@@ -190,22 +194,22 @@ impl Content {
         ]
     };
 
-    /// The same sizes with one numbering for the elements of all arrays: zeros, ones, or numbers far apart.
+    /// Returns the content with these values in all arrays: zeros, ones, or numbers far apart.
     pub(crate) const fn numbered(self, numbered: Numbered) -> Self {
         Self { numbered: Some(numbered), orders: None, ..self }
     }
 
-    /// The same numbers, with arrays that are longer than a pass needs.
+    /// Returns the content with arrays that are longer than a pass needs.
     pub(crate) const fn long(self) -> Self {
         Self { long: true, orders: None, ..self }
     }
 
-    /// The same, dispatched as one workgroup.
+    /// Returns the content for a dispatch of one workgroup.
     pub(crate) const fn of_one_workgroup(self) -> Self {
         Self { one_workgroup: true, ..self }
     }
 
-    /// The same for a buffer, by its position among all.
+    /// Returns the content for one buffer, by its position among all buffers.
     pub(super) fn of_buffer(self, place: usize) -> Self {
         match self.orders {
             Some(orders) => Self { numbered: Some(orders[place % orders.len()]), ..self },
@@ -213,13 +217,13 @@ impl Content {
         }
     }
 
-    /// Returns `true` if each texture is partly transparent.
+    /// Checks if each texture is partly transparent.
     pub(super) fn is_transparent(self) -> bool {
         self.draw % 2 == 1
     }
 }
 
-/// Bits that depend on others and on a number, by the finalizer of MurmurHash3.
+/// Hashes bits with a number, by the finalizer of MurmurHash3.
 pub(super) fn hashed(bits: u32, number: u32) -> u32 {
     let mut bits = (bits ^ number).wrapping_mul(0x9e37_79b9);
     bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);

@@ -1,45 +1,46 @@
-//! The sizes of resources of a compute pass.
+//! Determines the sizes of a compute pass's resources.
 
 use karat::unstable::package::MOST_ELEMENTS;
 
 use super::content::{Content, Shorter};
 use super::meaning::words;
 
-/// Words in names of integers that suggest a number of elements.
+/// Words in integers' names that suggest a number of elements.
 const ELEMENTS: [&str; 10] =
     ["count", "size", "length", "len", "num", "n", "elements", "total", "dimensions", "resolution"];
 
-/// Words in names of vectors that suggest the elements in each direction.
+/// Words in vectors' names that suggest the number of elements in each direction.
 const DIRECTIONS: [&str; 7] = ["grid", "extent", "extents", "dims", "shape", "bounds", "domain"];
 
-/// Words in names that suggest a number of something for each element.
+/// Words in names that suggest a number of steps for each element.
 const EACH: [&str; 8] =
     ["samples", "sample", "steps", "rays", "bounces", "iterations", "octaves", "taps"];
 
-/// The extent of a dispatch, which generated sizes follow, and the content.
+/// The size of a dispatch, from which sizes of resources follow, and the content.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extents {
-    /// Elements in each direction: as many as the invocations of all workgroups, or fewer.
+    /// The number of elements in each direction: the number of invocations, or fewer.
     pub(crate) elements: [u32; 3],
     pub(crate) workgroups: [u32; 3],
     pub(crate) content: Content,
 }
 
 impl Extents {
-    /// A dispatch over all of its invocations, except those that a content leaves without an element.
+    /// The extents of a dispatch. Each invocation has an element, except for those that the content's tail excludes.
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], content: Content) -> Self {
-        /// The least number of elements of arrays.
+        /// The minimum number of elements of an array.
         const LEAST: u32 = 64;
-        /// Invocations along a side of two workgroups of 8 x 8.
+        /// The number of invocations along a side of two workgroups of 8 x 8.
         const SHORT: u32 = 16;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
         let total = elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
-        // A single workgroup has as many elements as invocations.
+        // A single workgroup has exactly one element for each invocation.
         if total < LEAST && workgroups != [1; 3] {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
         if let Some([of_short, of_long]) = content.tail {
-            // On a short side only a few have none. A host has no reason to round up workgroups of one.
+            // On a short side, fewer invocations have no element. With a workgroup size of 1, a host never dispatches
+            // too many.
             let less = |count: u32| if count <= SHORT { of_short } else { of_long };
             elements = [0, 1, 2].map(|k| match elements[k] {
                 count if count > less(count) && size[k] != 1 => count - less(count),
@@ -51,55 +52,56 @@ impl Extents {
             let rows = (1..=count.isqrt()).rev().find(|rows| count % rows == 0).unwrap_or(1);
             elements = [count / rows, rows, 1];
         }
-        // The buffers of a draw have an element for each pixel.
+        // In a draw, each buffer has an element for each pixel.
         let shorter = content.shorter.filter(|_| size != [1; 3]);
         Self { elements, workgroups, content: Content { shorter, ..content } }
     }
 
-    /// The value of a whole number that its name doesn't constrain: from 2, 3 or 4 upwards. Neighbours have different
-    /// values, so that exchanging them shows.
+    /// The value of an integer that its name doesn't constrain: at least 2, 3 or 4, depending on the content.
+    /// Neighbouring components have different values, so that exchanging them changes the result.
     pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
         const APART: std::ops::RangeInclusive<u32> = 2..=4;
         let least = self.content.least?;
         if !APART.contains(&least) {
             return Some(least);
         }
-        // Each of the three has different bits.
+        // The three bytes of the hash are independent.
         let own = blake3::hash(name.as_bytes()).as_bytes()[least as usize] % 3;
         Some(least + u32::from(own) + lane as u32)
     }
 
-    /// The same for a buffer, by its position among all.
+    /// Returns the extents for one buffer, by its position among all buffers.
     pub(super) fn of_buffer(self, place: usize) -> Self {
         Self { content: self.content.of_buffer(place), ..self }
     }
 
-    /// Refuses more elements than Karat generates buffers for: 2^22, each of which may have several words.
+    /// Checks that there are at most 2^22 elements. Each element may have several 32-bit words.
     ///
     /// # Errors
-    /// If there are more.
+    /// If there are more elements.
     pub(crate) fn expect_few(&self) -> Result<(), String> {
         match self.total() {
             total if total > MOST_ELEMENTS => Err(format!(
-                "buffers are made up for at most {MOST_ELEMENTS} invocations: dispatch fewer workgroups, or bind them"
+                "Karat generates buffers for at most {MOST_ELEMENTS} invocations: dispatch fewer workgroups, or bind the buffers"
             )),
             _ => Ok(()),
         }
     }
 
-    /// The elements of a runtime-sized array.
+    /// The number of elements in a runtime-sized array.
     pub(super) fn elements_of(&self, name: &str) -> u32 {
         self.part_of(name, self.total())
     }
 
-    /// The part of a number of elements that a resource with this name has. Of two names, the one that has less in one
-    /// of two contents has more in the other.
+    /// The share of `count` elements that a resource with this name has. Of two names, the one with the smaller share
+    /// in one content has the larger share in the other content.
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
-        /// Sixteenths of all, at most and at least. The least is more than half, as a host dispatches no idle
-        /// workgroup.
+        /// The largest and the smallest share in sixteenths. The smallest share is more than half, because a host
+        /// dispatches no workgroup without elements.
         const MOST: u32 = 16;
         const LEAST: u32 = 9;
-        /// Multiples of all, in each direction of a texture: a pass that steps from level to level has four.
+        /// The factor for long resources, in each direction of a texture. A pass that steps from level to level then
+        /// has four levels.
         const LONG: u32 = 8;
         if self.content.long {
             return count.saturating_mul(LONG);
@@ -113,21 +115,21 @@ impl Extents {
         count.saturating_mul(part).div_ceil(MOST)
     }
 
-    /// All elements.
+    /// The number of all elements.
     pub(crate) fn total(&self) -> u32 {
         self.elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count))
     }
 
-    /// The value of a number whose name says that it is a size; `lanes` are those of its vector.
+    /// The value of a number whose name suggests a size. `lanes` is the number of lanes in its vector.
     pub(crate) fn size(&self, name: &str, lane: usize, lanes: usize, whole: bool) -> Option<u32> {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
-        // `num_samples` for each element.
+        // A name such as `num_samples` counts something for each element.
         if has(&EACH) {
             return None;
         }
         if !whole {
-            // A width in floats may be that of a line.
+            // A float named `width` may be the width of a line.
             let is_size = lanes > 1 && has(&["resolution", "dimensions"]);
             return self.elements.get(lane).copied().filter(|_| is_size);
         }
@@ -169,7 +171,7 @@ mod tests {
         assert_eq!((size("row_stride", 0, 1), size("base", 0, 1)), (Some(16), Some(0)));
         assert_eq!((size("grid", 1, 3), size("grid", 0, 1)), (Some(24), None));
         assert_eq!(extents.size("resolution", 1, 2, false), Some(24));
-        assert_eq!(extents.size("width", 0, 1, false), None, "of a line");
+        assert_eq!(extents.size("width", 0, 1, false), None, "the width of a line");
         let bits: Vec<u32> = (0..64).map(|at| Numbered::Bits.of(at, 64)).collect();
         assert!((16..32).contains(&bits.iter().sum::<u32>()) && bits.iter().all(|bit| *bit < 2));
         assert_eq!(Extents::of([64, 1, 1], [2, 1, 1], Content::OF_PASSES[1]).elements, [125, 1, 1]);
@@ -180,9 +182,10 @@ mod tests {
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], Content::OF_PASSES[7]).elements, [16, 8, 1]);
     }
 
-    /// At least 64 elements. With a tail, fewer in each direction with several invocations a workgroup.
+    /// There are at least 64 elements. With a tail, there are fewer in each direction in which a workgroup has several
+    /// invocations.
     #[test]
-    fn elements_are_those_of_whole_workgroups_or_a_few_less() {
+    fn element_counts_fill_whole_workgroups_or_leave_a_tail() {
         let of = |size, workgroups, at: usize| {
             Extents::of(size, workgroups, Content::OF_PASSES[at]).elements
         };
@@ -210,7 +213,7 @@ mod tests {
             let of = |content| Extents::of([64, 1, 1], [2, 1, 1], content);
             let others = [Numbered::Zero, Numbered::Apart].map(|how| of(content.numbered(how)));
             assert_eq!(others.map(|one| one.elements), [of(content).elements; 2]);
-            // A lane of a vector differs from the one before.
+            // Neighbouring lanes of a vector differ.
             let [x, y] = [0, 1].map(|lane| of(content).unknown("v", lane));
             match content.draw {
                 2..=4 => assert_eq!(y, x.map(|x| x + 1)),
@@ -219,7 +222,7 @@ mod tests {
         }
     }
 
-    /// One content has negative floats, one has noise, and in two some arrays are shorter than others.
+    /// One content has negative floats, one has noise, and in two contents some arrays are shorter than others.
     #[test]
     fn contents_differ_in_what_they_try() {
         let of = |size| {
@@ -246,7 +249,7 @@ mod tests {
                 None => assert_eq!(lengths, [total; 6]),
             }
         }
-        // The buffers of a draw have an element for each pixel.
+        // In a draw, each buffer has an element for each pixel.
         assert!(of([1; 3]).all(|one| names.map(|name| one.elements_of(name)) == [one.total(); 6]));
     }
 

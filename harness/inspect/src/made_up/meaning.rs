@@ -1,33 +1,32 @@
-//! The ranges that names suggest for numbers.
+//! The ranges that names suggest.
 
 use karat_core::domain::Part;
 use karat_core::value::{Scalar, Shape};
 
-/// The numbers that a name suggests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Meaning {
-    /// From the first to the second, ends included.
+    /// A number in this range, ends included.
     Range(f64, f64),
-    /// Components of a direction.
+    /// A component of a direction.
     Direction,
-    /// A whole number, at least 1.
+    /// An integer of at least 1.
     Count,
-    /// A whole number, at least 0, that counts few things, such as levels of a texture.
+    /// An integer of at least 0 that counts few things, such as levels of a texture.
     Index,
-    /// The name suggests nothing.
+    /// Any number, because the name suggests nothing.
     Any,
 }
 
-/// Refractive indices go from that of the vacuum to that of germanium in the infrared.
+/// The largest refractive index: germanium's in the infrared. The smallest one is the vacuum's.
 const MOST_REFRACTION: f64 = 4.0;
 
-/// Dot products of unit vectors may round to this: one step above 1.
+/// The largest dot product of unit vectors. It may round to one step above 1.
 const COSINE: f64 = 1.0 + f32::EPSILON as f64;
 
-/// The letters of vectors in names of cosines such as `NoV`.
+/// The letters for vectors in names of cosines, such as `NoV`.
 const VECTORS: &[u8] = b"NVLHTB";
 
-/// Words in names of vectors of three components that suggest a direction.
+/// Words that suggest a direction, in names of vectors with three components.
 const DIRECTIONS: [&str; 26] = [
     "n",
     "v",
@@ -57,7 +56,7 @@ const DIRECTIONS: [&str; 26] = [
     "reflected",
 ];
 
-/// Words in names that suggest a number from 0 to 1.
+/// Words that suggest a number from 0 to 1.
 const UNIT: [&str; 48] = [
     "alpha",
     "roughness",
@@ -109,17 +108,17 @@ const UNIT: [&str; 48] = [
     "gain",
 ];
 
-/// Words in names of floats that suggest pixels along a side: never 0.
+/// Words that suggest a size in pixels, which is never 0, in names of floats.
 const SIZES: [&str; 3] = ["viewport", "resolution", "dimensions"];
 
-/// Words that suggest pixels along a side if `size` follows.
+/// Words that suggest a size in pixels if `size` is another word of the name.
 const SIZED: [&str; 8] =
     ["view", "screen", "texture", "map", "framebuffer", "window", "image", "frame"];
 
-/// Words in names of matrices that divide by a distance.
+/// Words in names of projection matrices, which divide by a distance.
 const PROJECTIONS: [&str; 6] = ["clip", "projection", "proj", "ndc", "mvp", "vp"];
 
-/// Words in names of matrices that move points between spaces: hosts give them an inverse.
+/// Words in names of matrices that move points between spaces. Hosts use matrices with an inverse.
 const SPACES: [&str; 14] = [
     "view",
     "model",
@@ -137,16 +136,16 @@ const SPACES: [&str; 14] = [
     "tbn",
 ];
 
-/// Words in names that suggest a distance from a centre: never negative.
+/// Words that suggest a distance from a centre, which is never negative.
 const RADII: [&str; 3] = ["radius", "radii", "thickness"];
 
-/// The longest of these.
+/// The largest radius.
 const MOST_RADIUS: f64 = 1000.0;
 
-/// The most pixels along a side.
+/// The largest width or height in pixels.
 const MOST_PIXELS: f64 = 4096.0;
 
-/// Words in names of integers that suggest a whole number, at least 1.
+/// Words that suggest a count of at least 1, in names of integers.
 const COUNTS: [&str; 20] = [
     "samples",
     "sample",
@@ -170,7 +169,7 @@ const COUNTS: [&str; 20] = [
     "total",
 ];
 
-/// Words in names of integers that suggest a small whole number: a loop to a large one would take too long.
+/// Words that suggest a small count, in names of integers. With a large count, a loop would take too long.
 const INDICES: [&str; 17] = [
     "i",
     "j",
@@ -191,13 +190,13 @@ const INDICES: [&str; 17] = [
     "depth",
 ];
 
-/// The words of a name in lower case: `world_normal`, `worldNormal` and `WorldNormal` have the same.
+/// The words of a name in lower case. `world_normal`, `worldNormal` and `WorldNormal` have the same words.
 pub(super) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = '_';
     for (at, c) in name.char_indices() {
         let next = name[at + c.len_utf8()..].chars().next();
-        // `RGBColor` is `rgb` and `color`.
+        // The words of `RGBColor` are `rgb` and `color`.
         let last_capital = before.is_uppercase() && next.is_some_and(char::is_lowercase);
         if c == '_' || c.is_uppercase() && (!before.is_uppercase() || last_capital) {
             words.push(String::new());
@@ -211,18 +210,18 @@ pub(super) fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// Returns `true` for the name of a matrix such as `world_from_local`, which a host builds with an inverse. Other
-/// matrices are unconstrained: their determinant may be 0.
+/// Checks if a matrix has a name such as `world_from_local`. A host builds such a matrix with an inverse. All other
+/// matrices are unconstrained, so their determinant may be 0.
 pub(super) fn is_transform(name: &str) -> bool {
     is_projection(name) || words(name).iter().any(|word| SPACES.contains(&word.as_str()))
 }
 
-/// Returns `true` for the name of a matrix such as `clip_from_view`.
+/// Checks if a matrix has a name such as `clip_from_view`.
 pub(super) fn is_projection(name: &str) -> bool {
     words(name).iter().any(|word| PROJECTIONS.contains(&word.as_str()))
 }
 
-/// Returns `true` if a name has a part such as `NoV`: the cosine between two vectors.
+/// Checks if a name contains a word such as `NoV`: the cosine of the angle between two vectors.
 fn is_cosine_of_two(name: &str) -> bool {
     name.as_bytes().windows(3).any(|part| match part {
         [from, b'o', to] => VECTORS.contains(from) && VECTORS.contains(to),
@@ -230,22 +229,23 @@ fn is_cosine_of_two(name: &str) -> bool {
     })
 }
 
-/// The builtin value with a pixel's place in a fragment shader.
+/// The builtin value with a pixel's position.
 pub(super) const POSITION: &str = "position";
 
-/// Pixels along each side of the screen.
+/// The width and height of the screen in pixels.
 const PIXELS: f64 = 64.0;
 
-/// The last vertex and instance of one triangle: a shader that looks up its corners in a constant has three.
+/// The number of the last vertex and instance. A shader that reads its vertices from a constant has at least one
+/// triangle.
 const LAST_VERTEX: f64 = 2.0;
 
-/// The last of 64 invocations in a row: generated buffers have 64 elements.
+/// The number of the last invocation. Generated buffers have 64 elements.
 const LAST_INVOCATION: f64 = 63.0;
 
-/// The last invocation of the smallest usual workgroup, of 8 x 8.
+/// The last local invocation in each direction of a workgroup of 8 x 8, the smallest usual size.
 const LAST_LOCAL: f64 = 7.0;
 
-/// Returns `true` for a builtin value that WGSL limits to a range: a place in a workgroup or a subgroup.
+/// Checks if WGSL limits a builtin value to a range, such as a position in a workgroup or a subgroup.
 pub(super) fn has_range(builtin: &str) -> bool {
     matches!(
         builtin,
@@ -258,13 +258,12 @@ pub(super) fn has_range(builtin: &str) -> bool {
 }
 
 impl Meaning {
-    /// The range of a component of an entry point's builtin value (WGSL, 13.3.1.1); `None` if it may be any value of
-    /// its type.
+    /// The range of a component of a builtin value (WGSL, 13.3.1.1); `None` if it may have any value of its type.
     pub(super) fn of_builtin(builtin: &str, lane: usize) -> Option<Self> {
         Some(match (builtin, lane) {
             (POSITION, 0 | 1) => Self::Range(0.5, PIXELS - 0.5),
             (POSITION, 2) => Self::Range(0.0, 1.0),
-            // The interpolated 1/w of points in front of the camera.
+            // `w` is the interpolated 1/w of points in front of the camera.
             (POSITION, _) => Self::Range(1.0 / PIXELS, 1.0),
             ("vertex_index" | "instance_index", _) => Self::Range(0.0, LAST_VERTEX),
             ("sample_index", _) => Self::Range(0.0, 3.0),
@@ -283,7 +282,7 @@ impl Meaning {
         })
     }
 
-    /// The range that the name of an argument or a member suggests.
+    /// Returns the range that the name of an argument or a member suggests.
     pub(super) fn of(name: &str, shape: &Shape) -> Self {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
@@ -292,7 +291,7 @@ impl Meaning {
         let whole_name = name.to_lowercase();
         match () {
             () if direction && has(&DIRECTIONS) && !has(&UNIT[..10]) => Self::Direction,
-            // `n_dot_l`, `NdotL`, `NoL`, `cos_theta`: on the surface's own side.
+            // Names such as `n_dot_l`, `NdotL`, `NoL`, `cos_theta`: the direction is on the front side of the surface.
             () if whole_name.contains("dot")
                 || is_cosine_of_two(name)
                 || has(&["cos", "cosine", "mu"])
@@ -304,7 +303,7 @@ impl Meaning {
                 Self::Range(-std::f64::consts::PI, std::f64::consts::PI)
             }
             () if has(&["ior"]) => Self::Range(1.0, MOST_REFRACTION),
-            // Light may enter the denser medium, or leave it.
+            // Light may go into the denser medium, or out of it.
             () if has(&["eta"]) => Self::Range(1.0 / MOST_REFRACTION, MOST_REFRACTION),
             () if !whole && has(&["texel"]) && has(&["size"]) => {
                 Self::Range(1.0 / MOST_PIXELS, 1.0)
@@ -313,25 +312,25 @@ impl Meaning {
                 Self::Range(1.0, MOST_PIXELS)
             }
             () if !whole && has(&RADII) => Self::Range(0.0, MOST_RADIUS),
-            // The gammas with which monitors decode, and with which images are encoded.
+            // The gammas that decode for monitors and encode images.
             () if !whole && has(&["gamma"]) => Self::Range(0.25, 4.0),
             () if whole && has(&COUNTS) => Self::Count,
-            // A cube has six faces.
+            // A cube map has six faces.
             () if whole && has(&["face"]) => Self::Range(0.0, 5.0),
             () if whole && has(&INDICES) => Self::Index,
-            // A whole number called `u` isn't a texture coordinate.
+            // An integer named `u` isn't a texture coordinate.
             () if !whole && has(&UNIT) => Self::Range(0.0, 1.0),
             () => Self::Any,
         }
     }
 
-    /// The values of a scalar; `None` if no value of its type is among them.
+    /// The domain of a scalar; `None` if the range contains no value of its type.
     pub(super) fn part(self, scalar: Scalar) -> Option<Part> {
         match (self, scalar) {
             (Self::Range(least, most), Scalar::F32 | Scalar::F16) => {
                 Part::range(scalar, least..=most)
             }
-            // The whole numbers between the ends.
+            // The integers between the ends.
             (Self::Range(least, most), Scalar::I32 | Scalar::U32) => {
                 let (first, last) = match scalar {
                     Scalar::I32 => (f64::from(i32::MIN), f64::from(i32::MAX)),
@@ -377,7 +376,7 @@ mod tests {
             assert_eq!(Meaning::of(name, &vec2), Meaning::Range(1.0, 4096.0), "{name}");
         }
         assert_eq!(Meaning::of("texel_size", &float), Meaning::Range(1.0 / 4096.0, 1.0));
-        assert_eq!(Meaning::of("size", &vec2), Meaning::Any, "a box may have none");
+        assert_eq!(Meaning::of("size", &vec2), Meaning::Any, "a box may have the size 0");
         assert_eq!(Meaning::of("inner_radius", &float), Meaning::Range(0.0, 1000.0));
         assert!(is_projection("clip_from_view") && !is_projection("world_from_view"));
         assert!(
@@ -390,11 +389,11 @@ mod tests {
         }
     }
 
-    /// The guide's page lists each word.
+    /// The guide's page contains each word.
     #[test]
     fn the_guide_lists_each_name() {
         let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guide/hazard-names.md");
-        let page = std::fs::read_to_string(page).expect("the guide has it");
+        let page = std::fs::read_to_string(page).expect("the guide has this page");
         let all = DIRECTIONS.iter().chain(&UNIT).chain(&SIZES).chain(&SIZED).chain(&PROJECTIONS);
         let all = all.chain(&SPACES).chain(&RADII).chain(&COUNTS).chain(&INDICES);
         let missing: Vec<_> = all.filter(|word| !page.contains(&format!("`{word}`"))).collect();

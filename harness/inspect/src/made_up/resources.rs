@@ -1,4 +1,4 @@
-//! Generates the buffers, textures and samplers that a function uses.
+//! Generates the buffers, textures and samplers of a function.
 
 use std::collections::BTreeMap;
 
@@ -13,14 +13,14 @@ use super::content::{Numbered, Texels as Held, hashed};
 use super::{Content, Declaration, Described, Drawn, End, Extents, Ranges, described};
 use crate::limits::{ELEMENTS, MOST_BYTES, MOST_FACE, MOST_SIDE};
 
-/// The range of whole numbers in textures.
+/// The largest integer in textures.
 const MOST: u64 = 16;
 
-/// The seed: each variable with the same name gets the same contents, on every machine.
+/// The seed. A variable's contents depend on its name, and are the same on every machine.
 pub(crate) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
-/// Fits a function to the lengths of its generated resources, if it has any. If it takes derivatives, its arguments get
-/// some.
+/// Fits a function to the lengths of its generated resources. A function that takes derivatives gets arguments with
+/// derivatives.
 pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     let mut probed = probed.with_varying();
     if let Ok(made) = Resources::of(&probed, &Ranges::default(), Content::OF_FUNCTIONS[0]) {
@@ -29,57 +29,57 @@ pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     Ok(probed)
 }
 
-/// An input: a member of a buffer, the elements of an array together, or a texture.
+/// An input in a resource: a member of a buffer, all elements of an array together, or a texture.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Input {
     pub(crate) path: String,
-    /// `true` if a range is declared for it, for example in `[inputs]`.
+    /// `true` if the input's range is declared, for example in `[inputs]`.
     pub(crate) declared: bool,
-    /// `true` if it is declared, or if names count as declarations and its name suggests a range.
+    /// `true` if the input is declared. Also if names count as declarations and its name suggests a range.
     pub(crate) known: bool,
-    /// Its successive lanes in the buffer.
+    /// The number of the input's lanes, which are adjacent in the buffer.
     lanes: usize,
 }
 
-/// Inputs that take their values from another content.
+/// The selection of inputs that take their values from another content.
 #[derive(Clone, Copy)]
 pub(crate) struct Mix<'m> {
-    /// That content.
+    /// The other content.
     pub(crate) content: Content,
-    /// The sizes of that content, for a pass.
+    /// The sizes of the other content, for a pass.
     pub(crate) extents: Option<Extents>,
     pub(crate) takes: &'m (dyn Fn(&Input) -> bool + Sync),
 }
 
-/// A fixture for each resource that a function reads.
+/// The fixtures of a function's resources.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resources {
     pub(crate) fixtures: Fixtures,
-    /// The members of buffers that aren't elements of arrays, with their values.
+    /// The members of buffers that aren't array elements, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
-    /// `true` if some input varies, so that another content differs.
+    /// `true` if some input varies, so that another content gives other resources.
     pub(crate) varies: bool,
     /// The inputs in the resources: members of buffers, arrays and textures.
     pub(crate) inputs: Vec<Input>,
-    /// The number of the array element that is being filled.
+    /// The index of the array element that is being filled.
     element: Option<u32>,
-    /// The number of arrays around the value that is being filled.
+    /// The nesting depth of arrays around the value that is being filled.
     depth: usize,
     /// The lengths of the arrays in all buffers.
     lengths: BTreeMap<String, u32>,
-    /// `true` if a pass writes the buffer: a number in it then counts additions from 0.
+    /// `true` if a pass writes the buffer. A number in the buffer then begins at 0, because the pass may count in it.
     counts: bool,
 }
 
 impl Resources {
-    /// Generates textures and samplers that differ from each other, so that exchanging two of them shows. An error
-    /// names the resource that can't be generated, or the declared range without a value.
+    /// Generates resources. Textures and samplers differ from each other, so that exchanging two of them changes the
+    /// result. An error names the resource that can't be generated, or the declared range without a value.
     pub(crate) fn of(probed: &Probed, ranges: &Ranges, content: Content) -> Result<Self, String> {
         Self::made_of(probed, ranges, (content, None), Likeness::Own)
     }
 
-    /// The same, with some inputs from another content.
+    /// Generates resources with some inputs from another content.
     pub(crate) fn mixed(
         probed: &Probed,
         ranges: &Ranges,
@@ -100,7 +100,7 @@ impl Resources {
         Self::of_bindings(read, &ranges, of, likeness)
     }
 
-    /// The resources of a compute pass. Their sizes follow from the dispatch.
+    /// Generates the resources of a compute pass. Their sizes follow from the dispatch.
     pub(crate) fn of_pass(
         of: (&Program, &[Binding]),
         ranges: &Ranges,
@@ -122,7 +122,7 @@ impl Resources {
         let elements_of = |binding: &Binding| {
             let usual = match ranges.extents {
                 Some(extents) => extents.elements_of(&binding.path),
-                // A written buffer is as long as the results that are read back.
+                // Karat reads a written buffer back, so its length is fixed.
                 None if binding.kind.is_written() => ELEMENTS as u32,
                 None => content.elements as u32,
             };
@@ -137,7 +137,7 @@ impl Resources {
         let length = |binding: &Binding, elements: &BTreeMap<&str, usize>| {
             length_of(&program.buffer_of(binding, elements[binding.name()])?)
         };
-        // Elements that must differ need enough possible values.
+        // If elements must differ, there must be enough possible values.
         for binding in bindings {
             if let Some(Declaration::Elements { least: End::Number(least), most, distinct: true }) =
                 ranges.get(binding.name())
@@ -154,7 +154,7 @@ impl Resources {
                 let most = ranges.length(other, u32::MAX, false) as usize;
                 if needed > most {
                     return Err(format!(
-                        "`{}` is declared to have {own} elements that differ, and length({other}) is at most {most}",
+                        "`{}` is declared to have {own} different elements, and length({other}) is at most {most}",
                         binding.name()
                     ));
                 }
@@ -191,7 +191,7 @@ impl Resources {
             };
             let fixture = fixture.ok_or_else(|| {
                 format!(
-                    "it reads `{}`, a {}, for which no data is made up",
+                    "it reads `{}`, and Karat can't generate data for a {}",
                     binding.path, binding.kind
                 )
             })?;
@@ -200,7 +200,6 @@ impl Resources {
         Ok(Self { fixtures: named.into_iter().collect(), ..all })
     }
 
-    /// The bytes of a buffer.
     fn buffer(
         &mut self,
         (program, binding, elements): (&Program, &Binding, usize),
@@ -214,7 +213,7 @@ impl Resources {
         let mut lanes =
             self.lanes((&binding.path, binding.name(), &shape), ranges, content, is_written)?;
         if let Some(mix) = mix {
-            // Both contents have the same shape, and so the same lanes.
+            // The buffer has the same type in both contents, and so the same lanes.
             let ranges = Ranges { extents: mix.extents, ..ranges.clone() };
             let of = (&*binding.path, binding.name(), &shape);
             let lengths = self.lengths.clone();
@@ -232,7 +231,6 @@ impl Resources {
         program.bytes(binding, &lanes).map_err(|error| error.to_string())
     }
 
-    /// The lanes of a buffer.
     fn lanes(
         &mut self,
         (path, name, shape): (&str, &str, &Shape),
@@ -247,7 +245,7 @@ impl Resources {
         Ok(lanes)
     }
 
-    /// Notes an input: the lanes from `from` on.
+    /// Records an input, whose lanes begin at `from`.
     fn input(&mut self, parts: &[Described], path: &str, from: usize, lanes: &[u32]) {
         let declared = parts.iter().all(|one| one.declared);
         let known = parts.iter().all(|one| one.known);
@@ -255,7 +253,7 @@ impl Resources {
         self.inputs.push(Input { path: path.to_owned(), declared, known, lanes });
     }
 
-    /// Samples the lanes of a value. Elements of an array take the preferred numbers in turn.
+    /// Samples the lanes of a value. The elements of an array have the preferred numbers in turn.
     fn fill(
         &mut self,
         (path, shape): (&str, &Shape),
@@ -267,13 +265,13 @@ impl Resources {
         match shape {
             Shape::Struct { members, .. } => members.iter().try_for_each(|(member, shape)| {
                 let path = format!("{path}.{member}");
-                // The contents don't depend on the order of members.
+                // The values don't depend on the order of the members.
                 let mut own = source_of(&path, index.map_or(0, |index| index + 1));
                 let source = if self.depth == 0 { &mut own } else { &mut *source };
                 self.fill((&path, shape), ranges, index, source, lanes)
             }),
             Shape::Array { element, length } => {
-                // A line of a report has no room for elements.
+                // Elements aren't listed, because a line of a report has no room for them.
                 let shown = self.members.len();
                 if let Some(declared @ Declaration::Elements { .. }) = ranges.get(path) {
                     let words =
@@ -300,7 +298,7 @@ impl Resources {
                             self.element = around;
                         }
                     }
-                    // Describe the elements once: there may be a million.
+                    // The elements share one description, because there may be a million elements.
                     _ => {
                         let parts = described_elements(path, element, ranges)?;
                         let in_order = parts.iter().all(|one| ranges.numbers_elements(one));
@@ -365,7 +363,7 @@ impl Resources {
 }
 
 impl Resources {
-    /// The elements of an array of whole numbers, as declared: in order, in reverse order, or in any.
+    /// The elements of an integer array, as declared: ascending, descending, or in any order.
     fn elements(
         &self,
         (path, element): (&str, &Shape),
@@ -378,14 +376,16 @@ impl Resources {
             return Ok(Vec::new());
         };
         if !matches!(element, Shape::Scalar(Scalar::U32 | Scalar::I32)) {
-            return Err(format!("`{path}` is declared by its elements, and these are {element}"));
+            return Err(format!(
+                "`{path}` is declared by its elements, but their type is {element}"
+            ));
         }
         let end = |end: &End| match end {
             End::Number(number) => Ok(*number),
             End::Length(name, less) => match self.lengths.get(name) {
                 Some(length) => Ok(f64::from(*length) - less),
                 None => Err(format!(
-                    "`{path}` is declared by length({name}), and no buffer is `{name}`"
+                    "`{path}` is declared by length({name}), but no buffer has the name `{name}`"
                 )),
             },
         };
@@ -396,7 +396,7 @@ impl Resources {
         }
         if *distinct && count < f64::from(length) {
             return Err(format!(
-                "`{path}` is declared to have {length} elements that differ, and {count} numbers lie from {least} to {most}"
+                "`{path}` is declared to have {length} different elements, but there are only {count} numbers from {least} to {most}"
             ));
         }
         #[expect(
@@ -406,13 +406,14 @@ impl Resources {
         )]
         let (first, count) = (least as i64, count as u64);
         let number = |at: u64| (first + (at % count).cast_signed()) as u32;
-        // Both ends occur: from the least upwards, from the greatest downwards, or over the whole range.
+        // Both ends of the range occur: ascending from the smallest value, descending from the largest, or spread over
+        // the whole range.
         let all = 0..u64::from(length);
         Ok(match ranges.numbered() {
             Some(Numbered::Forwards) => all.map(number).collect(),
             Some(Numbered::Backwards) => all.map(|at| number(count - 1 - at % count)).collect(),
             _ if *distinct => {
-                // A step that has no common divisor with the count reaches each number once.
+                // A step without a common divisor with the count reaches each number once.
                 let divides = |step: &u64| gcd(*step, count) == 1;
                 let step = (count / 2 + source.below(count)..).find(divides).unwrap_or(1);
                 all.map(|at| number(count - 1 + (at % count) * (step % count))).collect()
@@ -429,7 +430,7 @@ fn gcd(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// The length of a buffer's array: the buffer itself, or its last member.
+/// The length of a buffer's array. The array is the whole buffer, or its last member.
 fn length_of(shape: &Shape) -> Option<u32> {
     match shape {
         Shape::Array { length, .. } => Some(*length),
@@ -438,7 +439,8 @@ fn length_of(shape: &Shape) -> Option<u32> {
     }
 }
 
-/// The descriptions of an array's elements. A name doesn't constrain whole numbers: they may be indices of anything.
+/// The descriptions of an array's elements. A name doesn't constrain integers, because they may be indices of any
+/// array.
 fn described_elements(
     path: &str,
     shape: &Shape,
@@ -456,21 +458,22 @@ fn described_elements(
 }
 
 impl Ranges {
-    /// Returns `true` if a whole number of an element depends on the element, because nothing else gives its value.
+    /// Checks if an integer in an element depends on the element's index. It does if no declaration determines its
+    /// value.
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
     }
 
-    /// The words of an element, if it has the same number in all elements.
+    /// The lanes of an element's value, if all elements have the same value.
     fn constant(&self, one: &Described) -> Option<Vec<u32>> {
-        // A range that a name suggests may not include the number.
+        // The range that an integer's name suggests may not include the value.
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         let numbered = self.numbered().filter(|_| !one.declared && (whole || one.guessed))?;
         one.scalars.iter().map(|scalar| numbered.constant(*scalar)).collect()
     }
 
-    /// Makes unconstrained floats negative, if requested.
+    /// Makes unconstrained floats negative, if the ranges request it.
     fn negate(&self, parts: &[Described], lanes: &mut [u32]) {
         const SIGN: u32 = 1 << 31;
         if !(self.negative || self.extents.is_some_and(|extents| extents.content.negative)) {
@@ -489,13 +492,13 @@ impl Ranges {
         }
     }
 
-    /// The same for a buffer, by its position among all.
+    /// Returns the ranges for one buffer, by its position among all buffers.
     fn of_buffer(&self, place: usize) -> Self {
         let extents = self.extents.map(|extents| extents.of_buffer(place));
         Self { extents, ..self.clone() }
     }
 
-    /// The floats in the text.
+    /// The floats in the shader's text.
     fn floats(&self) -> &[f32] {
         self.literals.as_ref().map_or(&[], |all| &all.floats)
     }
@@ -505,17 +508,17 @@ impl Ranges {
     }
 }
 
-/// The likeness of textures and samplers of one function.
+/// How much the textures and samplers of one function resemble each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Likeness {
-    /// Equal ones, on which drivers agree, with this address mode for texels beyond the edges.
+    /// All are equal, so that drivers agree. Texels beyond the edges follow this address mode.
     Equal(Address),
-    /// Each variable has its own, so that exchanging two of them shows.
+    /// Each variable has another texture or sampler, so that exchanging two of them changes the result.
     Own,
 }
 
-/// Fixtures for each resource that the function reads, such that drivers agree; or the resource that can't be
-/// generated.
+/// Generates fixtures with which drivers agree, for each resource that the function reads. An error names the resource
+/// that can't be generated.
 pub(crate) fn fixtures(
     probed: &Probed,
     ranges: &Ranges,
@@ -525,7 +528,7 @@ pub(crate) fn fixtures(
     Ok(Resources::made_of(probed, ranges, of, Likeness::Equal(beyond))?.fixtures)
 }
 
-/// The address modes of a function's samplers, each for a share of its cases. No driver confuses two modes.
+/// The address modes of a function's samplers, each for a share of its cases. No driver confuses two address modes.
 pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
     const ALL: [Address; 3] = [Address::Clamp, Address::Repeat, Address::Mirror];
     let mut bindings = probed.function().bindings.iter();
@@ -533,9 +536,9 @@ pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
     if samples { &ALL } else { &ALL[..1] }
 }
 
-/// The contents of an entry point's resources, the same on each column; or the resource that can't be generated. A
-/// runtime-sized array has an element for each invocation. Samplers repeat, so that a clamping one in their place
-/// shows.
+/// Generates the contents of an entry point's resources, the same on each path. An error names the resource that can't
+/// be generated. A runtime-sized array has an element for each invocation. Samplers repeat, so that a sampler that
+/// wrongly clamps changes the result.
 pub(crate) fn data(
     program: &Program,
     bindings: &[Binding],
@@ -543,21 +546,22 @@ pub(crate) fn data(
     invocations: usize,
     content: Content,
 ) -> Result<Vec<(Binding, Fixture)>, String> {
-    // The code below refuses buffers with too many words.
+    // The code below rejects buffers with too many elements.
     let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
         if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
             let made =
                 texture_or_sampler(binding, Likeness::Equal(Address::Repeat), content, (None, &[]));
-            let none =
-                || format!("it uses `{}`, a {}, and none is made up", binding.path, binding.kind);
+            let none = || {
+                format!("it uses `{}`, and Karat can't generate a {}", binding.path, binding.kind)
+            };
             return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
         }
         let bytes =
             Resources::default().buffer((program, binding, elements), ranges, (content, None))?;
         if bytes.len() > MOST_BYTES {
             return Err(format!(
-                "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",
+                "it uses `{}` of {} bytes, and Karat runs entry points only with buffers of at most {MOST_BYTES} bytes",
                 binding.path,
                 bytes.len()
             ));
@@ -567,21 +571,21 @@ pub(crate) fn data(
     bindings.iter().map(one).collect()
 }
 
-/// The least number of invocations of an entry point.
+/// The minimum number of an entry point's invocations.
 pub(crate) const INVOCATIONS: u32 = 64;
 
-/// The texels along a side of a texture: powers of two, so that each level is half as large as the one before.
+/// The possible sizes of a texture in texels: powers of two, so that each level is half as large as the level above.
 const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
 
-/// Random numbers for a variable, from its name. They don't depend on its binding.
+/// Random numbers for a variable. They depend on its name, and not on its binding.
 fn source_of(path: &str, draw: usize) -> Source {
     let hash = blake3::hash(path.as_bytes());
     let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
     Source::new(SEED + draw as u64, stream)
 }
 
-/// The texels along each side of a variable's texture. Each texture has another shape, so that the size of a wrong
-/// texture shows.
+/// The width and height of a variable's texture. Textures have different sizes, so that reading the wrong texture's
+/// size changes the result.
 fn sides(source: &mut Source) -> [u32; 2] {
     let mut side = || SIDES[source.below(SIDES.len() as u64) as usize];
     [side(), side()]
@@ -595,12 +599,13 @@ fn texture_or_sampler(
 ) -> Option<Fixture> {
     let mut source = source_of(&binding.path, content.draw);
     let is_own = likeness == Likeness::Own;
-    // Filter weights have 8 bits. If a texture repeats, its edges mustn't be too far apart, or drivers disagree.
+    // Filter weights have only 8 bits. If a texture repeats, its opposite edges must have similar values, or drivers
+    // disagree.
     let contrast = match likeness {
         Likeness::Own | Likeness::Equal(Address::Clamp) => 1.0,
         Likeness::Equal(_) => 0.25,
     };
-    // A written texture is as large as the results that are read back.
+    // Karat reads a written texture back, so its size is fixed.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
     let noise = match content.texels {
         Held::Noise => Some(Noise { least: 0.0, literals }),
@@ -608,14 +613,15 @@ fn texture_or_sampler(
         Held::Smooth | Held::Black | Held::OfText(_) => None,
     };
     let sides = match extents {
-        // Even a line of invocations has some rows, at most as many as workgroups: each workgroup may take a row.
+        // A texture has several rows even for invocations in a line, but at most one for each workgroup, because each
+        // workgroup may use one row.
         Some(Extents { elements: [across, down, _], workgroups, .. }) => {
             let rows = workgroups.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
             let part = |side| extents.map_or(side, |extents| extents.part_of(&binding.path, side));
             let sides = [part(across), part(down).max(rows.min(LAYERS))];
             match extents {
-                // A square larger than the dispatch, with a level of one texel, for passes that step from level to
-                // level.
+                // A square that is larger than the dispatch, with levels down to one texel, for passes that step from
+                // level to level.
                 Some(extents) if extents.content.long => {
                     [2 * across.max(down).next_power_of_two(); 2]
                 }
@@ -623,13 +629,13 @@ fn texture_or_sampler(
             }
             .map(|side| side.min(MOST_SIDE))
         }
-        // Large enough to have squares for each number in the text.
+        // The texture is large enough for a square of each number in the text.
         None if noise.is_some() && !written && !literals.is_empty() => [SIDES[SIDES.len() - 1]; 2],
         None => sides(&mut source_of(&binding.path, if written { 0 } else { content.draw })),
     };
     Some(match binding.kind {
         BindingKind::TEXTURE_CUBE => {
-            // A power of two distinguishes the texture, and loses no digit.
+            // The factor is a power of two. It distinguishes the texture and loses no digits.
             let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
             let texel = |d: glam::Vec3| own * held_by_halves(d * 0.5 + glam::Vec3::ONE);
             CubeMap::from_fn(sides[0].next_power_of_two().min(MOST_FACE), texel).with_mips().into()
@@ -638,7 +644,7 @@ fn texture_or_sampler(
             let samples = if kind.multisampled { 4 } else { 1 };
             let own = is_own.then_some((&mut source, content.is_transparent()));
             let of = (kind.dimension, kind.arrayed);
-            // All black or all white, or one number: a shader may divide by such an image.
+            // All texels are black, white, or one number from the text. A shader may divide by such a texel.
             let constant = match content.texels {
                 Held::Black if is_own => Some(0.0),
                 Held::OfText(number) if is_own && !literals.is_empty() => {
@@ -668,7 +674,8 @@ fn texture_or_sampler(
             Sampler::LINEAR.address([beyond; 3]).into()
         }
         BindingKind::Sampler { comparison: false } => {
-            // Textures are smooth, so another least level changes the last bits, without a jump.
+            // The smallest level differs between samplers. Textures are smooth, so it changes only the last bits of a
+            // result.
             let least = source.unit() as f32;
             let sampler = Sampler::LINEAR.lod(least, 32.0);
             match source.below(3) {
@@ -688,25 +695,25 @@ fn texture_or_sampler(
     })
 }
 
-/// The nearest numbers that textures of 16-bit floats can hold, too: GL filters those in place of 32-bit ones.
+/// The nearest numbers that 16-bit floats can represent. GL filters textures of such floats in place of textures of
+/// `f32`.
 fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
-    /// Steps per unit of halves below 8.
+    /// The number of steps in a unit. A 16-bit float below 8 has at least these steps.
     const STEPS: f32 = 128.0;
     (texel * STEPS).round() / STEPS
 }
 
-/// Texels that differ from their neighbours.
 #[derive(Clone, Copy)]
 struct Noise<'l> {
-    /// The least value of colours.
+    /// The smallest value of a colour.
     least: f32,
-    /// The numbers in the text.
+    /// The numbers in the shader's text.
     literals: &'l [f32],
 }
 
 impl Noise<'_> {
-    /// A number from the text, a neighbour of it, 0 or 1, in every second square of 4 x 4 texels: a filter in the
-    /// middle of the square gives the same number.
+    /// In every second square of 4 x 4 texels: a number from the text, a number next to it, 0 or 1. A filter in the
+    /// middle of a square doesn't change the number.
     fn of_text(self, own: f32, [x, y, z, channel]: [u32; 4]) -> Option<f32> {
         const SIDE: u32 = 4;
         if self.literals.is_empty() {
@@ -720,9 +727,10 @@ impl Noise<'_> {
     }
 }
 
-/// Smooth texels, so that the few bits of a filter's weights don't matter much. A variable's `own` texels are also
-/// curved, so that levels differ, and may be transparent. Instead they may be noise, in which each order of neighbours
-/// occurs, or lie in a part of their range, the contrast.
+/// Makes a texture. Its texels are smooth, so that the few bits of a filter's weights hardly matter. If a variable has
+/// its `own` texels, these are also curved, so that levels differ, and may be transparent. With noise, texels are
+/// independent of each other, so that each order of neighbours occurs. With a contrast below 1, texels use only a part
+/// of their range.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
@@ -735,7 +743,7 @@ fn texture(
         let whole = u32::try_from(source.below(MOST)).unwrap_or_default();
         (source.unit() as f32, whole)
     });
-    // Only textures that differ between variables are noise. Each texel and channel gets another number.
+    // Only textures that differ between variables have noise. Each texel and each channel has another number.
     let noise = noise.filter(|_| own > 0.0);
     let drawn = |at: [u32; 3], channel: u32| {
         let bits = [at[0], at[1], at[2], channel].into_iter().fold(own.to_bits(), hashed);
@@ -757,7 +765,7 @@ fn texture(
         let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
         let texel = glam::Vec3::new(x + own, y, 0.5 * (x + y) + 0.25 * z);
         let texel = held_by_halves(texel * contrast + (1.0 - contrast));
-        // A shader that divides by alpha meets 0.
+        // The alpha channel contains 0, for shaders that divide by alpha.
         texel.extend(if transparent { texel.y.clamp(0.0, 1.0) } else { 1.0 })
     };
     let number = |x: u32, y: u32, z: u32| match noise {
@@ -767,13 +775,13 @@ fn texture(
     match texels {
         Texels::Float => {
             let texture = made(dimension, arrayed, sides, samples, wave);
-            // Lines have one level, and so do multisampled textures.
+            // 1D textures and multisampled textures have one level.
             let halve = sides.iter().all(|side| side.is_power_of_two());
             match (samples, dimension) {
                 (1, Dimension::D2 | Dimension::D3 | Dimension::Cube) if halve => {
                     texture.with_mips()
                 }
-                // As large as the dispatch. A level has every second texel of the one before.
+                // The texture is as large as the dispatch. A level contains every second texel of the level above.
                 (1, Dimension::D2) if !arrayed => {
                     let last = sides[0].max(sides[1]).ilog2();
                     let level = |n: u32| {
@@ -799,7 +807,7 @@ fn texture(
     }
 }
 
-/// A texture whose values depend on the column, the row, and the slice, layer or sample.
+/// Makes a texture. `value` returns a texel for a column, a row, and a slice, layer or sample.
 fn made<T: karat::Shareable>(
     dimension: Dimension,
     arrayed: bool,
@@ -823,7 +831,7 @@ fn made<T: karat::Shareable>(
     }
 }
 
-/// Layers and slices.
+/// The number of layers or slices.
 const LAYERS: u32 = 4;
 
 #[cfg(test)]
@@ -832,7 +840,7 @@ mod tests {
 
     use super::*;
 
-    /// Textures of passes are as large as the dispatch, and still have levels.
+    /// The textures of a pass are as large as the dispatch, and have several levels.
     #[test]
     fn textures_of_any_size_have_levels() {
         for (sides, count) in [([16, 16], 5), ([16, 24], 5), ([13, 3], 4), ([1, 1], 1)] {
@@ -845,17 +853,16 @@ mod tests {
 
     fn probed(text: &str) -> Probed {
         let package = karat::Package::from_source("p", text);
-        Probed::new(&package, "f").expect("it is called")
+        Probed::new(&package, "f").expect("`f` can be called")
     }
 
-    /// The words of a buffer.
     fn words(made: &Resources, name: &str) -> Vec<u32> {
         let found = made.fixtures.iter().find(|(path, _)| path == name);
         let Some((_, Fixture::Buffer(buffer))) = found else { panic!("no `{name}`") };
         bytemuck::pod_collect_to_vec(bytes(buffer))
     }
 
-    /// A missing guard shows if an array is short. A written array is read back whole.
+    /// A short array shows a missing guard. A written array has a fixed length, because Karat reads it back.
     #[test]
     fn arrays_that_are_read_have_several_lengths() {
         let probed = probed(
@@ -863,17 +870,21 @@ mod tests {
             @group(0) @binding(1) var<storage, read_write> w: array<f32>;
             fn f(i: u32) -> f32 { w[i] = d[i]; return d[i]; }",
         );
-        let made = |content| Resources::of(&probed, &Ranges::default(), content).expect("made up");
+        let made = |content| {
+            Resources::of(&probed, &Ranges::default(), content)
+                .expect("the resources are generated")
+        };
         let lengths =
             |name: &str| Content::OF_FUNCTIONS.map(|content| words(&made(content), name).len());
         assert_eq!(lengths("d"), [64, 64, 16, 64, 3, 64]);
         assert_eq!(lengths("w"), [64; 6]);
-        // Elements take the preferred numbers in turn.
+        // Elements have the preferred numbers in turn.
         let first = words(&made(Content::OF_FUNCTIONS[1]), "d");
         assert!(first[0] != first[1] && first[1] != first[2], "{first:?}");
     }
 
-    /// Textures that are read have other sizes in each content. Written ones are read back whole.
+    /// Textures that are only read have another size in each content. Written textures have a fixed size, because Karat
+    /// reads them back.
     #[test]
     fn written_textures_keep_their_size() {
         let probed = probed(
@@ -886,7 +897,8 @@ mod tests {
         );
         let sizes = |name: &str| {
             let size = |content| {
-                let made = Resources::of(&probed, &Ranges::default(), content).expect("made up");
+                let made = Resources::of(&probed, &Ranges::default(), content)
+                    .expect("the resources are generated");
                 let (_, fixture) = made.fixtures.iter().find(|(path, _)| path == name)?;
                 levels(fixture).first().map(|level| (level.width, level.height))
             };
@@ -896,7 +908,7 @@ mod tests {
         assert!(sizes("image") > 2);
     }
 
-    /// Whole numbers after an array in a buffer aren't numbered like elements, and neither are declared ones.
+    /// An integer after an array in a buffer, and a declared integer, don't have the values of array elements.
     #[test]
     fn integers_after_an_array_are_not_numbered() {
         let text =
@@ -912,11 +924,11 @@ mod tests {
             Program::of_pass(&package, "f", &karat::unstable::reflect::Overrides::new())
                 .expect("a pass");
         let mut ranges = Ranges::default();
-        ranges.declare("given", 7.0, 7.0).expect("it is a range");
+        ranges.declare("given", 7.0, 7.0).expect("the range is valid");
         let of = |content: Content| {
             let extents = Extents::of(size, [2, 1, 1], content);
             let made = Resources::of_pass((&program, &bindings), &ranges, extents, None);
-            let made = made.expect("it is made up");
+            let made = made.expect("the resources are generated");
             (words(&made, "s")[..9].to_vec(), words(&made, "given")[..3].to_vec())
         };
         let [first, second, ..] = Content::OF_PASSES;
@@ -925,24 +937,32 @@ mod tests {
         assert_eq!(of(first.numbered(Numbered::One)), (vec![1; 9], vec![7; 3]));
     }
 
-    /// A mixed-in input has the value of the other content; all others keep theirs.
+    /// A mixed-in input has its value in the other content. All other inputs keep their values.
     // Lesson 99
     #[test]
-    fn contents_are_mixed_by_inputs() {
+    fn mixing_in_an_input_changes_only_its_words() {
         let probed = probed(
             "struct Item { id: u32, gain: f32 } struct S { a: f32, b: vec2f, items: array<Item, 3> }
             @group(0) @binding(0) var<storage, read> s: S;
             fn f(i: u32) -> f32 { return s.a * s.b.x * s.items[i].gain; }",
         );
         let ranges = Ranges::default();
-        let plain =
-            |content| words(&Resources::of(&probed, &ranges, content).expect("it is made up"), "s");
+        let plain = |content| {
+            words(
+                &Resources::of(&probed, &ranges, content).expect("the resources are generated"),
+                "s",
+            )
+        };
         let [of_own, _, _, of_other, ..] = Content::OF_FUNCTIONS;
         let [own, other] = [of_own, of_other].map(plain);
         let mixed = |path: &'static str| {
             let takes = move |input: &Input| input.path == path;
             let mix = Mix { content: of_other, extents: None, takes: &takes };
-            words(&Resources::mixed(&probed, &ranges, of_own, &mix).expect("it is made up"), "s")
+            words(
+                &Resources::mixed(&probed, &ranges, of_own, &mix)
+                    .expect("the resources are generated"),
+                "s",
+            )
         };
         let changed = |path| {
             let mixed = mixed(path);
@@ -957,16 +977,17 @@ mod tests {
         assert_eq!(changed("s.none"), [0; 0]);
     }
 
-    /// Values depend on names, wherever the members stand.
+    /// Values depend on the members' names, not on their order.
     #[test]
-    fn members_in_another_order_hold_the_same() {
+    fn generated_members_do_not_depend_on_their_order() {
         let of = |members: &str, content| {
             let probed = probed(&format!(
                 "struct Q {{ u: f32, v: f32 }} struct L {{ l: vec4f }} struct P {{ {members} }}
                 @group(0) @binding(0) var<storage, read> p: P;
                 fn f(x: f32) -> f32 {{ return x * p.a * p.b.y * p.q.v * f32(p.c) * p.list[1].l.x; }}"
             ));
-            let made = Resources::of(&probed, &Ranges::default(), content).expect("it is made up");
+            let made = Resources::of(&probed, &Ranges::default(), content)
+                .expect("the resources are generated");
             let mut members = made.members;
             members.sort_unstable();
             assert_eq!(members.len(), 5);
@@ -979,7 +1000,7 @@ mod tests {
         }
     }
 
-    /// A missing element is 0, which is larger than all negative numbers.
+    /// A missing element reads as 0, which is larger than all negative numbers.
     #[test]
     fn floats_of_one_content_are_below_zero() {
         let text = "struct P { mass: f32, other: f32 }
@@ -999,13 +1020,13 @@ mod tests {
                 let extents = Extents::of(size, [2, 1, 1], Content::OF_PASSES[*number]);
                 let of = (&*program, &*bindings);
                 let made = Resources::of_pass(of, &Ranges::default(), extents, None);
-                let floats = words(&made.expect("it is made up"), name).into_iter();
+                let floats = words(&made.expect("the resources are generated"), name).into_iter();
                 floats.map(f32::from_bits).any(|x| x > 0.0)
             });
             all.collect::<Vec<_>>()
         };
         assert_eq!([positive("d"), positive("p")], [[0, 1, 2, 3, 5, 6, 7, 8]; 2]);
-        assert_eq!(positive("roughness"), [0, 1, 2, 3, 4, 5, 6, 7, 8], "its name says what it is");
+        assert_eq!(positive("roughness"), [0, 1, 2, 3, 4, 5, 6, 7, 8], "its name suggests a range");
     }
 
     // Lesson 132
@@ -1014,13 +1035,13 @@ mod tests {
         let text = "fn f(a: f32, k: u32, v: vec2f) -> f32 { return dpdx(a) + dpdy(v.x) + f32(k); }";
         let probed = Probed::new(&karat::Package::from_source("p", text), "f").and_then(fitted);
         let rows = crate::work::rows(
-            &probed.expect("it is called"),
+            &probed.expect("`f` can be called"),
             &Ranges::default(),
             &Fixtures::default(),
             64,
         )
         .expect("drawn");
-        // a, its dx and dy; k; v, its dx and dy
+        // Each row has `a` with `dx` and `dy`, then `k`, then `v` with `dx` and `dy`.
         let cases = || rows.chunks_exact(3 + 1 + 6).skip(32);
         for slope in [1, 2, 6, 8] {
             let varying = cases().filter(|row| f32::from_bits(row[slope]) != 0.0).count();

@@ -8,19 +8,19 @@ use serde::Serialize;
 use super::Row;
 use super::execute::shown;
 
-/// The number of results of a function on a column that the WGSL specification allows.
+/// The number of a function's results on a column that WGSL allows.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Allowed {
-    /// Cases in which WGSL bounds each component.
+    /// The number of cases in which WGSL bounds each component.
     pub bounded: usize,
-    /// Cases with a component outside its bounds.
+    /// The number of cases with a component outside of its bounds.
     pub outside: usize,
-    /// The first of these: its arguments, the bounds, and the result.
+    /// The first such case: its arguments, the bounds, and the result.
     pub first: Option<String>,
 }
 
 impl Allowed {
-    /// Checks each case.
+    /// Compares the result of each case with WGSL's bounds.
     pub(super) fn of(probed: &Probed, rows: &[u32], bounds: &[Bound], results: &[u32]) -> Self {
         let function = probed.function();
         let scalars = function.result.lanes();
@@ -37,15 +37,15 @@ impl Allowed {
             allowed.outside += 1;
             allowed.first.get_or_insert_with(|| {
                 let row = &rows[case * arguments.len()..][..arguments.len()];
-                let (least, most) = ends[lane].expect("what has no ends allows all");
+                let (least, most) = ends[lane].expect("bounds without ends allow every value");
                 let (at, result) = (shown(&arguments, row), shown(&scalars, words));
-                format!("at {at} it returns {result}, of which WGSL allows {least} to {most}")
+                format!("at {at} it returns {result}, but WGSL allows only {least} to {most}")
             });
         }
         allowed
     }
 
-    /// The counts of these cases and of more.
+    /// Adds the counts of further cases.
     pub(super) fn and(self, more: Self) -> Self {
         let (bounded, outside) = (self.bounded + more.bounded, self.outside + more.outside);
         Self { bounded, outside, first: self.first.or(more.first) }
@@ -53,7 +53,7 @@ impl Allowed {
 }
 
 impl Row {
-    /// The columns with results that WGSL doesn't allow, by index.
+    /// The columns with results that WGSL doesn't allow, by their indices.
     pub fn columns_outside(&self) -> impl Iterator<Item = (usize, &Allowed)> {
         let cells = self.cells.iter().enumerate();
         let outside = cells.filter_map(|(index, cell)| Some((index, cell.allowed.as_ref()?)));

@@ -7,22 +7,22 @@ use karat::path::Path;
 use karat::unstable::path::{Api, Via};
 use karat_translate::Target;
 
-/// A language that naga writes, and the execution path that runs it, if there is one.
+/// A language that naga writes, and the path that runs it, if there is one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Column {
     pub(super) target: Target,
     pub(super) path: Option<Path>,
-    /// `true` if Tint checks the author's own text.
+    /// `true` if Tint checks the author's own text in this column.
     by_tint: bool,
 }
 
-/// The column with Tint's verdict on the author's own text.
+/// The name of the column with Tint's verdict on the author's own text.
 const TINT: &str = "tint";
 
-/// The text of a column.
+/// The text that a column runs or checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Written {
-    /// A translation.
+    /// naga's translation.
     ByNaga(Target),
     /// The author's own text, which the engine executes.
     ByAuthor,
@@ -31,8 +31,8 @@ pub(super) enum Written {
 }
 
 impl Column {
-    /// The columns that every machine can have: the APIs with their languages, the routes on Vulkan, two languages that
-    /// none of Karat's paths runs, Tint's verdict on the author's text, and the engine.
+    /// The default columns: each graphics API with its language, the routes on Vulkan, two languages that no path of
+    /// Karat runs, Tint's verdict on the author's text, and the engine.
     #[must_use]
     pub fn usual() -> Vec<Self> {
         let names = [
@@ -52,7 +52,7 @@ impl Column {
         names.iter().map(|name| name.parse().expect("a path or a language")).collect()
     }
 
-    /// The column of a path.
+    /// The column of a path; `None` if naga writes no translation for this path.
     fn of_path(path: Path) -> Option<Self> {
         let target = match (path.via(), path.api()) {
             (Via::Direct, Api::Vulkan) | (Via::Spirv, _) => Target::Spirv,
@@ -61,7 +61,7 @@ impl Column {
             (Via::HlslDxc, _) => Target::Hlsl6,
             (Via::Direct, Api::Metal) => Target::Msl,
             (Via::Wgsl, _) => Target::Wgsl,
-            // The engine runs naga's IR of the author's own text.
+            // The engine executes naga's module of the author's own text.
             (Via::Direct | Via::Fma | Via::Ftz, Api::Cpu) => Target::Wgsl,
             (Via::Direct, Api::Process) => Target::Wgsl,
             _ => return None,
@@ -69,13 +69,12 @@ impl Column {
         Some(Self { target, path: Some(path), by_tint: false })
     }
 
-    /// The language of its translation.
+    /// The name of the language of the column's translations.
     #[must_use]
     pub fn language(self) -> &'static str {
         self.target.name()
     }
 
-    /// The text that it runs or checks.
     pub(super) fn written(self) -> Written {
         match self.path.map(Path::api) {
             Some(Api::Cpu | Api::Process) => Written::ByAuthor,
@@ -84,15 +83,15 @@ impl Column {
         }
     }
 
-    /// The reason why nothing runs it.
+    /// The reason why no path runs this column.
     pub(super) fn without_path(self) -> String {
         match self.by_tint {
-            true => "Tint judges a text, and runs nothing".to_owned(),
+            true => "Tint only checks WGSL, and doesn't run it".to_owned(),
             false => format!("no path here runs {}", self.target),
         }
     }
 
-    /// The path that runs it.
+    /// The path that runs the column, if there is one.
     #[must_use]
     pub fn path(self) -> Option<Path> {
         self.path
@@ -109,7 +108,7 @@ impl fmt::Display for Column {
     }
 }
 
-/// A path (`vulkan:hlsl`), a language (`msl`) or `tint`.
+/// Parses a path (`vulkan:hlsl`), a language (`msl`) or `tint`.
 impl FromStr for Column {
     type Err = String;
 
@@ -126,7 +125,7 @@ impl FromStr for Column {
                 languages()
             )
         })?;
-        Self::of_path(path).ok_or_else(|| format!("nothing is translated for path `{path}`"))
+        Self::of_path(path).ok_or_else(|| format!("naga writes no translation for path `{path}`"))
     }
 }
 

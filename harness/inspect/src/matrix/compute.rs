@@ -1,4 +1,4 @@
-//! Runs compute entry points on each column, and compares the words that they write.
+//! Runs compute entry points on each column, and compares the results in their buffers and textures.
 
 use karat::fixture::{self, Fixture};
 use karat::path::Path;
@@ -19,14 +19,14 @@ use super::suspect::{self, Side};
 use super::{Buffer, Cell, Request, Status, Stop};
 use crate::limits::ORDERS;
 
-/// Runs a compute entry point on each column that got far enough, and compares the words that it writes.
+/// Runs a compute entry point on each column whose translation is valid, and compares the words that it writes.
 pub(super) fn run_entry_point_on_each(
     request: &Request,
     passes: Result<&Passes, &String>,
     cells: &mut [Cell],
 ) {
     let mut ran: Vec<(usize, Vec<u32>)> = Vec::new();
-    // If it doesn't end on one column, others don't try it.
+    // If the entry point doesn't end on one column, the other columns don't run it.
     let mut endless: Option<Stop> = None;
     for (index, column) in request.columns.iter().enumerate() {
         let cell = &mut cells[index];
@@ -67,10 +67,10 @@ pub(super) fn run_entry_point_on_each(
         }
     }
     let before = passes.map_or_else(|_| Vec::new(), initial);
-    // Words that no column has written are equal, and prove nothing.
+    // If no column changed a word, all words are equal, which proves nothing.
     if ran.iter().all(|(_, words)| *words == before) {
         for (index, _) in &ran {
-            let what = if before.is_empty() { "it writes nothing" } else { UNCHANGED };
+            let what = if before.is_empty() { "the entry point writes nothing" } else { UNCHANGED };
             cells[*index].stopped = Some(Stop::NothingToCompare(what.to_owned()));
         }
         return;
@@ -85,7 +85,7 @@ pub(super) fn run_entry_point_on_each(
         !same_word(was, is, &request.within) && !is_next(was, is, step)
     };
     let differs = |at: &usize, actual: &[u32]| are_apart(at, expected[*at], actual[*at]);
-    // Each column read back the same resources. Ask which words are open only if some differ.
+    // All columns have the same resources. If no words differ, it doesn't matter which words are open.
     let all = 0..expected.len();
     let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
     let open = match passes {
@@ -104,10 +104,10 @@ pub(super) fn run_entry_point_on_each(
         (cell.compared, cell.differing, cell.open) = (compared, places.len(), left_open.len());
         if let Some(place) = places.first() {
             let unknown = open.as_ref().err().map_or_else(String::new, |reason| {
-                format!("; it isn't known what WGSL leaves open of them: {reason}")
+                format!("; Karat doesn't know which of them WGSL leaves open: {reason}")
             });
             cell.stopped = Some(Stop::Differs(format!(
-                "{} of {compared} words that it leaves differ from `{baseline}`: word {place} is \
+                "{} of {compared} words that it writes differ from `{baseline}`: word {place} is \
                  {:#010x}, there {:#010x}{unknown}",
                 places.len(),
                 actual[*place],
@@ -125,7 +125,7 @@ pub(super) fn run_entry_point_on_each(
             };
             suspect::name(cell, &ran.iter().map(side).collect::<Vec<_>>());
         } else if compared == 0 {
-            let none = "WGSL leaves open what each word that it leaves is".to_owned();
+            let none = "WGSL leaves the value of each word open".to_owned();
             cell.stopped = Some(Stop::NothingToCompare(none));
         } else {
             cell.status = Some(Status::Agrees);
@@ -136,7 +136,7 @@ pub(super) fn run_entry_point_on_each(
     conclude(&mut cells[*first], agreeing, others.len());
 }
 
-/// The reason why there are no words to compare.
+/// The reason why a column has no words to compare.
 enum Unwritten {
     Stop(Stop),
     Error(DispatchError),
@@ -148,7 +148,7 @@ impl From<DispatchError> for Unwritten {
     }
 }
 
-/// The words that an entry point writes on a path.
+/// Runs an entry point on a path, and returns the words of its writable resources.
 fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     let device = path::device(path);
     let device = device.map_err(|error| Unwritten::Stop(Stop::Unavailable(error.to_string())))?;
@@ -167,22 +167,22 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
 }
 
-/// Returns `true` if passes change some words; `None` if Karat's engine can't run them, or not within a moment.
+/// Checks if a pass changes any word; `None` if Karat's engine can't run the pass, or the run takes too long.
 pub(super) fn changes(passes: &Passes) -> Option<bool> {
     let left = dispatch_briefly(passes).ok()?;
     Some(!left.into_iter().flat_map(|(_, words)| words).eq(initial(passes)))
 }
 
-/// The only pass.
+/// The only pass of `passes`.
 fn pass(passes: &Passes) -> &Pass {
     &passes.passes[0]
 }
 
-/// The most rounds of an invocation over generated data. More take a software driver seconds.
+/// The largest number of rounds for one invocation. A software driver would need seconds for more.
 const PATIENCE: u32 = 4096;
 
-/// Refuses loops that don't end with these data and would hang a driver. If naga's IR shows no bound for the loops of
-/// an entry point, runs a copy that leaves them after [`PATIENCE`] rounds.
+/// Refuses a pass whose loops don't end with the generated data, because it would hang a driver. If naga's module shows
+/// no bound for the loops, this function runs a copy of the pass that leaves each loop after [`PATIENCE`] rounds.
 fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let Pass { program, entry_point, workgroups, bindings, .. } = pass(passes);
     if program.most_rounds().is_some_and(|rounds| rounds < u64::from(PATIENCE)) {
@@ -192,7 +192,7 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let Watched { program, loops } = program.watching_rounds(number, PATIENCE, true);
     let is_count = |binding: &Binding| (binding.group, binding.binding) == (0, number);
     let bound = program.compute_entry_point(entry_point).map(|(bindings, _)| bindings);
-    // The loops may belong to another entry point of the module.
+    // The loops may be in another entry point of the module.
     let Some(count) = bound.into_iter().flatten().find(is_count) else { return Ok(()) };
     let held = |(binding, held): &(Binding, usize)| {
         (binding.clone(), passes.resources[*held].fixture.clone())
@@ -200,12 +200,12 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let mut resources: Vec<_> = bindings.iter().map(held).collect();
     resources.push((count, fixture::Buffer::zeros(4 * loops.len()).into()));
     let counted = Passes::over(program.into(), entry_point, *workgroups, &resources);
-    // No driver leaves a loop by itself after so few rounds.
+    // In this copy, all loops end early, so no driver stops it.
     let afterwards: Afterwards = device.dispatch_with(&counted, false)?;
     let (_, counts) = afterwards.last().expect("the counts are written");
     let most = loops.iter().zip(counts).max_by_key(|(_, count)| **count);
     let Some((place, count)) = most.filter(|(_, count)| **count > 0) else { return Ok(()) };
-    let message = format!("with made-up data this loop goes round {count} times or more");
+    let message = format!("with generated data, this loop has {count} rounds or more");
     let mut diagnostic = Diagnostic::new(message);
     if let Some(place) = place {
         diagnostic = diagnostic.at(place.first_line(), "");
@@ -213,9 +213,9 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     Err(DispatchError::Rounds(Box::new(diagnostic)))
 }
 
-const UNCHANGED: &str = "with made-up data it changes no word of its buffers and textures";
+const UNCHANGED: &str = "with generated data, it changes no word of its buffers and textures";
 
-/// The writable resources with their initial words; for a texture, four words a texel.
+/// The writable resources with their initial words. A texture has four words for each texel.
 fn writable(passes: &Passes) -> impl Iterator<Item = (&Binding, Vec<u32>)> {
     let Pass { program, bindings, .. } = pass(passes);
     bindings.iter().filter(|(binding, _)| binding.kind.is_written()).map(|(binding, held)| {
@@ -224,30 +224,29 @@ fn writable(passes: &Passes) -> impl Iterator<Item = (&Binding, Vec<u32>)> {
             return (binding, level.words.iter().flatten().copied().collect());
         }
         let bytes = laid_out(fixture, program, binding);
-        let bytes = bytes.and_then(Result::ok).expect("it is a buffer of its own size");
+        let bytes = bytes.and_then(Result::ok).expect("the buffer has a known size");
         (binding, bytemuck::pod_collect_to_vec(&bytes))
     })
 }
 
-/// The initial words of the writable resources.
 fn initial(passes: &Passes) -> Vec<u32> {
     writable(passes).flat_map(|(_, words)| words).collect()
 }
 
-/// For each word of the writable buffers, as the first column wrote them: `true` if WGSL leaves it open. Such a word
-/// depends on an access outside an array, on the order of invocations or on the size of subgroups, or is a float that
-/// isn't finite. Returns an error if the engine can't tell.
+/// Finds the words of writable buffers that WGSL leaves open, in the first column's results. A word is open if it
+/// depends on an access outside of an array, on the order of invocations or on the size of subgroups, or if it is a
+/// float that isn't finite. Returns an error if the engine can't run the pass.
 fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>, String> {
     let mut open = strays(passes).map_err(|error| error.to_string())?;
     open.resize(expected.len(), false);
     let mut usual: Vec<u32> = Vec::new();
-    // A pass that takes too long counts as independent of the order.
+    // If more orders take too long, Karat assumes that the pass doesn't depend on the order.
     for run in Runner::new(passes).few(ORDERS) {
         let Some(left) = run.left else {
-            // An order in which the pass doesn't end proves nothing about its words. Without the usual order there is
-            // nothing to compare with.
+            // An order in which the pass doesn't end proves nothing. Without the results of the usual order, no
+            // comparison is possible.
             if run.order.is_none() {
-                return Err("it doesn't end in the engine".to_owned());
+                return Err("the pass doesn't end in the engine".to_owned());
             }
             continue;
         };
@@ -261,8 +260,8 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
             open.iter_mut().zip(pairs).for_each(|(open, differs)| *open |= differs);
             continue;
         }
-        // A driver has its own order. If two orders differ in one word of a resource, another order may differ in other
-        // words.
+        // Each driver has its own order. If two orders differ in one word of a resource, other orders may differ in
+        // other words of this resource.
         let differs: Vec<bool> = pairs.collect();
         let mut begin = 0;
         for (_, own) in writable(passes) {
@@ -280,8 +279,8 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
     Ok(open)
 }
 
-/// The step between two numbers, for each word. Texels may be stored as fractions of a whole number; then two columns
-/// may round a number between two of them either way. For other words 0.
+/// The distance between two neighbouring values of each word. A texture may store texels as fractions of an integer.
+/// Between two fractions, columns may round in different directions. For all other words, the distance is 0.
 fn steps(passes: &Passes) -> Vec<f32> {
     let of = |(binding, words): (&Binding, Vec<u32>)| {
         let step = match binding.kind {
@@ -293,14 +292,13 @@ fn steps(passes: &Passes) -> Vec<f32> {
     writable(passes).flat_map(of).collect()
 }
 
-/// `true` for each word that is a float.
 fn floats(passes: &Passes) -> Vec<bool> {
     let program = &pass(passes).program;
     let of_resource = |(binding, words): (&Binding, Vec<u32>)| {
         if let BindingKind::StorageTexture { format, .. } = binding.kind {
             return vec![format.texels() == Texels::Float; words.len()];
         }
-        // As many elements as words. Those beyond the data are cut off.
+        // The type has as many elements as there are words. Elements after the end of the data are removed.
         let marked = program.buffer_of(binding, words.len()).and_then(|shape| {
             let marks = shape.lanes().into_iter().map(|s| u32::from(s == Scalar::F32) * u32::MAX);
             program.bytes(binding, &marks.collect::<Vec<_>>()).ok()
@@ -312,8 +310,8 @@ fn floats(passes: &Passes) -> Vec<bool> {
     writable(passes).flat_map(of_resource).collect()
 }
 
-/// Returns `true` if a driver may take too long to compile an entry point with so many barriers. For vello's `binning`,
-/// with four, llvmpipe takes more than 40 s on GL and for glslang's output, and 0.3 s on Vulkan for naga's.
+/// Checks if a driver may take too long to compile an entry point with so many barriers. vello's `binning` has four:
+/// llvmpipe takes more than 40 s to compile it on GL and from glslang's output, but 0.3 s on Vulkan from naga's output.
 fn is_slow(device: &Device, barriers: usize) -> bool {
     const MOST_BARRIERS: usize = 3;
     let path = device.path();
@@ -323,7 +321,7 @@ fn is_slow(device: &Device, barriers: usize) -> bool {
 }
 
 impl Buffer {
-    /// The words of a fixture; `None` for a texture or a sampler.
+    /// The buffer of a fixture; `None` for a texture or a sampler.
     pub(super) fn of((binding, fixture): &(Binding, Fixture)) -> Option<Self> {
         let Fixture::Buffer(buffer) = fixture else { return None };
         let bytes = bytes(buffer).to_vec();
@@ -331,19 +329,19 @@ impl Buffer {
     }
 }
 
-/// Returns `true` for two floats that are at most one step apart.
+/// Checks if two floats are at most one step apart.
 fn is_next(expected: u32, actual: u32, step: f32) -> bool {
-    /// A margin for the step: fractions of 255 and the like are rounded themselves.
+    /// The tolerance of a step, because fractions of 255 and of similar numbers are rounded, too.
     const ROUNDED: f32 = 1.001;
     step > 0.0 && (f32::from_bits(expected) - f32::from_bits(actual)).abs() <= ROUNDED * step
 }
 
-/// Returns `true` if two words of a buffer are the same number. The types of words are unknown: two words that differ
-/// count as floats if both are normal ones.
+/// Checks if two words of a buffer are equal within the tolerance. The types of words are unknown. Two different words
+/// count as floats if both are normal floats.
 fn same_word(expected: u32, actual: u32, within: &Tolerance) -> bool {
     let [a, b] = [expected, actual].map(f32::from_bits);
     let both_normal = a.is_normal() && b.is_normal();
-    // `==` on floats: 0 and -0 are the same number.
+    // `==` on floats treats 0 and -0 as equal.
     expected == actual || a == b || (both_normal && within.measure(0, b, f64::from(a)).passes())
 }
 
@@ -353,7 +351,7 @@ mod tests {
     use crate::made_up::Ranges;
     use karat::package::Package;
 
-    /// Each driver has its own order in which invocations take their places.
+    /// On each driver, the invocations append in another order.
     #[test]
     fn results_that_depend_on_the_order_are_open() {
         let text = "@group(0) @binding(0) var<storage, read_write> next: atomic<u32>;
@@ -364,7 +362,7 @@ mod tests {
                 twice[i] = 2u * i;
             }";
         let package = Package::from_source("append", text);
-        let ranges = Ranges::of(&package).expect("it declares none");
+        let ranges = Ranges::of(&package).expect("`karat.toml` declares no ranges");
         let made = crate::passes::arbitrary(
             &package,
             "main",
@@ -372,10 +370,11 @@ mod tests {
             &ranges,
             (crate::made_up::Content::OF_PASSES[0], None, &Vec::new()),
         );
-        let (passes, _) = made.expect("its resources are made up");
+        let (passes, _) = made.expect("the resources are generated");
         let expected = initial(&passes);
-        let open = open(&passes, &expected, &vec![false; expected.len()]).expect("it runs");
-        // The counter's buffer has more words than the counter.
+        let open = open(&passes, &expected, &vec![false; expected.len()])
+            .expect("the engine runs the pass");
+        // The counter's buffer contains more words than the counter.
         let list = expected.len() - 128..expected.len() - 64;
         assert!((0..open.len()).all(|at| open[at] == list.contains(&at)), "{open:?}");
     }

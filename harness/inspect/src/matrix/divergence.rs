@@ -1,4 +1,4 @@
-//! Explains why two columns differ: the simplest input, and the first let-binding whose value differs.
+//! Explains why two columns differ: finds the simplest input, and the first let-binding whose value differs.
 
 use std::borrow::Cow;
 
@@ -14,54 +14,54 @@ use super::leeway::Leeway;
 use super::reduce::{Case, Pair};
 use crate::made_up::{self, Ranges};
 
-/// Two columns that differ.
+/// A difference between two columns.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Divergence {
-    /// The column that this one is compared with.
+    /// The column with which this column is compared.
     pub baseline: String,
-    /// The simplest input found: the value of each argument.
+    /// The arguments of the simplest input, with their names.
     pub arguments: Vec<(String, String)>,
-    /// The result on this column.
+    /// The result on this column, as text.
     pub here: String,
-    /// The result on the baseline.
+    /// The result on the baseline, as text.
     pub there: String,
-    /// The arguments' words, as the kernel reads them.
+    /// The arguments as words, which the kernel reads.
     pub words: Vec<u32>,
-    /// The results' words: of this column and of the baseline.
+    /// The results as words, from this column and from the baseline.
     pub results: (Vec<u32>, Vec<u32>),
-    /// `true` if the columns also differ when this input runs alone. Otherwise a result depends on the inputs that run
-    /// beside it: some drivers use one invocation's texture level for all.
+    /// `true` if the columns also differ if this input runs without other inputs. Otherwise, a result depends on other
+    /// inputs of the same run: some drivers use one invocation's texture level for all invocations.
     pub alone: bool,
-    /// The first let-binding of the function whose value differs. `None` if all agree: then the difference is in the
-    /// expression of the result, or in a value without a `let`.
+    /// The first let-binding of the function whose value differs. `None` if all values agree. Then the results differ
+    /// because of the result's expression or of a value without a `let`.
     pub first: Option<Intermediate>,
-    /// The let-bindings before `first` that can't be compared: pointers, those in the head of a `for`, NaN or infinite
-    /// values, and those after the first 48.
+    /// The let-bindings before `first` that can't be compared: pointers, bindings in the head of a `for`, NaN or
+    /// infinite values, and bindings after the first 48.
     pub unseen: Vec<String>,
 }
 
-/// A let-binding with different values.
+/// A let-binding whose value differs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Intermediate {
-    /// Its name.
+    /// The binding's name.
     pub name: String,
-    /// Its place in the author's file.
+    /// The binding's position in the author's file.
     pub location: Option<String>,
-    /// The line of that place.
+    /// The line of that position.
     pub line: Option<usize>,
-    /// Its value on this column.
+    /// The binding's value on this column.
     pub here: String,
-    /// Its value on the baseline.
+    /// The binding's value on the baseline.
     pub there: String,
-    /// `true` if it is in a loop: the values are those of the last round, and may differ because of another binding
-    /// that the text has earlier.
+    /// `true` if the binding is in a loop. Its values are those of the last round. They may differ because of another
+    /// binding that precedes it in the text.
     pub in_loop: bool,
-    /// Its line in this column's translation.
+    /// The binding's line in this column's translation.
     pub text_line: Option<usize>,
 }
 
 impl Divergence {
-    /// The difference, in a sentence or two.
+    /// Describes the difference in one or two sentences.
     #[must_use]
     pub fn sentence(&self, column: &str) -> String {
         let named: Vec<String> =
@@ -70,7 +70,7 @@ impl Divergence {
         let at = if named.is_empty() { String::new() } else { format!("at {} ", named.join("; ")) };
         let mut text = format!("{at}`{column}` returns {here}, `{baseline}` {there}");
         if !self.alone {
-            text += "; run alone, this input gives the same on both: a driver mixes the inputs that \
+            text += "; without other inputs, both return the same for this input: a driver mixes inputs that \
                      run together";
         }
         if let Some(Intermediate { name, location, here, there, in_loop, .. }) = &self.first {
@@ -79,14 +79,14 @@ impl Divergence {
             text += &format!("; `{name}`{place} differs first{last}: {here}, and {there}");
         }
         if !self.unseen.is_empty() {
-            text += &format!(" (not looked at: `{}`)", self.unseen.join("`, `"));
+            text += &format!(" (not compared: `{}`)", self.unseen.join("`, `"));
         }
         text
     }
 }
 
-/// The explanation of a case that differs between two columns. `text` is the translation of the second one, with the
-/// lines of the function.
+/// Explains a case that differs between two columns. `text` is the translation of the second column, with the
+/// function's lines.
 pub(super) fn divergence(
     request: &Request,
     probed: &Probed,
@@ -115,7 +115,7 @@ pub(super) fn divergence(
     });
     let named = named.collect();
     let (mut found, mut unseen) = (None, Vec::new());
-    // Compare bindings only if the input differs on its own.
+    // Let-bindings are compared only if the input differs without other inputs.
     for one in if alone { lets(probed) } else { Vec::new() } {
         match differing(request, (&one, beyond), &row, (&first.caller, &other.caller), text) {
             Ok(None) => {}
@@ -139,10 +139,10 @@ pub(super) fn divergence(
     }
 }
 
-/// A let-binding whose value isn't known on both columns.
+/// A let-binding that can't be compared.
 struct Unseen;
 
-/// The values of a let-binding, if they differ.
+/// Returns the values of a let-binding on both columns; `None` if they are equal.
 fn differing(
     request: &Request,
     (one, beyond): (&Let, Address),

@@ -1,7 +1,7 @@
 //! Finds a function and its variables in naga's output.
 
-/// The lines of a function in a translation, counted from 1, ends included. naga keeps names, but appends to one that
-/// is taken or reserved. In GLSL each entry point is `main`.
+/// The first and the last line of a function in a translation, counted from 1. naga keeps a function's name, or appends
+/// to it if another item has the name or the language reserves it. In GLSL, each entry point is `main`.
 pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Option<(usize, usize)> {
     let heads = |line: &str| {
         let top = line.starts_with(|c: char| c.is_alphabetic());
@@ -15,8 +15,8 @@ pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Optio
     Some((first + 1, first + rest + 1))
 }
 
-/// The line, counted from 1, that defines one of several variables with the same name: number `which` of so many. naga
-/// writes them in the author's order. If there are more or fewer of that name, the answer is unknown.
+/// The line, counted from 1, that defines variable number `which` of several variables with the same name. naga writes
+/// variables in the author's order. `None` if the translation has more or fewer variables with this name.
 pub(super) fn definition_line(
     text: &str,
     (first, last): (usize, usize),
@@ -27,7 +27,7 @@ pub(super) fn definition_line(
         let line = line.trim_start();
         let assigned = |(word, rest): (&str, &str)| {
             let rest = rest.trim_start();
-            // A definition has a type or `let` before the name; an assignment has nothing.
+            // A definition has a type or `let` before the name. An assignment has no text before it.
             let defined = line.len() > word.len() + rest.len() && !line.starts_with(word);
             defined && is(word, name) && rest.starts_with('=') && !rest.starts_with("==")
         };
@@ -39,7 +39,7 @@ pub(super) fn definition_line(
     (found.len() == of).then(|| found.get(which).copied()).flatten()
 }
 
-/// The identifiers of a line, each with the text after it.
+/// The identifiers of a line, each with the text that follows.
 fn words(line: &str) -> impl Iterator<Item = (&str, &str)> {
     let part = |c: char| c.is_alphanumeric() || c == '_';
     let mut rest = line;
@@ -52,7 +52,7 @@ fn words(line: &str) -> impl Iterator<Item = (&str, &str)> {
     })
 }
 
-/// Returns `true` if `word` is naga's version of a name: `f0` becomes `f0_`, a second `x` becomes `x_1`.
+/// Checks if `word` is naga's form of a name: `f0` becomes `f0_`, and a second `x` becomes `x_1`.
 fn is(word: &str, name: &str) -> bool {
     let Some(appended) = word.strip_prefix(name.trim_end_matches('_')) else { return false };
     appended.chars().all(|c| c == '_' || c.is_ascii_digit())
@@ -89,6 +89,6 @@ mod tests {
                     let q_1 = (q * x);\n        q_2 = 1f;\n        return q_1;\n    }\n}\n";
         let line = |which| definition_line(wgsl, (1, 8), "q", which);
         assert_eq!((line((0, 2)), line((1, 2))), (Some(2), Some(4)));
-        assert_eq!(line((0, 1)), None, "which of the two isn't known");
+        assert_eq!(line((0, 1)), None, "two variables have this name");
     }
 }

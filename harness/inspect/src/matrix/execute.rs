@@ -1,4 +1,4 @@
-//! Runs a function on a column's path, and compares the results with those of another column.
+//! Runs a function on a column's path, and compares its results with another column's.
 
 use karat::unstable::executor::Caller;
 use karat::unstable::probe::ProbeError;
@@ -9,14 +9,14 @@ use super::leeway::{Freedom, Latitude, OfCase};
 use super::{Cell, Status, Stop};
 use crate::limits::CANCELLED;
 
-/// The results of a column.
 pub(super) struct Ran<'p> {
     pub(super) column: usize,
     pub(super) caller: Caller<'p>,
     pub(super) results: Vec<u32>,
 }
 
-/// The reason why something didn't run; without the function's name, so that equal reasons are listed once.
+/// The reason why a function didn't run. It has no function name, so that equal reasons of several functions appear
+/// once.
 pub(super) fn not_run(error: ProbeError) -> String {
     match error {
         ProbeError::Compile { error, .. } => error.to_string(),
@@ -24,7 +24,7 @@ pub(super) fn not_run(error: ProbeError) -> String {
     }
 }
 
-/// Concludes the first column from its comparisons: if a column agrees with it, it agrees, too.
+/// Decides the first column's status: if another column agrees with it, it agrees, too.
 pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: usize) {
     first.stopped = match agreeing {
         Some(seen) => {
@@ -32,34 +32,35 @@ pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: u
             (first.compared, first.worst_ulp) = (seen.compared, seen.worst_ulp);
             return;
         }
-        None if others == 0 => Some(Stop::NothingToCompare("no other column ran it".to_owned())),
-        None => Some(Stop::NothingToCompare("no other column agrees with it".to_owned())),
+        None if others == 0 => {
+            Some(Stop::NothingToCompare("no other column ran the row".to_owned()))
+        }
+        None => Some(Stop::NothingToCompare("no other column agrees with this column".to_owned())),
     };
 }
 
-/// The comparison of two columns' results.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Comparison {
     pub(super) compared: usize,
-    /// The cases that differ by more than WGSL allows.
+    /// The cases that differ although WGSL defines the result.
     pub(super) differing: Vec<usize>,
-    /// The number of cases with a lane that differs, where WGSL allows both results.
+    /// The number of cases with a differing lane in which WGSL allows both results.
     pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
 }
 
-/// The rules for comparing results of a function.
+/// The rules for comparing a function's results.
 #[derive(Clone, Debug)]
 pub(super) struct Judge<'j> {
     scalars: &'j [Scalar],
     within: &'j Tolerance,
-    /// For each component, its largest result, or 1 if that is less: absolute bounds are relative to it. Otherwise a
-    /// function with small results would agree with anything.
+    /// For each component, its largest result, or 1 if all its results are 0. Absolute tolerances are relative to it,
+    /// because otherwise small results would agree with anything.
     scales: Vec<f64>,
 }
 
 impl<'j> Judge<'j> {
-    /// The rules for these results of the first column.
+    /// Makes the rules from the first column's results.
     pub(super) fn new(scalars: &'j [Scalar], within: &'j Tolerance, expected: &[u32]) -> Self {
         let mut scales = vec![0.0_f64; scalars.len()];
         for case in expected.chunks_exact(scalars.len()) {
@@ -68,13 +69,12 @@ impl<'j> Judge<'j> {
                 *scale = scale.max(if size.is_finite() { size.min(1.0) } else { 0.0 });
             }
         }
-        // Beside a large component, a small one may be the rest of terms that cancel.
+        // A component that is much smaller than others may be a remainder of terms that cancel.
         let least = CANCELLED * scales.iter().copied().fold(0.0, f64::max);
         let one = |scale: f64| if scale > 0.0 { scale.max(least) } else { 1.0 };
         Self { scalars, within, scales: scales.into_iter().map(one).collect() }
     }
 
-    /// Compares results case by case.
     pub(super) fn compare(
         &self,
         expected: &[u32],
@@ -96,9 +96,9 @@ impl<'j> Judge<'j> {
         comparison
     }
 
-    /// Compares a case, lane by lane. Two results that WGSL allows are both right. If the allowed results are unknown
-    /// and a float of the first result isn't finite, the comparison skips the floats of the case: implementations may
-    /// assume that infinities and NaN don't occur, so the values computed with it are open, too.
+    /// Compares the lanes of a case. If WGSL allows two results, both are right. If the allowed results are unknown and
+    /// a float of the first result isn't finite, this function skips all floats of the case. Implementations may assume
+    /// that infinities and NaN don't occur, so all values that depend on them are open.
     pub(super) fn case(
         &self,
         expected: &[u32],
@@ -112,7 +112,7 @@ impl<'j> Judge<'j> {
             let freedom = latitude
                 .map_or(Freedom::Unknown, |case| case.freedom(lane, *scalar, [wanted, found]));
             let agrees = self.agree(lane, wanted, found);
-            // NaN and infinity agree with nothing, and prove nothing if WGSL allows any value.
+            // NaN and infinity agree with no value. If WGSL allows any value, they prove nothing.
             let is_number = scalar.decode(wanted).is_finite();
             match freedom {
                 Freedom::Any if !(agrees && is_number) => {
@@ -135,37 +135,37 @@ impl<'j> Judge<'j> {
         seen
     }
 
-    /// Returns `true` if two results of a lane are equal within the tolerance.
+    /// Checks if two results of a lane are equal within the tolerance.
     fn agree(&self, lane: usize, expected: u32, actual: u32) -> bool {
         let (scalar, scale) = (self.scalars[lane], self.scales[lane]);
         if expected == actual || !scalar.is_float() {
             return expected == actual;
         }
-        // Both in units of the largest result, so that an absolute bound is relative to it.
+        // Both are divided by the largest result, so that an absolute tolerance is relative to it.
         let (found, wanted) = (scalar.decode(actual) / scale, scalar.decode(expected) / scale);
         self.within.measure_sum(0, found, wanted).passes()
     }
 }
 
-/// The comparison of two results of a case.
+/// The comparison of one case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Seen {
     /// `true` if a lane was compared.
     pub(super) compared: bool,
-    /// `true` if a lane differs and WGSL isn't known to allow both results.
+    /// `true` if a lane differs, unless WGSL allows both results.
     pub(super) differs: bool,
-    /// `true` if a lane differs and WGSL allows both results.
+    /// `true` if a lane differs, and WGSL allows both results.
     pub(super) open: bool,
     worst_ulp: Option<u64>,
 }
 
-/// A float with subnormals replaced by 0, as drivers may flush them.
+/// Replaces a subnormal number by 0, because drivers may flush it.
 pub(super) fn flushed(word: u32) -> u32 {
     let is_subnormal = f32::from_bits(word).abs() < f32::MIN_POSITIVE;
     if is_subnormal { 0 } else { word }
 }
 
-/// The `f32` steps between two components, with subnormals as 0.
+/// The distance between two components in steps of an `f32`, with subnormal numbers as 0.
 fn distance((scalar, (expected, actual)): (&Scalar, (&u32, &u32))) -> Option<u64> {
     if !scalar.is_float() {
         return None;
@@ -174,7 +174,6 @@ fn distance((scalar, (expected, actual)): (&Scalar, (&u32, &u32))) -> Option<u64
     ulp_distance(value(expected), value(actual))
 }
 
-/// A value as text.
 pub(super) fn shown(scalars: &[Scalar], words: &[u32]) -> String {
     let one = |(scalar, word): (&Scalar, &u32)| match scalar {
         Scalar::F32 | Scalar::F16 => format_f32(f32::from_bits(*word)),
@@ -191,7 +190,7 @@ mod tests {
 
     // Lesson 82
     #[test]
-    fn one_other_bit_in_many_words_is_seen() {
+    fn one_changed_bit_of_65536_results_is_found() {
         let scalars = [Scalar::F32, Scalar::U32];
         let within = Rel(1e-3).or(Abs(1e-3));
         let expected: Vec<u32> = (0..65_536_u32).flat_map(|i| [(i as f32).to_bits(), i]).collect();
@@ -205,7 +204,7 @@ mod tests {
         }
         let mut actual = expected.clone();
         actual[2 * 7 + 1] ^= 1;
-        assert_eq!(judge.compare(&expected, &actual, None).differing, [7], "of an integer");
+        assert_eq!(judge.compare(&expected, &actual, None).differing, [7], "an integer differs");
     }
 
     #[test]
@@ -217,7 +216,7 @@ mod tests {
         assert!(judge.compare(&expected, &expected, None).differing.is_empty());
         let seen = judge.compare(&expected, &words([1.0, f32::NAN, 1.0], 7), None);
         assert_eq!((seen.compared, &*seen.differing), (3, &[1][..]));
-        // The other component is still compared.
+        // Karat still compares the other component.
         let other = words([1.0, 1.0, 1.0], 8);
         assert_eq!(judge.compare(&expected, &other, None).differing, [0, 1, 2]);
         let alone = Judge::new(&scalars[..1], &within, &expected);

@@ -1,5 +1,5 @@
-//! Recovers from rows that end the process: a driver that hangs can't be stopped, and one that crashes ends the
-//! process. A file records which row runs where, so that the next process leaves that row out.
+//! Recovers from rows that end the process: a hanging driver can't be stopped, and a crashing driver ends the process.
+//! A file records which row runs on which path, so that the next process skips the row.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -12,19 +12,19 @@ use serde::{Deserialize, Serialize};
 
 use super::{Cell, Column, Stop};
 
-/// A line of the file.
+/// A line of the journal file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Line {
     Began(At),
-    /// Something passed the deadline, as the sentence says.
+    /// The row exceeded the time limit. Holds a sentence about it.
     Overdue(At, String),
     Ended(At),
-    /// The process ended, as the sentence says.
+    /// The process ended. Holds a sentence about it.
     Process(String),
 }
 
-/// A row on a path. Without a path, it is being prepared or compared.
+/// A row on a path. Without a path, the row is being prepared or compared.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 struct At {
     package: String,
@@ -32,25 +32,25 @@ struct At {
     path: Option<String>,
 }
 
-/// A row that was running when a process ended.
+/// A row that ran when a process ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Culprit {
     at: At,
-    /// The end of the process, in a sentence.
+    /// A sentence about the end of the process.
     why: String,
 }
 
-/// The rows of a package that were running when earlier processes ended.
+/// The rows of a package that ran when earlier processes ended.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     file: Option<PathBuf>,
     package: String,
-    /// For each row, an entry for each process that it may have ended.
+    /// For each row, an entry for each process that the row may have ended.
     culprits: BTreeMap<String, Vec<Culprit>>,
 }
 
 impl Journal {
-    /// Reads a file. If there is none, no process has ended.
+    /// Reads a journal file. A missing file means that no process has ended.
     pub(super) fn read(file: Option<&Path>, package: &str) -> io::Result<Self> {
         let mut journal = Self { package: package.to_owned(), ..Self::default() };
         let Some(file) = file else { return Ok(journal) };
@@ -63,13 +63,14 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Returns `true` if a row is suspected and so runs alone: another row that ran beside it may have ended the
+    /// Checks if a row is suspected. A suspected row runs without other rows, because another row may have ended the
     /// process.
     pub(super) fn is_suspected(&self, row: &str) -> bool {
         self.culprits.contains_key(row)
     }
 
-    /// Returns `true` if a row isn't run because it ended the process alone. Its cells then say so.
+    /// Checks if a row ended a process in which it ran without other rows. Then the row doesn't run, and its cells give
+    /// the reason.
     pub(super) fn ends(&self, row: &str, columns: &[Column], cells: &mut [Cell]) -> bool {
         let Some([.., _, last]) = self.culprits.get(row).map(Vec::as_slice) else { return false };
         let runs = |(column, cell): &(&Column, &mut Cell)| match &cell.stopped {
@@ -78,14 +79,14 @@ impl Journal {
         };
         let mut open: Vec<_> =
             columns.iter().zip(cells).filter(|pair| runs(pair).is_some()).collect();
-        // If the path is unknown, or another one, blame the row all the same, once.
+        // If the row's path is unknown or isn't a column, the first open cell gets the reason.
         let blamed = open.iter().position(|pair| runs(pair) == last.at.path).unwrap_or(0);
         let on = open.get(blamed).map_or_else(String::new, |(column, _)| column.to_string());
         for (index, (_, cell)) in open.iter_mut().enumerate() {
             cell.stopped = Some(match index == blamed {
                 true => Stop::Broke(last.why.clone()),
                 false => Stop::NotRun(format!(
-                    "it isn't run, as it ends the process on `{on}`: {}",
+                    "it doesn't run, because it ends the process on `{on}`: {}",
                     last.why
                 )),
             });
@@ -93,11 +94,12 @@ impl Journal {
         true
     }
 
-    /// Runs a row, and records where it is.
+    /// Runs a row, and records in the file where it runs.
     pub(super) fn watched<T>(&self, row: &str, work: impl FnOnce() -> T) -> T {
         let Some(file) = self.file.clone() else { return work() };
         let row = At { package: self.package.clone(), row: row.to_owned(), path: None };
-        // If the line can't be written and the process ends, it isn't started again, and its status says how it ended.
+        // If this line can't be written and the process ends, the process isn't restarted. Its exit status shows how it
+        // ended.
         let write = move |line: Line| drop(line.write(&file));
         let note = {
             let (write, row) = (write.clone(), row.clone());
@@ -120,23 +122,23 @@ impl Journal {
 impl Line {
     fn write(&self, file: &Path) -> io::Result<()> {
         let mut file = std::fs::OpenOptions::new().create(true).append(true).open(file)?;
-        // After half a line, begin a new one.
+        // The process may have left an incomplete line, so this line begins with a line break.
         let begin = if matches!(self, Self::Process(_)) { "\n" } else { "" };
         file.write_all(format!("{begin}{}\n", serde_json::to_string(self)?).as_bytes())
     }
 }
 
-/// The lines of a file; empty if there is no file.
+/// The lines of the file; none if the file doesn't exist.
 fn lines(file: &Path) -> io::Result<Vec<Line>> {
     let text = match std::fs::read_to_string(file) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
         text => text?,
     };
-    // A process that ended while writing left half a line.
+    // The process may have ended in the middle of a line.
     Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
 }
 
-/// The rows that were running when each process ended. If one passed the deadline, only that one.
+/// The rows that ran when each process ended. If one row exceeded the time limit, only this row.
 fn culprits(lines: &[Line]) -> Vec<Culprit> {
     let (mut culprits, mut running, mut overdue) = (Vec::new(), Vec::<At>::new(), Vec::new());
     for line in lines {
@@ -154,7 +156,7 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
             }
             Line::Process(how) => {
                 let mut rows: BTreeMap<(String, String), At> = BTreeMap::new();
-                // The row with the path that it is on.
+                // The last line of a row has the row's current path.
                 for at in running.drain(..) {
                     rows.insert((at.package.clone(), at.row.clone()), at);
                 }
@@ -174,17 +176,17 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
     culprits
 }
 
-/// Runs a program that makes matrices, and runs it again each time that a row ends it: by the deadline, or because a
-/// driver crashes. The program passes the same file to [`Request::journal`](super::Request::journal). Returns the exit
-/// status of the last run.
+/// Runs a program that makes matrices, and restarts it whenever a row ends it, because of the time limit or of a crash.
+/// The program must use the same file in [`Request::journal`](super::Request::journal). Returns the exit status of the
+/// last run.
 ///
 /// # Errors
-/// If the program can't be run, or the file can't be read or written.
+/// If the program doesn't start, or the file can't be read or written.
 pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     loop {
         let before = culprits(&lines(file)?).len();
         let status = program.status()?;
-        // A process that ends by itself has a small exit code. After a crash there is none, or a large one on Windows.
+        // A normal exit has a small exit code. After a crash, there is no exit code, or on Windows a large one.
         if status.code().is_some_and(|code| (0..=255).contains(&code)) || is_asked_to_end(status) {
             return Ok(status);
         }
@@ -195,10 +197,10 @@ pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     }
 }
 
-/// Returns `true` if a signal asked the process to end.
+/// Checks if a signal asked the process to end.
 #[cfg(unix)]
 fn is_asked_to_end(status: ExitStatus) -> bool {
-    /// SIGHUP, SIGINT and SIGTERM; POSIX defines these numbers.
+    /// SIGHUP, SIGINT and SIGTERM, with the numbers that POSIX defines.
     const ASKING: [i32; 3] = [1, 2, 15];
     let signal = std::os::unix::process::ExitStatusExt::signal(&status);
     signal.is_some_and(|signal| ASKING.contains(&signal))
@@ -219,7 +221,7 @@ mod tests {
         At { package, row, path: path.map(str::to_owned) }
     }
 
-    /// The row that was recorded first may have waited for the row that hung.
+    /// The first recorded row may have waited for the row that hung.
     // Lesson 161
     #[test]
     fn a_row_is_given_up_when_it_ends_the_process_alone() {
@@ -233,7 +235,7 @@ mod tests {
             ]
         };
         let crashes = |package: &str| {
-            // One row is done, and one waits for the other.
+            // The first row has finished, and waits for the second one.
             let over = at(package, "fast", Some("vulkan"));
             vec![
                 Line::Began(at(package, "slow", None)),
@@ -248,10 +250,10 @@ mod tests {
             let lines = |package| if why == crashed { crashes(package) } else { hangs(package) };
             let folder = tempfile::tempdir().expect("a folder");
             let file = folder.path().join("journal");
-            let read = || Journal::read(Some(&file), "p").expect("it is read");
+            let read = || Journal::read(Some(&file), "p").expect("the journal can be read");
             let cell = Cell { status: Some(Status::Valid), ..Cell::default() };
             let mut cells = [cell.clone(), cell.clone(), cell];
-            assert!(!read().is_suspected("slow"), "there is no file yet");
+            assert!(!read().is_suspected("slow"), "the file doesn't exist yet");
             for (times, package) in [(1, "p"), (1, "other"), (2, "p")] {
                 for line in lines(package) {
                     line.write(&file).expect("written");
@@ -262,13 +264,13 @@ mod tests {
             let [gl, vulkan, msl] = cells.map(|cell| cell.stopped);
             assert_eq!(vulkan, Some(Stop::Broke(why.to_owned())));
             assert!(gl.is_some_and(|stop| !stop.is_wrong() && stop.text().contains("`vulkan`")));
-            assert_eq!(msl, None, "nothing runs there");
+            assert_eq!(msl, None, "no path runs MSL");
         }
     }
 
-    /// A row that crashes beside its dispatches is one finding. Half a line hides no other line.
+    /// A row that crashes outside of its dispatches causes one finding. An incomplete line hides no other line.
     #[test]
-    fn a_row_that_runs_nowhere_is_blamed_once() {
+    fn a_row_that_crashes_before_its_dispatches_is_one_finding() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("journal");
         for _ in 0..2 {
@@ -285,7 +287,7 @@ mod tests {
         assert_eq!(wrong.count(), 1, "{cells:?}");
     }
 
-    /// If a process ends while no row runs, no row is blamed.
+    /// If a process ends while no row runs, no row is suspected.
     // Lesson 162
     #[test]
     fn a_process_that_ends_between_rows_has_no_culprit() {

@@ -1,4 +1,4 @@
-//! Validators' verdicts on translations, and the statuses that follow.
+//! Collects validators' verdicts on translations, and determines statuses from them.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,38 +12,38 @@ use super::column::Written;
 use super::subject::{About, Ready, is_read_back};
 use super::{Cell, Column, Status, Stop};
 
-/// A validator's verdict.
+/// A validator's verdict on a translation.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Said {
-    /// The command. `shader.*` is the file with the translation.
+    /// The command line. The file `shader.*` contains the translation.
     pub command: String,
-    /// The validator's version, in its own words.
+    /// The validator's version, as the validator prints it.
     pub version: String,
     /// The outcome.
     pub outcome: Outcome,
-    /// `valid`, or the validator's own words.
+    /// `valid`, or the validator's message.
     pub verdict: String,
 }
 
-/// The outcome of a validator.
+/// The kind of a validator's verdict.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Nothing wrong.
+    /// The validator accepts the translation.
     Valid,
-    /// Something wrong.
+    /// The validator rejects the translation.
     Invalid,
-    /// None: it doesn't support all of the language.
+    /// No verdict, because the validator doesn't support a part of the language.
     Unable,
-    /// None: it crashed, didn't end, or can't be run.
+    /// No verdict, because the validator crashed, took too long, or didn't start.
     Broke,
 }
 
-/// The validators' verdicts on the translations of some rows, by row and text, in the order of the tools.
+/// The validators' verdicts on the rows' translations, by row and kind of text. Verdicts have the order of the tools.
 pub(super) struct Judged(BTreeMap<(usize, Written), Vec<Said>>);
 
 impl Judged {
-    /// Asks each validator about all translations into a language together.
+    /// Runs each validator once on all translations into a language.
     pub(super) fn of(rows: &[&Ready], columns: &[Column], package: &Package) -> Self {
         let mut judged = BTreeMap::new();
         let mut written: Vec<Written> = columns.iter().map(|column| column.written()).collect();
@@ -61,7 +61,7 @@ impl Judged {
             for (row, _) in &made {
                 judged.insert((*row, written), Vec::new());
             }
-            // For the author's own text only naga counts: the engine runs naga's IR.
+            // The engine executes naga's module of the author's text, so only naga's verdict counts.
             let tools: Vec<&Tool> = match written {
                 Written::ByAuthor => vec![Tool::naga()],
                 Written::ByNaga(target) => Tool::of(target).collect(),
@@ -84,7 +84,7 @@ impl Judged {
         Self(judged)
     }
 
-    /// The cell of a row on a column, as far as translation and validation go.
+    /// The cell of a row on a column, after translation and validation.
     pub(super) fn cell(&self, row: usize, ready: &Ready, column: Column) -> Cell {
         let nothing = Cell::default();
         let made = ready.of(column);
@@ -114,13 +114,13 @@ impl Judged {
             None if own.is_empty() => {
                 let why = match made.written {
                     Written::ForTint => {
-                        "Tint isn't here: `karat doctor` says how to get it".to_owned()
+                        "Tint isn't installed: `karat doctor` shows how to get it".to_owned()
                     }
                     _ => no_validator(target),
                 };
                 (Status::Translated, Some(Stop::NoValidator(why)))
             }
-            // naga reads only a part of SPIR-V, so its verdict on its own output doesn't count.
+            // naga supports only a part of SPIR-V, so its rejection of its own output doesn't count.
             None if is_read_back(column) && !Tool::naga().targets().contains(&target) => {
                 let said = said(Tool::naga(), Tool::naga().validate(translation));
                 let text = format!("naga doesn't read it back: {}", said.verdict);
@@ -137,9 +137,9 @@ impl Judged {
     }
 }
 
-/// The verdict against a translation: a rejection, otherwise a validator without a verdict. A validator that doesn't
-/// support all of the language counts only if no other one accepts. `spirv-cross` writes source text from SPIR-V, and
-/// doesn't support all that is valid: if `spirv-val` accepts, it doesn't count.
+/// The verdict that stops a translation: a rejection, or otherwise a validator without a verdict. A validator that
+/// doesn't support a part of the language counts only if no other validator accepts. `spirv-cross` writes source text
+/// from SPIR-V and doesn't support all valid SPIR-V, so it doesn't count if `spirv-val` accepts.
 fn rejection(said: &[Said]) -> Option<&Said> {
     let of = |said: &Said, tool: &str| said.command.starts_with(tool);
     let accepted = said.iter().any(|said| of(said, "spirv-val") && said.outcome == Outcome::Valid);
@@ -150,7 +150,7 @@ fn rejection(said: &[Said]) -> Option<&Said> {
     first(Outcome::Invalid).or_else(|| first(Outcome::Broke)).or_else(unable)
 }
 
-/// A tool's verdicts on translations, split over all cores.
+/// A tool's verdicts on translations, computed on all cores.
 fn ask(tool: &Tool, translations: &[&Translation]) -> Vec<Said> {
     use rayon::prelude::*;
     let size = translations.len().div_ceil(rayon::current_num_threads()).max(1);
@@ -159,7 +159,7 @@ fn ask(tool: &Tool, translations: &[&Translation]) -> Vec<Said> {
     all.map(|answer| said(tool, answer)).collect()
 }
 
-/// Tint's verdicts on the author's texts; empty if Tint isn't installed.
+/// Tint's verdicts on the author's texts; none if Tint isn't installed.
 fn ask_tint(package: &Package, translations: &[&Translation], about: &[&About]) -> Vec<Said> {
     let Ok(tint) = Tint::beside(&package.root(), false) else { return Vec::new() };
     let question = |(translation, about): (&&Translation, &&About)| {
@@ -171,11 +171,11 @@ fn ask_tint(package: &Package, translations: &[&Translation], about: &[&About]) 
             }
             About::Function(_) => Vec::new(),
         };
-        let text = translation.code.text().expect("Tint is asked about WGSL").to_owned();
+        let text = translation.code.text().expect("Tint checks WGSL").to_owned();
         Question { text, pipelines, ..Question::default() }
     };
     let questions: Vec<Question> = translations.iter().zip(about).map(question).collect();
-    // If it reports no version, it gives no verdict, either.
+    // A Tint that reports no version gives no verdicts, either.
     let version = tint.version().unwrap_or_default();
     let answers = tint.ask(&questions).into_iter();
     let said = answers.map(|answer| {
@@ -199,11 +199,11 @@ fn said(tool: &Tool, answer: std::io::Result<Validation>) -> Said {
             match said.verdict {
                 Verdict::Valid => (Outcome::Valid, "valid".to_owned()),
                 Verdict::Invalid(message) => (Outcome::Invalid, format!("invalid: {message}")),
-                Verdict::Unable(what) => (Outcome::Unable, format!("no verdict, as {what}")),
-                Verdict::Broke(how) => (Outcome::Broke, format!("no verdict, as it {how}")),
+                Verdict::Unable(what) => (Outcome::Unable, format!("no verdict, because {what}")),
+                Verdict::Broke(how) => (Outcome::Broke, format!("no verdict, because it {how}")),
             },
         ),
-        Err(error) => (name, (Outcome::Broke, format!("no verdict, as it can't be run: {error}"))),
+        Err(error) => (name, (Outcome::Broke, format!("no verdict, as it doesn't start: {error}"))),
     };
     Said { command, version, outcome, verdict }
 }
@@ -239,12 +239,20 @@ mod tests {
         assert_eq!(
             rejection(&[good.clone(), broke.clone()]),
             Some(&broke),
-            "no verdict isn't valid"
+            "a missing verdict isn't valid"
         );
         let unable = said("glslangValidator shader.hlsl", Outcome::Unable);
         assert_eq!(rejection(std::slice::from_ref(&unable)), Some(&unable));
-        assert_eq!(rejection(&[unable.clone(), good.clone()]), None, "another one knows it");
+        assert_eq!(
+            rejection(&[unable.clone(), good.clone()]),
+            None,
+            "another validator accepts it"
+        );
         assert_eq!(rejection(&[unable, broke.clone()]), Some(&broke));
-        assert_eq!(rejection(&[broke, good, val.clone()]), Some(&val), "a rejection says more");
+        assert_eq!(
+            rejection(&[broke, good, val.clone()]),
+            Some(&val),
+            "a rejection precedes a missing verdict"
+        );
     }
 }

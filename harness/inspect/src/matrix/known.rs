@@ -1,4 +1,4 @@
-//! Declarations of rows that don't work, and findings that aren't declared.
+//! Declarations that rows don't work, and findings that no declaration covers.
 
 use std::fmt;
 
@@ -10,21 +10,22 @@ use serde::Serialize;
 
 use super::{Cell, Column, Matrix, MatrixError, Row, Status, Stop};
 
-/// A declaration that a row doesn't reach a status on some columns. The row must not reach it.
+/// A declaration that a row doesn't reach a status on some columns. If the row reaches the status, the declaration is
+/// outdated.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Known {
-    /// `module::name`
+    /// The row's name: `module::name`.
     pub row: String,
     /// A column (`vulkan:hlsl`, `msl`), or a selector of paths (`:hlsl`, `@swiftshader`).
     pub column: String,
-    /// The status that it doesn't reach.
+    /// The status that the row doesn't reach.
     pub status: Status,
-    /// The reason.
+    /// The reason for the declaration.
     pub reason: String,
 }
 
 impl Known {
-    /// Refuses a declaration that matches no row or no column, or has no reason. `rows` are those of the whole package.
+    /// Refuses a declaration that matches no row or no column, or has no reason. `rows` are all rows of the package.
     pub(super) fn expect_sound<'r>(
         &self,
         mut rows: impl Iterator<Item = &'r str> + Clone,
@@ -34,7 +35,7 @@ impl Known {
             MatrixError::Known { row, column, why }
         };
         if self.reason.trim().is_empty() {
-            return Err(wrong("it has no reason".to_owned()));
+            return Err(wrong("the declaration has no reason".to_owned()));
         }
         if rows.clone().all(|row| row != self.row) {
             let near = nearest(&self.row, &mut rows);
@@ -56,15 +57,16 @@ impl Known {
             return true;
         }
         let Some(path) = column.path() else { return false };
-        // As a column, `vulkan` is the direct route only; as a selector it would be all routes.
+        // In a declaration, the column `vulkan` is only the direct route. As a selector, `vulkan` would mean all
+        // routes.
         let other_route = self.column.parse::<Path>().is_ok_and(|named| named.via() != path.via());
         let selector = Selector::from(&*self.column);
         !other_route && adapter(path).is_ok_and(|adapter| selects(&selector, path, &adapter))
     }
 }
 
-/// Notes in each cell its declaration. Returns the declarations that can't be checked here: the column isn't in the
-/// matrix, the row can't be judged, or a validator or a driver is missing.
+/// Sets the declarations of cells. Returns the declarations that can't be checked here, because the column isn't in the
+/// matrix, the row has no verdict, or a validator or a driver is missing.
 pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> Vec<Known> {
     let here = |known: &&Known| {
         let absent = !columns.iter().any(|column| known.is_of(*column));
@@ -78,7 +80,7 @@ pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> 
     for row in rows {
         for (column, cell) in columns.iter().zip(&mut row.cells) {
             let of = |known: &&Known| known.row == row.name && known.is_of(*column);
-            // Of several, the one with the lowest status.
+            // If a cell has several declarations, the one with the lowest status counts.
             cell.known = known.iter().filter(of).min_by_key(|known| known.status).cloned();
             undecided.extend(cell.known.clone().filter(|_| cell.is_undecided()));
         }
@@ -87,12 +89,13 @@ pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> 
 }
 
 impl Cell {
-    /// The status that it doesn't reach; `None` if it reaches all.
+    /// The first status that the cell doesn't reach; `None` if it reaches all.
     fn misses(&self) -> Option<Status> {
         Status::ALL.into_iter().find(|status| Some(*status) > self.status)
     }
 
-    /// The declaration that explains its failure: it fails at that status, not before, and because of an observation.
+    /// The declaration that explains why the cell fails: it fails at the declared status, not before, and because of an
+    /// observed fault.
     #[must_use]
     pub fn fails_as_declared(&self) -> Option<&Known> {
         let seen = matches!(
@@ -109,33 +112,33 @@ impl Cell {
         self.known.as_ref().filter(|known| seen && self.misses() == Some(known.status))
     }
 
-    /// Returns `true` if its declaration can't be checked here.
+    /// Checks if the cell's declaration can't be checked here.
     fn is_undecided(&self) -> bool {
         let wrong = self.stopped.as_ref().is_some_and(Stop::is_wrong);
         !wrong && self.fails_as_declared().is_none() && !self.contradicts()
     }
 
-    /// Returns `true` if it fails as declared, and so doesn't reach this status.
+    /// Checks if the cell fails as declared, so that it doesn't reach this status.
     pub(super) fn is_known_to_miss(&self, status: Status) -> bool {
         self.fails_as_declared().is_some_and(|known| known.status <= status)
     }
 
-    /// Returns `true` if it reaches a status that it is declared not to reach.
+    /// Checks if the cell reaches a status, although its declaration excludes this status.
     pub(super) fn contradicts(&self) -> bool {
         self.known.as_ref().is_some_and(|known| self.status >= Some(known.status))
     }
 }
 
-/// A row that is wrong on a column, or a declaration that is outdated.
+/// A row that is wrong on a column, or an outdated declaration.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// The row.
+    /// The row's name.
     pub row: String,
-    /// The column.
+    /// The column's name.
     pub column: String,
-    /// The problem.
+    /// The problem, as a sentence.
     pub why: String,
-    /// `true` for an outdated declaration: the row reaches the status.
+    /// `true` for an outdated declaration, whose row reaches the status.
     pub outdated: bool,
 }
 
@@ -146,8 +149,8 @@ impl fmt::Display for Finding {
 }
 
 impl Matrix {
-    /// The undeclared problems: rows on which naga panics, that a validator rejects or can't judge, or whose results
-    /// differ. And outdated declarations: rows that are declared to fail and don't.
+    /// The findings: rows on which naga panics, rows that a validator rejects or doesn't judge, rows whose results
+    /// differ, and outdated declarations. Declared failures aren't findings.
     #[must_use]
     pub fn findings(&self) -> Vec<Finding> {
         let mut findings = Vec::new();
@@ -155,12 +158,15 @@ impl Matrix {
             for (head, cell) in self.columns.iter().zip(&row.cells) {
                 let why = match (&cell.known, &cell.stopped) {
                     (Some(known), Some(stop)) if cell.contradicts() && stop.is_wrong() => format!(
-                        "the row reaches `{}`, though it is declared not to, and fails at a later step: {}",
+                        "the row reaches `{}`, although a declaration excludes that, and fails at a later step: {}",
                         known.status,
                         stop.text()
                     ),
                     (Some(known), _) if cell.contradicts() => {
-                        format!("the row reaches `{}`, though it is declared not to", known.status)
+                        format!(
+                            "the row reaches `{}`, although a declaration excludes that",
+                            known.status
+                        )
                     }
                     _ if cell.fails_as_declared().is_some() => continue,
                     (Some(known), Some(stop)) if stop.is_wrong() => format!(
@@ -182,8 +188,7 @@ impl Matrix {
     /// Checks that there are no findings.
     ///
     /// # Panics
-    /// If there is a [finding](Self::findings), or nothing was judged: there is no row, or no cell got further than its
-    /// translation.
+    /// If there is a [finding](Self::findings), there is no row, or no cell got further than its translation.
     #[track_caller]
     pub fn expect_no_findings(&self) {
         self.try_expect_evidence().unwrap_or_else(|missed| panic!("{missed}"));

@@ -1,4 +1,4 @@
-//! Writes a matrix as a page of Markdown.
+//! Writes a matrix as a Markdown page.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -8,7 +8,7 @@ use karat_core::output::{counted, markdown, visible};
 use super::{Cell, Matrix, Status, Stop};
 
 impl Cell {
-    /// Its word in a table: how far it got, that it is wrong, or that this is known.
+    /// The cell's word in a table: its status, its fault, or `known` for a declared failure.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match (self.status, &self.stopped) {
@@ -24,7 +24,7 @@ impl Cell {
 }
 
 impl Cell {
-    /// The reason why it stops, and its weight.
+    /// The reason why the cell's row stops, and the weight of the reason.
     fn reason(&self) -> Option<(Weight, String)> {
         if let Some(known) = self.fails_as_declared() {
             return Some((Weight::Other, format!("known: {}", known.reason)));
@@ -40,7 +40,6 @@ impl Cell {
     }
 }
 
-/// The weight of a reason.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Weight {
     Wrong,
@@ -49,10 +48,10 @@ enum Weight {
     Absent,
 }
 
-/// The most rows that a list names.
+/// The largest number of rows that a list names.
 const MOST_NAMES: usize = 6;
 
-/// A name as code: a plain one between backticks, any other one as escaped HTML.
+/// A name as code: between backticks, or as escaped HTML if it has special characters.
 fn code(name: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "_:.-#@ (),".contains(c);
     match name.chars().all(plain) {
@@ -61,10 +60,10 @@ fn code(name: &str) -> String {
     }
 }
 
-/// A sentence with code between single backticks.
+/// A sentence in which single backticks enclose code.
 fn prose(text: &str) -> String {
     let parts: Vec<&str> = text.split('`').collect();
-    // Backticks come in pairs, and never two side by side: so exactly the parts between them are code.
+    // If backticks come in pairs and are never adjacent, exactly the parts between them are code.
     if text.contains("``") || parts.len().is_multiple_of(2) {
         return markdown(text);
     }
@@ -76,14 +75,13 @@ fn prose(text: &str) -> String {
 }
 
 impl Matrix {
-    /// The reasons why rows stop, each with its columns and rows. First those with something wrong, then those with
-    /// something missing or not run; within each, the most frequent first.
+    /// The reasons why rows stop, each with its columns and rows. Faults come first, before reasons such as missing
+    /// tools or rows that didn't run. More frequent reasons come earlier.
     #[must_use]
     pub fn reasons(&self) -> Vec<(String, Vec<String>)> {
         self.ranked_reasons().into_iter().map(|(_, why, rows)| (why, rows)).collect()
     }
 
-    /// The reasons, each with its weight.
     fn ranked_reasons(&self) -> Vec<(Weight, String, Vec<String>)> {
         #[derive(Default)]
         struct Where<'m> {
@@ -118,7 +116,8 @@ impl Matrix {
         reasons.into_iter().map(shown).collect()
     }
 
-    /// The number of results that differ where WGSL leaves them open, which isn't a finding; `None` if none does.
+    /// A sentence with the number of results that differ where WGSL leaves the result open; `None` if there are none.
+    /// They aren't findings.
     #[must_use]
     pub fn open(&self) -> Option<String> {
         let open = |cell: &&Cell| cell.open > 0;
@@ -132,7 +131,7 @@ impl Matrix {
         let more = rows.len().saturating_sub(MOST_NAMES);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         Some(format!(
-            "{results} in {} where WGSL leaves open what it is, which is no finding: {}{more}",
+            "{results} in {} where WGSL leaves the result open, which isn't a finding: {}{more}",
             match cells.len() {
                 1 => "1 cell differ".to_owned(),
                 count => format!("{count} cells differ"),
@@ -141,8 +140,8 @@ impl Matrix {
         ))
     }
 
-    /// The matrix as a page of Markdown: the columns that ran, the number of rows by status, each row, and the reasons
-    /// why rows stop.
+    /// The matrix as a Markdown page: the columns, the number of rows by status, each row, and the reasons why rows
+    /// stop.
     #[must_use]
     pub fn markdown(&self) -> String {
         self.write_markdown().expect("writing to a String never fails")
@@ -176,7 +175,7 @@ impl Matrix {
             writeln!(text, "\n{open}.")?;
         }
         writeln!(text, "\n## Why rows stop\n")?;
-        // A column that isn't available says so in its head.
+        // The head of a column shows that the column isn't available.
         let whole = |(weight, _, rows): &(Weight, String, Vec<String>)| {
             *weight == Weight::Absent && rows.len() * 2 > self.rows.len()
         };
@@ -191,7 +190,7 @@ impl Matrix {
         Ok(text)
     }
 
-    /// The number of rows that reach at least this status on a column.
+    /// The number of rows that reach at least a status on a column.
     #[must_use]
     pub fn count(&self, column: usize, status: Status) -> usize {
         let rows = self.rows.iter().filter(|row| row.is_judged());
@@ -204,7 +203,7 @@ impl Matrix {
 mod tests {
     use super::*;
 
-    /// The HTML outside code, in a text without two adjacent backticks.
+    /// The HTML outside of code, in text without two adjacent backticks.
     fn bare(text: &str) -> String {
         text.split('`').step_by(2).collect()
     }

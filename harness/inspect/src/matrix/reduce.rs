@@ -8,14 +8,13 @@ use karat_core::value::Scalar;
 use super::execute::{Comparison, Judge};
 use super::leeway::{Latitude, Leeway};
 
-/// Rounds of simplification.
+/// The maximum number of rounds that simplify an input.
 const ROUNDS: usize = 24;
 
-/// Two columns, and the tolerance between them.
 pub(super) struct Pair<'r, 'p> {
     pub(super) expected: &'r Caller<'p>,
     pub(super) actual: &'r Caller<'p>,
-    /// The inputs to search for simpler ones.
+    /// The stream that proposes simpler inputs.
     pub(super) inputs: &'r dyn Stream,
     pub(super) arguments: &'r [Scalar],
     pub(super) results: &'r [Scalar],
@@ -23,7 +22,7 @@ pub(super) struct Pair<'r, 'p> {
     pub(super) leeway: &'r Leeway,
 }
 
-/// An input on which two columns differ, with both results.
+/// An input for which two columns differ, with both results.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Case {
     pub(super) row: Vec<u32>,
@@ -32,8 +31,8 @@ pub(super) struct Case {
 }
 
 impl Pair<'_, '_> {
-    /// Simplifies the arguments of a case as long as the columns differ when it runs alone. `None` if they agree then:
-    /// the difference depends on the cases that run beside it.
+    /// Simplifies a case's arguments as long as the columns differ when the case runs without others. `None` if they
+    /// then agree, because the difference depends on other cases of the run.
     pub(super) fn reduce(&self, found: &Case) -> Option<Case> {
         let mut simplest = found.row.clone();
         for _ in 0..ROUNDS {
@@ -43,13 +42,13 @@ impl Pair<'_, '_> {
                 None => break,
             }
         }
-        // Run a case that was found among others alone.
+        // Runs the case without other cases.
         self.first_that_differs(&[simplest])
             .or_else(|| self.first_that_differs(std::slice::from_ref(&found.row)))
     }
 
-    /// Compares the results of some rows. A case that differs because one column flushes its arguments is open,
-    /// whatever is known about the function: WGSL lets operations treat subnormals as zeros (15.7.2).
+    /// Compares the results of rows. If the columns differ only because one of them flushes arguments, the result is
+    /// open: WGSL lets operations treat subnormal numbers as zeros (15.7.2).
     pub(super) fn compare(
         &self,
         rows: &[u32],
@@ -77,7 +76,7 @@ impl Pair<'_, '_> {
         seen
     }
 
-    /// The first of these rows on which the columns differ; `None` if there is none, or a column can't run them.
+    /// The first of these rows for which the columns differ; `None` if there is none, or if a column can't run them.
     fn first_that_differs(&self, rows: &[Vec<u32>]) -> Option<Case> {
         if rows.is_empty() {
             return None;
@@ -107,7 +106,7 @@ mod tests {
     use karat_core::domain::{Dynamic, Part};
     use karat_core::tolerance::{Abs, Tolerance};
 
-    /// Computes each result from all arguments together.
+    /// An executor that computes each result from all arguments of the run.
     #[derive(Debug)]
     struct By(fn(&[u32]) -> Vec<u32>);
 
@@ -117,7 +116,7 @@ mod tests {
         }
 
         fn adapter(&self) -> Adapter {
-            unreachable!("no record is made")
+            unreachable!("this test makes no record")
         }
 
         fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
@@ -139,7 +138,7 @@ mod tests {
         }
     }
 
-    /// Some drivers use one invocation's value for all that run together.
+    /// Some drivers use one invocation's value for all invocations of a run.
     // Lesson 156
     #[test]
     fn a_difference_that_needs_other_invocations_is_not_simplified() {
@@ -166,12 +165,12 @@ mod tests {
             };
             pair.reduce(&Case { row: vec![9], expected: vec![81], actual: vec![4] })
         };
-        assert_eq!(reduced(mixed), None, "alone it is right");
+        assert_eq!(reduced(mixed), None, "without other cases, the result is right");
         let simplest = Case { row: vec![0], expected: vec![0], actual: vec![100] };
-        assert_eq!(reduced(wrong), Some(simplest), "with its own results");
+        assert_eq!(reduced(wrong), Some(simplest), "the case has its own results");
     }
 
-    /// A column that treats a subnormal as 0 is right; one that returns something else isn't.
+    /// A column that treats a subnormal number as 0 is right. A column that returns another result is wrong.
     #[test]
     fn only_flushed_results_are_open() {
         let kept = |all: &[u32]| {
@@ -195,7 +194,8 @@ mod tests {
             let caller =
                 |by| Caller::new(by, Cow::Borrowed(&probed), &fixtures, 64).expect("ready");
             let (expected, actual) = (caller(&one), caller(&other));
-            let results_of = |caller: &Caller<'_>| caller.results(&rows, 4).expect("it runs");
+            let results_of =
+                |caller: &Caller<'_>| caller.results(&rows, 4).expect("the executor runs the rows");
             let words = [results_of(&expected), results_of(&actual)];
             let pair = Pair {
                 expected: &expected,
@@ -210,7 +210,7 @@ mod tests {
             (seen.differing, seen.open)
         };
         assert_eq!(compared(kept, flushing), (vec![], 1));
-        assert_eq!(compared(flushing, kept), (vec![], 1), "whichever of both it is");
+        assert_eq!(compared(flushing, kept), (vec![], 1), "either column may flush");
         assert_eq!(compared(kept, wrong), (vec![0, 1], 0));
     }
 }

@@ -1,4 +1,4 @@
-//! The verdicts of the package's own tests on the columns' paths.
+//! Uses the verdicts of the package's own tests on the columns' paths.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -8,23 +8,23 @@ use serde::Serialize;
 
 use super::{Cell, Matrix, Row, Status, Stop};
 
-/// The verdicts of a function's tests on one path.
+/// The verdicts of a function's own tests on one path.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Reference {
-    /// Checks that ran there.
+    /// The number of checks that ran on the path.
     pub checks: usize,
-    /// Those that failed.
+    /// The tests whose checks failed on the path.
     pub failed: Vec<String>,
-    /// The largest error as a share of what its check allows; `None` if it isn't a number.
+    /// The largest ratio of an error to its tolerance; `None` if it isn't a number.
     pub worst: Option<f64>,
 }
 
 impl Matrix {
-    /// Judges functions by the verdicts of their tests on the same path, from the record of a run. A test compares with
-    /// a reference, with a tolerance that its author chose for the function, so its verdict counts; the comparison with
-    /// other columns stays in the cell. Skips verdicts on files that have changed since.
+    /// Replaces the comparison with other columns by the verdicts of the functions' tests on the same path, from the
+    /// record of a run. A test has a reference and a tolerance that its author chose, so its verdict counts more.
+    /// Verdicts on files that have changed since the run are skipped.
     ///
-    /// Returns the number of cells that were judged.
+    /// Returns the number of judged cells.
     pub fn judge_by(&mut self, records: &[Record]) -> usize {
         let current: Vec<&Record> = records.iter().filter(|record| is_current(record)).collect();
         let mut judged = 0;
@@ -55,7 +55,7 @@ impl Matrix {
 fn judge(cell: &mut Cell, found: &[(&Record, PathRecord)]) {
     let mut reference = Reference { checks: found.len(), ..Reference::default() };
     for (record, path) in found {
-        // A path without failures passes, whatever happened on others.
+        // A path without failures passes, even if other paths fail.
         if path.failures > 0 || (record.paths.len() == 1 && record.verdict != Verdict::Pass) {
             reference.failed.push(record.test.clone());
         }
@@ -74,7 +74,7 @@ fn judge(cell: &mut Cell, found: &[(&Record, PathRecord)]) {
     cell.reference = Some(reference);
 }
 
-/// Returns `true` if a verdict is about the current files.
+/// Checks if a verdict is about the current files.
 fn is_current(record: &Record) -> bool {
     let same = |read: &FileRead| FileRead::now(&read.file) == *read;
     record.overlay.is_none() && !record.read.is_empty() && record.read.iter().all(same)

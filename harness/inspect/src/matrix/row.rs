@@ -1,4 +1,4 @@
-//! Executes a row on each column's path, and compares the results.
+//! Runs a row on each column's path, and compares the results.
 
 use std::borrow::Cow;
 
@@ -23,7 +23,7 @@ use crate::limits::REPEATED;
 use crate::made_up::{self, Content, Ranges};
 use crate::work;
 
-/// Runs a row on the columns that got far enough, and compares the results.
+/// Runs a row on the columns with a valid translation, and compares the results.
 pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row {
     for cell in &mut cells {
         let entry_point = matches!(ready.about, About::EntryPoint { .. });
@@ -50,7 +50,7 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                         })
                         .map(of)
                 };
-                // A content that the pass changes shows its effect.
+                // Only a content that the pass changes shows the pass's effect.
                 let shows = |one: &Result<(Passes, _), String>| {
                     one.as_ref().map_or(true, |(passes, _)| changes(passes) != Some(false))
                 };
@@ -62,11 +62,11 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                     buffers = data.iter().filter_map(super::Buffer::of).collect();
                 }
             }
-            // The translation is that of the entry point, but the run calls it as a function.
+            // The translation contains the entry point, but Karat runs the entry point as a function.
             None => match request.probed(&ready.row.name) {
                 Ok(probed) => run_function(request, &probed, &mut cells),
                 Err(error) => {
-                    let why = format!("a {} entry point isn't called: {error}", ready.row.kind);
+                    let why = format!("Karat can't call a {} entry point: {error}", ready.row.kind);
                     run_entry_point_on_each(request, Err(&why), &mut cells);
                 }
             },
@@ -80,13 +80,13 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
     let ranges = Ranges::of(&request.package).map_err(|error| error.to_string());
     let drawn = ranges.and_then(|ranges| {
         let fixtures = made_up::fixtures(probed, &ranges, made_up::beyond(probed)[0]);
-        // A resource that can't be generated fails where it is used.
+        // If a resource can't be generated, the error appears where the resource is used.
         let rows = work::rows(probed, &ranges, &fixtures.unwrap_or_default(), request.cases)?;
         Ok((rows, ranges))
     });
     let (rows, ranges) = match drawn {
         Ok(drawn) => drawn,
-        // Only a declared range can be without values.
+        // Only a declared range can contain no value of the type.
         Err(why) => {
             for cell in cells.iter_mut().filter(|cell| cell.stopped.is_none()) {
                 cell.stopped = Some(Stop::Broke(why.clone()));
@@ -125,7 +125,7 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
 }
 
 impl Cell {
-    /// Adds other cases of the same function. The worse verdict counts.
+    /// Adds the result of other cases of the same function. The worse verdict counts.
     fn add(&mut self, other: Self) {
         let worst = self.worst_ulp.max(other.worst_ulp);
         let counts = [self.compared, self.differing, self.open];
@@ -149,7 +149,7 @@ impl Cell {
     }
 }
 
-/// Runs some cases of a function on each column, and compares the results.
+/// Runs cases of a function on each column, and compares the results.
 fn run_cases(
     request: &Request,
     probed: &Probed,
@@ -158,7 +158,7 @@ fn run_cases(
     cells: &mut [Cell],
 ) {
     let mut ran: Vec<Ran<'_>> = Vec::new();
-    // If one driver reports an endless loop, others would hang.
+    // If the function doesn't end on one driver, it would hang other drivers.
     let mut endless: Option<String> = None;
     for (index, column) in request.columns.iter().enumerate() {
         let cell = &mut cells[index];
@@ -197,11 +197,11 @@ fn results<'p>(
     (rows, cases): (&[u32], usize),
     endless: &mut Option<String>,
 ) -> Result<(Caller<'p>, Vec<u32>), Stop> {
-    // An unavailable path is one reason, a function that can't run there another.
+    // An unavailable path and a function that can't run on a path have different reasons.
     karat::unstable::path::adapter(path).map_err(|error| Stop::Unavailable(error.to_string()))?;
     let mut stop = |error: ProbeError| {
         if let ProbeError::Rounds { .. } = error {
-            *endless = Some(format!("on `{path}` a loop of it doesn't end for these inputs"));
+            *endless = Some(format!("on `{path}`, one of its loops doesn't end for these inputs"));
         }
         Stop::NotRun(not_run(error))
     };
@@ -212,7 +212,7 @@ fn results<'p>(
     Ok((caller, results))
 }
 
-/// Compares each column with the first one that ran.
+/// Compares each column with the first column that ran.
 fn compare_all(
     request: &Request,
     probed: &Probed,
@@ -227,8 +227,9 @@ fn compare_all(
         function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
     let [first, others @ ..] = ran else { return };
     let judge = Judge::new(&results, &request.within, &first.results);
-    let ranges = Ranges::of(&request.package).expect("its inputs were made by them");
-    let inputs = made_up::Arguments::of(function, &ranges).expect("its inputs were made so");
+    let ranges = Ranges::of(&request.package).expect("the inputs were made from these ranges");
+    let inputs = made_up::Arguments::of(function, &ranges)
+        .expect("the inputs were made from these arguments");
     let mut agreeing: Option<Comparison> = None;
     for other in others {
         let pair = Pair {
@@ -249,7 +250,7 @@ fn compare_all(
         cell.open = seen.open;
         if seen.compared == 0 {
             let none = match latitude {
-                Some(_) => "WGSL leaves open what each case returns",
+                Some(_) => "WGSL leaves the result of each case open",
                 None => "no case has a finite result",
             };
             cell.stopped = Some(Stop::NothingToCompare(none.to_owned()));
@@ -271,7 +272,7 @@ fn compare_all(
             let width = results.len();
             let of = |ran: &Ran<'_>| ran.results[case * width..(case + 1) * width].to_vec();
             let (was, is) = (of(first), of(other));
-            // Compare with both columns, by the same rule that compared them with each other.
+            // Compares with both columns, by the rule that compared these columns with each other.
             let agrees = |one: &[u32], with: &[u32]| {
                 let latitude = latitude.map(|all| all.case(*case, width));
                 !judge.case(with, one, latitude).differs
@@ -300,17 +301,20 @@ mod tests {
     use super::*;
     use karat::Package;
 
-    /// A matrix of those of these columns that are available here.
+    /// The matrix of those columns that are available on this machine.
     fn matrix(text: &str, columns: &[&str]) -> Matrix {
         let columns =
             columns.iter().map(|name| name.parse::<super::super::Column>().expect("a column"));
         let here = columns.filter(|one| {
             one.path().is_some_and(|path| karat::unstable::path::adapter(path).is_ok())
         });
-        crate::matrix(&Package::from_source("m", text)).columns(here).run().expect("it is made")
+        crate::matrix(&Package::from_source("m", text))
+            .columns(here)
+            .run()
+            .expect("the matrix is made")
     }
 
-    /// The cells of each row after the first column.
+    /// The cells of all rows, except for the first column.
     fn others(matrix: &Matrix) -> impl Iterator<Item = (&str, &Cell)> {
         matrix.rows.iter().flat_map(|row| row.cells.iter().skip(1).map(|cell| (&*row.name, cell)))
     }
@@ -341,12 +345,12 @@ mod tests {
             assert_eq!(cell.status, Some(Status::Agrees), "{name}: {:?}", cell.stopped);
             open += cell.open;
         }
-        assert!(open > 0, "it is drawn");
+        assert!(open > 0, "subnormal numbers are sampled");
     }
 
     #[test]
     fn results_within_the_wgsl_bound_agree() {
-        // GL's `mix` cancels, and so does the distance to a near point.
+        // In GL's `mix`, terms cancel. They also cancel in the distance to a near point.
         let text = "
             fn blend(p: f32, q: f32, h: f32) -> f32 { return mix(p, q, clamp(h, 0.0, 1.0)); }
             fn union_of(p: f32, q: f32) -> f32 {
@@ -380,7 +384,7 @@ mod tests {
                 assert_eq!(cell.differs(), is_gl, "{name}: {:?}", cell.stopped);
                 let said = cell.stopped.as_ref().map_or("", Stop::text);
                 assert_eq!(said.contains("where samplers repeat"), is_gl, "{said}");
-                // The two others agree against it.
+                // The two other columns agree, so GL is the suspect.
                 let suspect = (is_gl && made.columns.len() == 3).then_some("gl");
                 assert_eq!(cell.suspect.as_deref(), suspect, "{said}");
             }
@@ -388,7 +392,7 @@ mod tests {
                 sampled(name, &format!("textureSampleLevel(image, {name}, 3.0 * uv - 1.0, 0.0)"));
             for (_, cell) in others(&matrix(&plain, &paths)) {
                 assert_eq!(cell.status, Some(Status::Agrees), "{:?}", cell.stopped);
-                assert_eq!(cell.compared, 512, "each case is of one sampler");
+                assert_eq!(cell.compared, 512, "each case has one address mode");
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The subject of a row, and its translations.
+//! Prepares the function or entry point of a row, with its translations.
 
 use std::sync::Arc;
 
@@ -11,17 +11,17 @@ use karat_translate::{Shader, TranslateError, Translation};
 use super::column::Written;
 use super::{Column, Request, Row, Source};
 
-/// A function or an entry point with its translations; or its row, if there are none.
+/// A function or an entry point with its translations, or only its row if there are none.
 pub(super) enum Subject {
     Row(Box<Row>),
     Ready(Box<Ready>),
 }
 
-/// A subject that is ready to run.
+/// A function or entry point that is ready to run.
 pub(super) struct Ready {
     pub(super) row: Row,
     pub(super) about: About,
-    /// The translations into the columns' languages, in the order of the columns.
+    /// One translation for each column, in the order of the columns.
     pub(super) made: Vec<Made>,
 }
 
@@ -31,7 +31,6 @@ pub(super) enum About {
     EntryPoint { program: Arc<Program>, name: String },
 }
 
-/// A translation into a language, or the author's own text.
 pub(super) struct Made {
     pub(super) written: Written,
     pub(super) translation: Result<Translation, TranslateError>,
@@ -47,18 +46,16 @@ impl Subject {
 }
 
 impl Ready {
-    /// The translation that a column runs or checks.
     pub(super) fn of(&self, column: Column) -> &Made {
         let made = self.made.iter().find(|made| made.written == column.written());
-        made.expect("each column's text is made")
+        made.expect("each column has a translation")
     }
 
-    /// The row with these cells.
+    /// The row with its cells.
     pub(super) fn row(self, cells: Vec<super::Cell>) -> Row {
         Row { cells, ..self.row }
     }
 
-    /// The text that is translated.
     pub(super) fn text(&self) -> &str {
         match &self.about {
             About::Function(probed) => probed.kernel(),
@@ -66,7 +63,7 @@ impl Ready {
         }
     }
 
-    /// The name of the function or entry point in that text.
+    /// The name that the function or entry point has in the translated text.
     pub(super) fn name(&self) -> &str {
         match &self.about {
             About::Function(probed) => {
@@ -78,12 +75,12 @@ impl Ready {
     }
 }
 
-/// Returns `true` if naga has to read its own output for this column.
+/// Checks if naga must read its own output for this column.
 pub(super) fn is_read_back(column: Column) -> bool {
     column.path.is_some_and(|path| matches!(path.via(), Via::Spirv | Via::Wgsl))
 }
 
-/// Links, reflects and translates an item.
+/// Links, reflects and translates a function or entry point.
 pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
     let text = &item.whole.file.text[item.whole.range.clone()];
     let (line, _) = item.whole.file.line_column(item.whole.range.start);
@@ -119,7 +116,8 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
             }
             Err(error) => failed("function", error),
         },
-        // It has no value to pass or to compare, or belongs to another stage, so nothing can call it.
+        // Nothing can call the function: it has no parameters or result that Karat can handle, or it belongs to another
+        // stage.
         Err(ProbeError::Reflect(ReflectError::Unprobeable(why) | ReflectError::Override(why))) => {
             failed("not callable", why.to_string())
         }
@@ -131,7 +129,8 @@ type EntryPoint = (Shader, Arc<Program>, String, String);
 
 fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, String> {
     let (module, own) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
-    // Alone, because a path may lack something that another entry point of its module needs.
+    // The entry point is linked without the others, because a path may not support what another entry point of the
+    // module uses.
     let program = Program::of_items(&for_validating(&request.package, module), module, &[own]);
     let program = program.map_err(|error| error.to_string())?;
     let given = request.overrides_of(&program);
@@ -146,20 +145,20 @@ fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, Str
     Ok((shader, program, name, stage.to_string()))
 }
 
-/// A program's text with the values of its overrides.
+/// A program's text as a naga module, with the values of its overrides.
 fn shader(text: &str, program: &Program) -> Result<Shader, String> {
     let module = Arc::unwrap_or_clone(parsed_with(text, program.overrides())?);
     Shader::of(module).map_err(|error| error.to_string())
 }
 
-/// A function with everything that it uses, as the author wrote it.
+/// The text of a function with everything that it uses, as its author wrote it.
 fn own(request: &Request, item: &FunctionItem) -> Option<String> {
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let program = Program::of_items(&request.package, module, &[name]).ok()?;
     Some(program.text().to_owned())
 }
 
-/// The translations of a text; `own` is the author's part of it, if there are other parts.
+/// The translations of a text. `own` is the author's part, if the text has other parts.
 fn translated(
     request: &Request,
     shader: &Shader,

@@ -1,20 +1,20 @@
-//! Names the suspect if two columns differ: the one against which two others agree.
+//! Names the suspect if two columns differ: the column that disagrees with two columns that agree.
 
 use super::{Cell, Stop};
 
-/// The side that a column takes between two columns that differ.
+/// The side that a column takes if two columns differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
-    /// It agrees with the first column.
+    /// The column agrees with the first column.
     First,
-    /// It agrees with the other column.
+    /// The column agrees with the other column.
     Other,
-    /// It agrees with neither, or with both.
+    /// The column agrees with neither of them, or with both.
     Neither,
 }
 
-/// Names the suspect of a cell that differs from the first column, if one of the two is alone. `sides` has the name and
-/// the side of each column, these two included.
+/// Names the suspect of a cell that differs from the first column, if no third column agrees with one of the two.
+/// `sides` has the name and the side of each column, these two included.
 pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     let of = |side: Side| -> Vec<&str> {
         sides.iter().filter(|(_, own)| *own == side).map(|(name, _)| name.as_str()).collect()
@@ -27,12 +27,15 @@ pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     };
     if let Some(Stop::Differs(text)) = &mut cell.stopped {
         let names: Vec<String> = agreeing.iter().map(|name| format!("`{name}`")).collect();
-        text.push_str(&format!("; {} agree there, so `{alone}` is the suspect", and(&names)));
+        text.push_str(&format!(
+            "; {} agree with each other, so `{alone}` is the suspect",
+            and(&names)
+        ));
         cell.suspect = Some((*alone).to_owned());
     }
 }
 
-/// Names in a sentence: `a`, `b` and `c`.
+/// The names in a sentence: `a`, `b` and `c`.
 fn and(names: &[String]) -> String {
     match names {
         [all @ .., last] if !all.is_empty() => format!("{} and {last}", all.join(", ")),
@@ -46,7 +49,7 @@ mod tests {
 
     // Lesson 86
     #[test]
-    fn one_against_two_is_the_suspect() {
+    fn the_only_path_that_disagrees_is_the_suspect() {
         use Side::{First, Neither, Other};
         let told = |sides: &[Side]| {
             let mut cell =
@@ -60,10 +63,16 @@ mod tests {
         assert_eq!(told(&[First, Other]), (None, "1 differs".to_owned()), "one against one");
         let (suspect, text) = told(&[First, Other, First]);
         assert_eq!(suspect.as_deref(), Some("vulkan"));
-        assert_eq!(text, "1 differs; `cpu` and `gl` agree there, so `vulkan` is the suspect");
+        assert_eq!(
+            text,
+            "1 differs; `cpu` and `gl` agree with each other, so `vulkan` is the suspect"
+        );
         let (suspect, text) = told(&[First, Other, Other, Other]);
         assert_eq!(suspect.as_deref(), Some("cpu"));
-        assert!(text.contains("`vulkan`, `gl` and `dx12` agree there, so `cpu`"), "{text}");
+        assert!(
+            text.contains("`vulkan`, `gl` and `dx12` agree with each other, so `cpu`"),
+            "{text}"
+        );
         for undecided in [&[First, Other, First, Other][..], &[First, Other, Neither, Neither]] {
             assert_eq!(told(undecided).0, None, "{undecided:?}");
         }

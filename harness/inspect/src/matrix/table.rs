@@ -1,4 +1,4 @@
-//! A matrix as a table of rows, and the expectations about them.
+//! A matrix as a table of rows, and expectations about the rows.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -20,12 +20,12 @@ use super::{Cell, Column, Request, Row, Source, Status, row};
 
 use rayon::prelude::*;
 
-/// Functions and entry points on every column.
+/// A matrix: functions and entry points on every column.
 #[derive(Clone, Debug, Serialize)]
 pub struct Matrix {
-    /// The package.
+    /// The package's name.
     pub package: String,
-    /// The version of naga that wrote these translations. Other versions write others.
+    /// The version of naga that wrote the translations. Other versions write other translations.
     pub naga: String,
     /// The validators, with their versions.
     pub validators: BTreeMap<String, String>,
@@ -35,21 +35,21 @@ pub struct Matrix {
     pub columns: Vec<Head>,
     /// The rows, in the order of modules and lines.
     pub rows: Vec<Row>,
-    /// The declarations that can't be checked here: the column isn't in the matrix, the row can't be judged, or a
-    /// validator or a driver is missing.
+    /// The declarations that can't be checked here, because the column isn't in the matrix, the row has no verdict, or
+    /// a validator or a driver is missing.
     pub undecided: Vec<Known>,
 }
 
-/// The head of a column.
+/// The description of a column.
 #[derive(Clone, Debug, Serialize)]
 pub struct Head {
-    /// Its name.
+    /// The column's name.
     pub name: String,
-    /// The language of its translations.
+    /// The language of the column's translations.
     pub language: String,
-    /// The adapter and the driver that run it.
+    /// The adapter and the driver that run the column.
     pub adapter: Option<String>,
-    /// The reason why nothing runs it.
+    /// The reason why no path runs the column.
     pub unavailable: Option<String>,
 }
 
@@ -63,59 +63,59 @@ pub enum MatrixError {
     /// An environment variable has an invalid setting.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// There is no row.
+    /// The package has no function and no entry point, or none with the requested names.
     #[error("package `{package}` has no function and no entry point{}", match only.as_slice() {
         [] => String::new(),
         names => format!(" whose name contains `{}`", names.join("` or `")),
     })]
     Nothing {
-        /// The package.
+        /// The package's name.
         package: String,
-        /// The parts of names that were requested.
+        /// The requested parts of names.
         only: Vec<String>,
     },
-    /// There is no column, or no case.
+    /// The request has no column, or no case.
     #[error("a matrix has at least one column and one case")]
     Empty,
-    /// There are more cases than fit into memory.
-    #[error("a matrix has at most {most} cases a function, not {cases}")]
+    /// The requested cases don't fit into memory.
+    #[error("a matrix has at most {most} cases for each function, not {cases}")]
     TooMany {
-        /// The requested number.
+        /// The requested number of cases.
         cases: usize,
-        /// The largest number.
+        /// The largest allowed number of cases.
         most: usize,
     },
-    /// The file that records which row ran when a process ended can't be read.
-    #[error("can't read `{file}`, which says what ran as a process ended: {why}")]
+    /// The journal file, which records the row that ran when a process ended, can't be read.
+    #[error("can't read `{file}`, which records the row that ran when a process ended: {why}")]
     Journal {
-        /// The file.
+        /// The file's path.
         file: String,
         /// The reason.
         why: String,
     },
-    /// A declaration about a row that doesn't work is impossible.
+    /// A declaration about a row that doesn't work is wrong.
     #[error("row `{row}` is declared not to work on `{column}`: {why}")]
     Known {
-        /// The row.
+        /// The row's name.
         row: String,
-        /// The column.
+        /// The column's name.
         column: String,
         /// The problem.
         why: String,
     },
-    /// An override that no row has, or a value that doesn't fit its type.
+    /// No row uses the override, or the value doesn't fit its type.
     #[error("an override: {0}")]
     Override(String),
-    /// A column is named twice.
+    /// The request has the same column twice.
     #[error("the column `{0}` is named twice")]
     Repeated(String),
 }
 
-/// The most cases of a function, all in memory on each column: as many as `karat call` accepts.
+/// The largest number of cases for a function. All cases are in memory on each column. `karat call` has the same limit.
 const MOST_CASES: usize = 1 << 22;
 
-/// The rows that are translated, judged and run together: enough to share a validator's process, and few enough that
-/// their texts fit into memory.
+/// The number of rows that are translated, validated and run together. A validator checks several rows in one process,
+/// but the texts must fit into memory.
 const TOGETHER: usize = 64;
 
 pub(super) fn make(
@@ -157,10 +157,10 @@ pub(super) fn make(
     let all = items.len();
     let order: BTreeMap<String, usize> =
         items.iter().enumerate().map(|(index, item)| (item.name.clone(), index)).collect();
-    // Suspected rows first, each alone: if one ends the process again, no other row is running.
+    // Suspected rows run first, each without other rows. If a row ends the process again, only this row is suspected.
     let suspected: Vec<FunctionItem> =
         items.extract_if(.., |item| journal.is_suspected(&item.name)).collect();
-    // Open devices before the rows need them, one after the other.
+    // The devices open before the rows need them, one after the other.
     let columns = request.columns.iter().map(head).collect();
     let done = Mutex::new(0);
     let together = suspected.chunks(1).chain(items.chunks(TOGETHER));
@@ -170,7 +170,7 @@ pub(super) fn make(
         let judged = Judged::of(&ready, &request.columns, &request.package);
         let mut rows = 0_usize..;
         let mut of = |ready: &Ready| {
-            let row = rows.next().expect("it has no end");
+            let row = rows.next().expect("the iterator has no end");
             request.columns.iter().map(|c| judged.cell(row, ready, *c)).collect()
         };
         let cells: Vec<Option<Vec<Cell>>> =
@@ -187,7 +187,7 @@ pub(super) fn make(
                 (Subject::Ready(ready), None) => ready.row(Vec::new()),
                 (Subject::Row(row), _) => *row,
             };
-            // Report a count before another thread counts, so that reports stay in order.
+            // The lock stays until the report, so that the counts are reported in order.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
             *done += 1;
             progress(*done, all);
@@ -205,7 +205,7 @@ pub(super) fn make(
     Ok(Matrix { package, naga, validators, cases, columns, rows, undecided })
 }
 
-/// The functions and entry points, and a row for each module that can't be read.
+/// The functions and entry points of a package, and a row for each module that can't be read.
 fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageError> {
     let (mut items, mut unread) = (Vec::new(), Vec::new());
     for module in package.modules()? {
@@ -217,7 +217,7 @@ fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageErro
     Ok((items, unread))
 }
 
-/// The declarations in the test and in `karat.toml`.
+/// The declarations in the request and in `karat.toml`.
 fn known(request: &Request) -> Result<Vec<Known>, MatrixError> {
     let mut all = request.known.clone();
     for written in known_rows(&request.package)? {
@@ -252,54 +252,54 @@ fn head(column: &Column) -> Head {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Missed {
-    /// No column has this name.
+    /// The matrix has no column with this name.
     #[error("the matrix has no column `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoColumn {
         /// The requested name.
         name: String,
-        /// The closest column.
+        /// The column with the most similar name.
         nearest: Option<String>,
     },
-    /// No row is an entry point, or a function that a kernel can call.
+    /// The matrix has no entry point, and no function that a kernel can call.
     #[error(
         "the matrix has no row to judge: there is no entry point, and no function can be called"
     )]
     NoRow,
-    /// All rows were translated, but nothing else.
+    /// All rows were only translated, and neither validated nor run.
     #[error(
-        "of {rows} rows none was judged: there is no validator of these languages, and nothing ran \
+        "of {rows} rows none was judged: no validator of these languages is installed, and no path ran \
              them; `karat doctor` lists what is missing and how to get it"
     )]
     NothingJudged {
         /// The number of rows.
         rows: usize,
     },
-    /// Some rows don't reach the status.
-    #[error("{} of {of} rows don't get to `{status}` on `{column}`:\n{}", rows.len(), list(rows))]
+    /// Rows don't reach the expected status.
+    #[error("{} of {of} rows don't reach `{status}` on `{column}`:\n{}", rows.len(), list(rows))]
     Rows {
         /// The column.
         column: String,
-        /// The status that they should reach.
+        /// The expected status.
         status: Status,
         /// The rows, each with its reason.
         rows: Vec<(String, String)>,
         /// The number of all rows.
         of: usize,
     },
-    /// Some rows that are declared to fail pass.
-    #[error("on `{column}` these rows get to `{status}`, though they are declared not to; delete \
+    /// Rows reach a status, although declarations exclude this.
+    #[error("on `{column}` these rows reach `{status}`, although declarations exclude that; delete \
              their declarations: {}", rows.join(", "))]
     Passing {
         /// The column.
         column: String,
-        /// The status that they reach.
+        /// The status that the rows reach.
         status: Status,
         /// The rows.
         rows: Vec<String>,
     },
-    /// A declaration names a row that the matrix doesn't have.
-    #[error("a declaration names the row `{name}`, which the matrix doesn't have")]
+    /// A declaration has the name of a row that the matrix doesn't have.
+    #[error("a declaration has the row `{name}`, which isn't in the matrix")]
     NoSuchRow {
         /// The row.
         name: String,
@@ -312,10 +312,10 @@ fn list(rows: &[(String, String)]) -> String {
 }
 
 impl Matrix {
-    /// Checks that there is a row, and a cell that a validator or another column has judged.
+    /// Checks that the matrix has a row, and a cell that a validator or another column has judged.
     ///
     /// # Errors
-    /// If one is missing.
+    /// If there is no such row or no such cell.
     pub fn try_expect_evidence(&self) -> Result<(), Missed> {
         let rows = self.rows.iter().filter(|row| row.is_judged()).count();
         let judged = |cell: &Cell| {
@@ -327,23 +327,23 @@ impl Matrix {
         match self.rows.iter().flat_map(|row| &row.cells).any(judged) {
             _ if rows == 0 => Err(Missed::NoRow),
             true => Ok(()),
-            // An unreadable module is reported on its own.
+            // The error of an unreadable module is reported separately.
             false if self.rows.iter().any(|row| row.is_judged() && row.error.is_some()) => Ok(()),
             false => Err(Missed::NothingJudged { rows }),
         }
     }
 
-    /// Checks that every row reaches a status on a column. Functions that no kernel can call are left out.
+    /// Checks that every row reaches a status on a column. Functions that no kernel can call don't count.
     ///
     /// # Panics
-    /// If a row doesn't reach it, or there is no such column or no row.
+    /// If a row doesn't reach the status, the column doesn't exist, or the matrix has no row.
     #[track_caller]
     pub fn expect(&self, column: &str, status: Status) {
         self.expect_but(column, status, &[]);
     }
 
-    /// Does the same as [`expect`](Self::expect), except for rows that are declared with a reason. These must not reach
-    /// the status: an outdated declaration is an error.
+    /// Does the same as [`expect`](Self::expect), except for rows that are declared with a reason. A declared row must
+    /// not reach the status, because its declaration would be outdated.
     ///
     /// # Panics
     /// As [`expect`](Self::expect), and if a declared row reaches the status.
@@ -352,10 +352,10 @@ impl Matrix {
         self.try_expect_but(column, status, known).unwrap_or_else(|missed| panic!("{missed}"));
     }
 
-    /// Does the same as [`expect_but`](Self::expect_but), without the panic.
+    /// Does the same as [`expect_but`](Self::expect_but), and returns an error where that panics.
     ///
     /// # Errors
-    /// If a row doesn't reach the status, a declared one does, or there is no such column or no row.
+    /// If a row doesn't reach the status, a declared row does, the column doesn't exist, or the matrix has no row.
     pub fn try_expect_but(
         &self,
         column: &str,
@@ -401,7 +401,6 @@ impl Matrix {
 }
 
 impl Row {
-    /// The row of a module that can't be read.
     fn of_module(module: &str, error: String) -> Self {
         let source = Source { file: String::new(), line: 1, text: String::new() };
         Self {
@@ -416,18 +415,18 @@ impl Row {
         }
     }
 
-    /// Returns `true` if there is something to judge. A function that no kernel can call has nothing.
+    /// Checks if the row counts in expectations. A function that no kernel can call doesn't count.
     #[must_use]
     pub fn is_judged(&self) -> bool {
         self.kind != "not callable"
     }
 
-    /// The reason why it gets no further on a column.
+    /// The reason why the row gets no further on a column.
     #[must_use]
     pub fn why(&self, column: usize) -> String {
         let stopped = self.cells.get(column).and_then(|cell| cell.stopped.as_ref());
         let text = stopped.map(super::Stop::text).or(self.error.as_deref());
-        text.unwrap_or("it isn't known why").to_owned()
+        text.unwrap_or("Karat doesn't know the reason").to_owned()
     }
 }
 
@@ -438,13 +437,13 @@ mod tests {
     #[test]
     fn each_row_is_reported_once_and_in_order() {
         let functions = |at: usize| format!("fn f{at}(x: f32) -> f32 {{ return x * {at}.0; }}\n");
-        // More rows than run together.
+        // The package has more rows than run together.
         let text: String = (0..TOGETHER + 3).map(functions).collect();
         let package = Package::from_modules("m", [("a", text), ("b", "fn broken(".to_owned())]);
         let told = Mutex::new(Vec::new());
         let request = crate::matrix(&package).columns(["cpu".parse().expect("a column")]).cases(4);
         let made = request.run_with(&|done, of| told.lock().expect("whole").push((done, of)));
-        // A module that can't be read is a row without work.
+        // A module that can't be read is a row, but it has no work.
         assert_eq!(made.expect("made").rows.len(), TOGETHER + 4);
         let all = TOGETHER + 3;
         assert_eq!(

@@ -1,4 +1,4 @@
-//! Runs a fragment function that writes storage as a pass: each invocation is a pixel, and nothing orders the pixels of
+//! Runs a fragment function that writes storage as a pass. Each invocation is a pixel, and nothing orders the pixels of
 //! a draw.
 
 use std::sync::Arc;
@@ -11,18 +11,19 @@ use karat::unstable::probe::Probed;
 
 use crate::made_up::{Arguments, Content, Extents, Mix, Ranges, Resources};
 
-/// The sizes of draws in pixels, across and down, taken in turn. They have about as many pixels as a compute pass of 8
-/// x 8 workgroups usually has invocations, and rows and columns differ. In one of them an edge at any tenth, quarter or
-/// third splits a quad.
+/// The widths and heights of draws in pixels, used in turn. Each has about as many pixels as a compute pass of 8 x 8
+/// workgroups has invocations, and width and height differ. In one of the sizes, an edge at any tenth, quarter or third
+/// of the draw splits a quad.
 const SIZES: [[u32; 2]; 4] = [[18, 26], [14, 22], [22, 30], [10, 34]];
 
-/// The seed: functions with the same signature get the same rows, on every machine.
+/// The seed of the inputs. Functions with the same signature get the same inputs on every machine.
 const SEED: u64 = 0x7069_7865_6c73; // "pixels"
 
-/// The pixels of a draw, with generated inputs and resources whose sizes follow from the pixels. A single pixel if
-/// requested.
+/// Makes the pixels of a draw, or a single pixel. Inputs and resources are generated; the resources' sizes follow from
+/// the number of pixels.
 ///
 /// # Errors
+/// If the function isn't valid, or an input or a resource can't be generated.
 /// If the function isn't valid, or an input or a resource can't be generated.
 pub(crate) fn of_pixels(
     package: &Package,
@@ -36,7 +37,7 @@ pub(crate) fn of_pixels(
     let probed = Probed::with_overrides(package, name, &overrides);
     let probed = probed.map_err(|error| error.to_string())?;
     let (program, function) = (&probed.program, probed.function());
-    // A single pixel has the rest of its quad for neighbours.
+    // A single pixel needs the other pixels of its quad.
     let whole = SIZES[content.draw % SIZES.len()];
     let (size, [across, down]) = if single { ([1; 2], [2; 2]) } else { (whole, whole) };
     let extents_of = |content| Extents::of([1; 3], [whole[0], whole[1], 1], content);
@@ -53,9 +54,11 @@ pub(crate) fn of_pixels(
     let words =
         arguments.of_pixels(function, [content.draw, content.draw + 1].map(row), [across, down]);
     let kernel = probed.kernel.of_pixels();
-    let text = kernel.text.strip_prefix(program.text()).expect("a kernel begins with it");
+    let text = kernel.text.strip_prefix(program.text()).expect("a kernel begins with the program");
     let drawn = program.followed_by(text).map_err(|error| error.to_string())?;
-    let bindings = drawn.fragment_entry_point(Probed::ENTRY_POINT).expect("it is drawn");
+    let bindings = drawn
+        .fragment_entry_point(Probed::ENTRY_POINT)
+        .expect("the kernel has a fragment entry point");
     let (_, words_out) = kernel.words();
     let results = vec![0_u32; (words_out + 1) * (across * down) as usize];
     let own: [(u32, Fixture); 3] = [

@@ -1,8 +1,8 @@
-//! Kernels modelled on published sets, with faults that are known by construction: Indigo's graph patterns and axes
-//! (Liu, Azami, Walters, Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022), kinds of
-//! `DataRaceBench` that map to WGSL, locks, scopes and work stealing as in `ScoR` (Kamath, George, Basu, 2020), and the
-//! kinds of indices outside that Vulkan's GPU-assisted validation looks for. All kernels are written anew. The sample
-//! is every 23rd kernel; `SUITES=whole` runs all, and prints the scores.
+//! Kernels with known faults, modelled on published sets. The sets are: the graph patterns of Indigo (Liu, Azami,
+//! Walters, Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022); the kinds of `DataRaceBench` that
+//! exist in WGSL; the locks, scopes and work stealing of `ScoR` (Kamath, George, Basu, 2020); and the kinds of indices
+//! outside of arrays that Vulkan's GPU-assisted validation finds. The text of all kernels is new. By default, every
+//! 23rd kernel runs. `SUITES=whole` runs all kernels and prints the scores.
 
 mod expressions;
 
@@ -12,26 +12,26 @@ use karat::check::HazardKind;
 use karat::prelude::*;
 use karat_inspect::hazards::Kind;
 
-/// A kernel, and the fault planted in it.
+/// A kernel and its planted fault.
 struct Kernel {
     name: String,
     text: String,
-    /// The lines of the planted fault, counted from 1: those that end in [`MARK`].
+    /// The lines of the planted fault, counted from 1. These lines end in [`MARK`].
     lines: BTreeSet<usize>,
     planted: Planted,
 }
 
-/// The planted fault of a kernel.
+/// The kind of a kernel's planted fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Planted {
     Nothing,
-    /// Unordered accesses: an update that isn't atomic, or a missing barrier.
+    /// A race: an update that isn't atomic, or a missing barrier.
     Race,
-    /// An index outside its array, because a guard is missing.
+    /// An index outside of its array, because a guard is missing.
     Bounds,
 }
 
-/// The end of each line that takes part in a planted fault.
+/// The mark at the end of each line of a planted fault.
 const MARK: &str = "// here";
 
 impl Kernel {
@@ -42,7 +42,7 @@ impl Kernel {
     }
 }
 
-/// The number of vertices of the graph, and of edges at each.
+/// The number of the graph's vertices, and the number of edges at each vertex.
 const VERTICES: u32 = 100;
 
 fn graph() -> [Vec<u32>; 3] {
@@ -54,14 +54,14 @@ fn graph() -> [Vec<u32>; 3] {
     ]
 }
 
-/// The owner of a vertex: an invocation, eight of them, or a workgroup.
+/// The invocations that process a vertex: one invocation, eight invocations, or a workgroup.
 const MAPPINGS: [(&str, &str, &str, &str); 3] = [
     ("invocation", "g.x", "0u", "1u"),
     ("eight", "g.x / 8u", "l % 8u", "8u"),
     ("workgroup", "w.x", "l", "64u"),
 ];
 
-/// A kernel over the edges of each vertex. `each` runs for an edge to `u`, `last` runs once after them.
+/// A kernel over the edges of each vertex. `each` is the code for an edge to `u`. `last` is the code after all edges.
 fn of_graph(
     (mapping, backwards, guarded): (usize, bool, bool),
     (number, is_atomic): (&str, bool),
@@ -95,7 +95,7 @@ var<workgroup> partial: array<{number}, 64>;
     )
 }
 
-/// A sum or a maximum over a workgroup, by a tree. One of its barriers may be left out.
+/// A kernel that reduces a workgroup's values in a tree, to a sum or a maximum. One of its barriers may be missing.
 fn tree(join: &str, then: &str, barriers: [bool; 2]) -> String {
     let barrier = |is: bool| if is { "workgroupBarrier();" } else { "" };
     let mark = if barriers == [true; 2] { "" } else { MARK };
@@ -129,7 +129,7 @@ fn indigo() -> Vec<Kernel> {
         let (right, one) = ((mapping, backwards, true), if number == "u32" { "1u" } else { "1" });
         let bare = (mapping, backwards, false);
         for condition in ["u > v", "data[u] > data[v]", "u > v && data[u] > data[v]"] {
-            // Conditional edge: count those that satisfy the condition.
+            // Indigo's conditional edge: counts the edges for which a condition is true.
             let atomic = format!("if {condition} {{ atomicAdd(&out[0], {one}); }}");
             let plain = format!("if {condition} {{ out[0] += {one}; }} {MARK}");
             let name = |what: &str| format!("conditional edge, {axes}, {condition}: {what}");
@@ -140,7 +140,7 @@ fn indigo() -> Vec<Kernel> {
             );
             add(name("atomic"), of_graph(right, (number, false), ("", &plain, "")), Planted::Race);
             add(name("bounds"), of_graph(bare, (number, true), ("", &atomic, "")), Planted::Bounds);
-            // Worklist: append the vertices that satisfy the condition.
+            // Indigo's worklist: appends the vertices for which a condition is true.
             let push = format!(
                 "if {condition} {{ let slot = u32(atomicAdd(&out[0], {one})); if slot < arrayLength(&list) {{ list[slot] = u; }} }}"
             );
@@ -157,7 +157,7 @@ fn indigo() -> Vec<Kernel> {
         }
         let zero = if number == "u32" { "0u" } else { "0" };
         let own = format!("var own = {zero};");
-        // Conditional vertex: the largest neighbour of all.
+        // Indigo's conditional vertex: finds the largest neighbour of all vertices.
         let most = "own = max(own, data[u]);";
         let name = |what: &str| format!("conditional vertex, {axes}: {what}");
         let last = |last: &str| match mapping {
@@ -188,7 +188,7 @@ fn indigo() -> Vec<Kernel> {
         let plain = format!("if out[0] < {value} {{ out[0] = {value}; }} {MARK}");
         add(name("guard"), of(&plain, false, right), Planted::Race);
         add(name("bounds"), of(atomic, true, bare), Planted::Bounds);
-        // Pull: the sum of the neighbours.
+        // Indigo's pull: each vertex adds up its neighbours.
         let add_up = "own += data[u];";
         let name = |what: &str| format!("pull, {axes}: {what}");
         let write = |then: &str| match mapping {
@@ -219,7 +219,7 @@ fn indigo() -> Vec<Kernel> {
                 add(name(what), pull(&last, false), Planted::Race);
             }
         }
-        // Push: each vertex adds to its neighbours.
+        // Indigo's push: each vertex adds to its neighbours.
         let name = |what: &str| format!("push, {axes}: {what}");
         let atomic = "atomicAdd(&out[u], data[v]);";
         let plain = format!("out[u] += data[v]; {MARK}");
@@ -227,7 +227,7 @@ fn indigo() -> Vec<Kernel> {
         add(name("atomic"), of_graph(right, (number, false), ("", &plain, "")), Planted::Race);
         add(name("bounds"), of_graph(bare, (number, true), ("", atomic, "")), Planted::Bounds);
     }
-    // Path compression: parents of parents.
+    // Indigo's path compression: follows the parents of parents.
     for (what, load, store, is_atomic) in [
         ("right", "atomicLoad(&out[?])", "atomicStore(&out[v], q)", true),
         ("race", "out[?]", "out[v] = q", false),
@@ -256,8 +256,8 @@ fn indigo() -> Vec<Kernel> {
     all
 }
 
-/// Bodies with a race and without one, over `a`, `b` (read), `c`, `t` (atomics) and `idx`, all with `n` elements, and a
-/// `tile` of 64.
+/// Bodies of kernels with and without a race. They use `a`, `b` (read-only), `c`, `t` (atomics) and `idx`, all with `n`
+/// elements, and a `tile` of 64.
 const PAIRS: [(&str, &str, &str); 32] = [
     (
         "antidependence",
@@ -387,7 +387,7 @@ fn pairs() -> Vec<Kernel> {
     PAIRS.into_iter().flat_map(of).collect()
 }
 
-/// A kernel of 128 invocations with this body, and a mark at the end of each of its statements.
+/// A kernel of 128 invocations with a body, and with a mark at the end of each statement in the body.
 fn body_of(body: &str, mark: &str) -> String {
     let body = body.replace("; ", &format!("; {mark}\n    "));
     format!(
@@ -409,8 +409,8 @@ var<workgroup> tile: array<i32, 64>;
     )
 }
 
-/// Bodies with an index outside, and the same with a guard, of the kinds that Vulkan's GPU-assisted validation looks
-/// for.
+/// Bodies of kernels with an index outside of an array, and with a guard for the index. Vulkan's GPU-assisted
+/// validation finds such indices.
 const OUTSIDE: [(&str, &str, &str); 16] = [
     ("read of a buffer", "c[i] = b[i + 1u];", "c[i] = b[min(i + 1u, n - 1u)];"),
     ("write to a buffer", "c[i + 1u] = b[i];", "if i + 1u < n { c[i + 1u] = b[i]; }"),
@@ -450,7 +450,7 @@ const OUTSIDE: [(&str, &str, &str); 16] = [
     ),
 ];
 
-/// Each index outside is found with data and without, and no guarded index is reported.
+/// Karat finds each index outside of an array, with and without data, and reports no guarded index.
 #[test]
 fn indices_outside_are_found() {
     for (name, outside, guarded) in OUTSIDE {
@@ -478,7 +478,7 @@ fn indices_outside_are_found() {
                     .unwrap_or_else(|error| panic!("{name}: {error}\n{text}"));
             let is_told = found.iter().any(|(one, _)| one.kind == HazardKind::OutOfRange);
             assert_eq!(is_told, is_planted, "{name}: {found:?}");
-            // Without data the lengths are arbitrary, so the guard covers the elements of all arrays.
+            // Without data, arrays have arbitrary lengths, so the guard includes the lengths of all arrays.
             let guard = "let all = vec4u(arrayLength(&a), arrayLength(&b), arrayLength(&c), arrayLength(&t));
     let least = min(min(all.x, all.y), min(all.z, all.w));
     let n = min(least, arrayLength(&idx));
@@ -492,19 +492,19 @@ fn indices_outside_are_found() {
     }
 }
 
-/// Returns `true` if `SUITES=whole` requests all kernels.
+/// Checks if `SUITES=whole` requests all kernels.
 fn is_whole() -> bool {
     std::env::var("SUITES").is_ok_and(|suites| suites == "whole")
 }
 
-/// All kernels, or every 23rd: 23 is no multiple of the number of variants of a kernel.
+/// All kernels, or every 23rd kernel. The number of variants of a kernel isn't a multiple of 23.
 fn chosen(all: Vec<Kernel>) -> Vec<Kernel> {
     const SHARE: usize = 23;
     let wanted = |at: usize| is_whole() || at % SHARE == 1;
     all.into_iter().enumerate().filter(|(at, _)| wanted(*at)).map(|(_, kernel)| kernel).collect()
 }
 
-/// True and false, positive and negative counts.
+/// The counts of true positives, false positives, true negatives and false negatives.
 #[derive(Debug, Default)]
 struct Score {
     positive: [usize; 2],
@@ -523,12 +523,12 @@ impl Score {
     }
 }
 
-/// The lines of places such as `file:12:5`.
+/// The line numbers in positions such as `file:12:5`.
 fn lines<'p>(places: impl Iterator<Item = &'p str>) -> BTreeSet<usize> {
     places.filter_map(|place| place.rsplit(':').nth(1)?.parse().ok()).collect()
 }
 
-/// With data each planted fault is found, at its lines, and nothing else.
+/// With data, Karat finds each planted fault at its lines, and reports nothing else.
 #[test]
 fn planted_faults_are_found_with_data() {
     let [starts, targets, data] = graph();
@@ -585,7 +585,8 @@ fn planted_faults_are_found_with_data() {
             Planted::Bounds => kind == HazardKind::OutOfRange,
             _ => kind != HazardKind::OutOfRange,
         };
-        // An index outside that changes nothing doesn't fail a test, so a missing guard may be reported or not.
+        // An index outside of an array that changes no result doesn't fail a test, so Karat may or may not report the
+        // missing guard.
         let told = found.iter().any(|one| is_it(one.kind));
         if kernel.planted != Planted::Bounds {
             score.add(kernel, told, &format!("{found:?}"));
@@ -610,7 +611,7 @@ fn planted_faults_are_found_with_data() {
     assert!(astray.is_empty(), "told by other lines: {}", astray.join("\n"));
 }
 
-/// Without a test, no kernel that is free of races for all contents has a race, and most racy ones are found.
+/// Without a test, Karat reports no race in a kernel without races, and finds most of the planted races.
 #[test]
 fn planted_races_are_found_without_a_test() {
     let (mut score, mut guards) = (Score::default(), [0, 0]);
@@ -624,7 +625,8 @@ fn planted_races_are_found_without_a_test() {
             hazards.found.iter().filter(|one| matches!(one.kind, Kind::Race | Kind::EqualWrites))
         };
         if kernel.planted == Planted::Bounds {
-            // At the loop without the guard. A read outside that changes nothing isn't a finding, so these don't count.
+            // The finding is at the loop without the guard. A read outside of an array that changes no result isn't a
+            // finding, so such kernels don't count.
             let outside = hazards.found.iter().filter(|one| one.kind == Kind::OutOfRange);
             let is_told = !lines(outside.map(|one| &*one.location)).is_disjoint(&kernel.lines);
             guards[usize::from(is_told)] += 1;
@@ -645,7 +647,7 @@ fn planted_races_are_found_without_a_test() {
     let [_, missed] = score.negative;
     let missing = score.wrong.join("\n");
     assert_eq!(alarms, 0, "{missing}");
-    // The goal when the set was made: 85 % of the racy ones.
+    // The goal is 85 % of the planted races.
     assert!(100 * found >= 85 * (found + missed), "{found} of {}: {missing}", found + missed);
 }
 
@@ -653,7 +655,7 @@ fn kernels() -> Vec<Kernel> {
     chosen(indigo()).into_iter().chain(chosen(pairs())).collect()
 }
 
-/// Returns `true` if the entry point uses a variable.
+/// Checks if the entry point uses a variable.
 fn uses(text: &str, name: &str) -> bool {
     let body = text.split("fn kernel").nth(1).unwrap_or_default();
     let is_word = |c: char| c.is_alphanumeric() || c == '_';

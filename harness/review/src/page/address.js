@@ -1,4 +1,4 @@
-// The frame in the address: `index.html#rooms/dark` shows that one, so that you can send a link to it.
+// The frame in the address: `index.html#rooms/dark` shows this frame, so that you can send a link to it.
 
 const address = (() => {
   const WAIT = 400; // ms; Safari refuses more than 100 changes in 30 s, and a key that is held repeats faster
@@ -34,13 +34,13 @@ const address = (() => {
     shown = state.selected;
     clearTimeout(timer);
     timer = setTimeout(() => {
-      // If the fragment isn't the known one, you have just typed it: its event follows, and has precedence.
+      // If the fragment isn't the known one, you have just typed it. The event for it follows, and takes precedence.
       if (location.hash !== known || !selectedCase() || named() === selectedCase().name) return;
       try {
         history.replaceState(null, "", fragment(selectedCase().name));
         known = location.hash;
       } catch {
-        // Some viewers of artefacts forbid it. Then only the link is lost.
+        // Some viewers of artefacts forbid this. Then only the link is lost.
       }
     }, WAIT);
   });

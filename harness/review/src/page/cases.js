@@ -1,4 +1,4 @@
-// The list of cases, and their data: scripts that each pass one case to the page.
+// The list of cases, and their data: each script passes one case to the page.
 
 // Loads a case's data once.
 function load(entry) {
@@ -60,8 +60,8 @@ function received(entry, data) {
   entry.background = false;
 }
 
-// Adds the key, the logarithmic mean of luminance, and the luminance that counts as dark: the same share of the key as
-// in the comparison of frames.
+// Adds the key, which is the logarithmic mean of luminance, and the luminance below which a pixel counts as dark. This
+// luminance is the same share of the key as in the comparison of frames.
 function prepared(image) {
   const { values } = image;
   let [sum, count] = [0, 0];
@@ -83,17 +83,17 @@ function prepared(image) {
   const UNUSABLE = "can't be used";
   const STATUS = { accepted: "accepted", rejected: "rejected", gone: "no longer pending" };
 
-  // The ratio to its tolerance; empty for a new or decided frame.
+  // Returns the ratio to the frame's tolerance. Empty for a new or decided frame.
   const severity = ({ severity: times, status }) => (times == null || !["pending", "function"].includes(status) ? ""
     : times === Infinity ? "∞" : `${numbers.rounded(times)} ×`);
   const badges = ({ odd, finite, status }) => (status !== "pending" ? []
     : [...(finite === false || odd?.nan ? ["NaN"] : []), ...(odd?.size ? ["size"] : [])]);
 
   const size = (entry) => (entry?.table && entry.size ? `${entry.size[1]} rows` : entry?.size?.join(" × ") ?? "");
-  const GROUPS = { unusable: UNUSABLE, golden: "accepted goldens", function: "functions that fail" };
+  const GROUPS = { unusable: UNUSABLE, golden: "accepted goldens", function: "failing functions" };
   const groupOf = (entry) => GROUPS[entry.status] ?? folderOf(entry.name);
 
-  // A long name may break after its parts; browsers break it after hyphens anyway.
+  // A long name may break after its parts. Browsers also break it after hyphens.
   const breakable = (name) => name.match(/[^/_.]+[/_.]*|[/_.]+/g).flatMap((piece) => [piece, element("wbr")]);
 
   const row = (position) => {
@@ -119,7 +119,7 @@ function prepared(image) {
     return element("li", {}, ...choose.box(position), button);
   };
 
-  // Each folder has one heading above its frames; sorted by error, there are no headings.
+  // Each folder has one heading above its frames. If frames are sorted by error, there are no headings.
   const folders = (positions) => {
     if (state.sort === "error") return [element("li", {}, element("ol", {}, ...positions.map(row)))];
     const members = new Map();
@@ -153,7 +153,7 @@ function prepared(image) {
     byId("sort").textContent = `By ${state.sort}`;
     byId("none-found").hidden = positions.length > 0 || !state.cases.length;
     const left = state.cases.filter(({ status }) => status === "pending").length;
-    byId("count").textContent = left ? `${left} pending` : "nothing is left to review";
+    byId("count").textContent = left ? `${left} pending` : "nothing to review";
     const entry = selectedCase();
     byId("name").textContent = entry?.name ?? "";
     byId("size").textContent = size(entry);

@@ -1,4 +1,4 @@
-// Frames chosen for a common decision.
+// The frames that you chose, to decide about them together.
 
 const choose = (() => {
   const canBe = (position) => index.served && state.cases[position]?.status === "pending";
@@ -10,14 +10,14 @@ const choose = (() => {
     if (!chosen.delete(position)) chosen.add(position);
     set([...chosen]);
   };
-  // Chooses all listed frames; a second time, none.
+  // Chooses all listed frames. If all are chosen, chooses none.
   const all = () => {
     const every = listed().filter(canBe);
     set(every.every((position) => state.chosen.has(position)) ? [] : every);
   };
   const none = () => set([]);
 
-  // The box in the list.
+  // The checkbox of a frame in the list.
   const box = (position) => {
     const several = state.cases.filter(({ index: number }) => number !== null).length > 1;
     if (!index.served || !several || !("accepting" in state.cases[position])) return [];
@@ -31,7 +31,7 @@ const choose = (() => {
     return [element("label", { className: "choose" }, input)];
   };
 
-  // The entries to decide about: those that are chosen and still pending, or otherwise the one on the stage.
+  // The entries to decide about: the chosen ones that are still pending, or otherwise the entry on the stage.
   const entries = () => {
     const chosen = [...state.chosen].filter(canBe).map((position) => state.cases[position]);
     return chosen.length ? chosen : [selectedCase()].filter(Boolean);

@@ -4,13 +4,14 @@ const actions = (() => {
   const stops = (by) => change({ exposure: Math.round((state.exposure + by) * 4) / 4 });
   const reset = () => change({ fit: true, pinned: null });
 
-  // Shows pixels 1:1 around the inspected place, or around the middle; a second time, the whole image.
+  // Shows pixels 1:1 around the inspected pixel, or around the middle. If they are 1:1 already, shows the whole image.
   const pixels = () => {
     if (!state.fit && state.scale === 1) return reset();
     return change({ scale: 1, fit: false, center: inspected() ?? state.center });
   };
 
-  // Puts the image's key at middle grey, as in previews; in whole stops, so that values stay readable.
+  // Puts the image's key at middle grey, as in previews. The exposure is a whole number of stops, so that values stay
+  // readable.
   const autoExposure = () => {
     const image = part()?.golden ?? part()?.actual;
     if (image) change({ exposure: Math.round(Math.log2(0.18 / image.key)) });
@@ -23,7 +24,7 @@ const actions = (() => {
   };
 
   // Goes to the next listed case, forward or back from a position, and stays at the end. From an unlisted position it
-  // goes to the first or the last.
+  // goes to the first or the last case.
   const step = (by, from = state.selected) => {
     const positions = listed();
     const at = positions.indexOf(from);
@@ -42,7 +43,7 @@ const actions = (() => {
     ...(entry?.data?.maps ?? []).map(({ image }) => image),
   ];
 
-  // Goes to the worst place that the test found; from there on, to the next failing area.
+  // Goes to the worst pixel that the test found. From there it goes to the next failing area.
   const worst = (by = 0) => {
     const boxes = failing.of(loaded())?.boxes ?? [];
     const place = loaded()?.gates.find((gate) => gate.place)?.place;
@@ -62,7 +63,7 @@ const actions = (() => {
 const keys = (() => {
   const button = (id, act) => byId(id).addEventListener("click", (event) => {
     act();
-    // A click leaves no focus, so that the space bar flips; the focus of the keyboard stays.
+    // A click leaves no focus, so that the space bar flips. The focus of the keyboard stays.
     if (event.detail) event.currentTarget.blur();
   });
   const toggles = { "false-color": "falseColor", marks: "marks", grid: "grid", relative: "relative",
@@ -140,7 +141,7 @@ const keys = (() => {
     byId("map-about").textContent = maps[state.map]?.about ?? "";
   });
 
-  // Flip: a timer of its own, restarted when the rate changes.
+  // Flipping has its own timer, which restarts when the rate changes.
   let timer = null;
   let rate = null;
   listeners.push(() => {
@@ -161,7 +162,7 @@ const keys = (() => {
     const step = 64 / state.scale;
     return change({ center: [state.center[0] + dx * step, state.center[1] + dy * step], fit: false });
   };
-  // Space is for comparing by eye: it starts flipping, and stops at the side that is visible.
+  // The space bar is for comparing by eye: it starts flipping, and stops at the visible side.
   const flip = () => (state.view === "flip"
     ? change({ flipping: !state.flipping })
     : actions.show("flip"));

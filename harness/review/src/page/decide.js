@@ -1,4 +1,4 @@
-// Accepting and rejecting: by asking the server, or by showing the command to type.
+// Accepting and rejecting: the page asks the server, or shows the command to type.
 
 const decide = (() => {
   const accepting = byId("accept-dialog");
@@ -10,7 +10,7 @@ const decide = (() => {
     ? `karat accept ${entry.name}${entry.accept} --because "…"`
     : `karat reject ${entry.name}${index.arguments}`);
 
-  // Data of a case that you have looked at here, or at least of its thumbnail: its pixels are known.
+  // Returns the data of a case that you have seen here, at least as a thumbnail: its pixels are known.
   const known = (entry) => entry.data ?? entry.thumb;
 
   const open = (kind) => {
@@ -43,8 +43,8 @@ const decide = (() => {
     dialog.showModal();
   };
 
-  // The reason of the previous acceptance, which several frames often share. It is offered, not filled in: pressing
-  // Enter at once accepts nothing.
+  // The reason of the previous acceptance, because several frames often have the same reason. The page offers the
+  // reason, but doesn't fill it in: pressing Enter at once must accept nothing.
   const reasons = (() => {
     const KEY = "karat.because";
     const button = byId("last-reason");
@@ -69,14 +69,14 @@ const decide = (() => {
         try {
           sessionStorage.setItem(KEY, text);
         } catch {
-          // The same here.
+          // This viewer may have no storage.
         }
       },
     };
   })();
 
-  // The goldens that a frame may become. A frame from lavapipe is for all machines, and one that was compared with its
-  // profile's golden replaces that.
+  // The goldens that a frame may become. A frame from lavapipe applies to all machines. A frame that was compared with
+  // its profile's golden replaces that golden.
   const foreign = ({ accepting: { canonical, own } }) => !canonical && !own;
   const replaces = (entry) => foreign(entry) && !entry.accepting.new;
   const offer = (entries) => {
@@ -89,7 +89,7 @@ const decide = (() => {
     document.querySelectorAll("#accept-form .profile").forEach((name) => { name.textContent = profiles; });
   };
 
-  // The same, in the form that is sent.
+  // Returns the selected golden in the form that the server expects.
   const chosen = (entry) => {
     const all = replaces(entry) && byId("of-all").checked;
     return { profile: replaces(entry) && !all, any_adapter: all || byId("any-adapter").checked };
@@ -99,7 +99,7 @@ const decide = (() => {
     byId("news").textContent = text;
   };
 
-  // The frames that are still pending, from the server: another page or a test may have decided.
+  // Asks the server which frames are still pending: another page or a test may have decided.
   const refresh = (pending) => {
     if (!pending) return;
     for (const entry of state.cases) {
@@ -131,14 +131,14 @@ const decide = (() => {
     return answer.error;
   };
 
-  // An element that has the focus in a dialog keeps it until the next frame is drawn, and would receive a key that is
+  // A focused element in a dialog keeps the focus until the next frame is drawn, and would receive a key that is
   // pressed before.
   const shut = (dialog) => {
     dialog.close();
     if (dialog.contains(document.activeElement)) document.activeElement.blur();
   };
 
-  // Sends all of them, one by one: refused ones stay, and the others are done.
+  // Sends all decisions, one after the other. Refused entries stay in the dialog; the others are done.
   const send = async (kind, dialog, details) => {
     const problem = dialog.querySelector(".problem");
     const buttons = dialog.querySelectorAll("button");

@@ -1,4 +1,4 @@
-// The facts about both sides: the verdict, its explanation, gates with their margins, metadata.
+// The facts about both sides: the verdict with its explanation, the gates with their margins, and the metadata.
 
 (() => {
   const NAMES = {
@@ -6,16 +6,16 @@
     "adapter.software": "software", exposures: "FLIP exposures", color_space: "colour space", because: "accepted because",
     accepted_by: "accepted by", accepted_at: "accepted at",
   };
-  // Facts that explain a difference come first; facts that aren't listed here follow in their own order.
+  // Facts that explain a difference come first. Facts that aren't in this list follow in their own order.
   const ORDER = ["shader", "adapter.path", "adapter.name", "adapter.driver", "processor", "because",
     "accepted_by", "accepted_at", "tolerance", "precision", "width", "height"];
   // Hashes of pixels repeat the difference, and don't explain it.
   const HIDDEN = ["pixels", "schema", "table.arguments", "table.types"];
   const rank = ({ name, differs }) => (differs ? -100 : 0) + (ORDER.indexOf(name) + 1 || 50);
-  // The beginning identifies a hash; the title has all of it.
+  // The beginning identifies a hash. The title has the whole hash.
   const short = (text) => (/^[0-9a-f]{40,}$/.test(text) ? text.slice(0, 12) : text);
 
-  // Text in which numbers don't break after their sign: 1e-3.
+  // Returns text in which numbers don't break after their sign: 1e-3.
   const whole = (text) => text.split(/(\S*\de-\d\S*)/).map((piece, i) =>
     (i % 2 ? element("span", { className: "number" }, piece) : piece));
 
@@ -41,11 +41,11 @@
     return row;
   };
 
-  // `alone` if there is no golden to compare with.
+  // `alone` is set if there is no golden to compare with.
   const fact = ({ name, golden, actual, differs }, alone) => {
     const value = (text) => element("td", { title: text }, short(text) || "–");
     const wide = (text) => Object.assign(value(text), { colSpan: 2, className: "shared" });
-    // Only a golden has the facts of its acceptance, so those need one column, too.
+    // Only a golden has the facts of its acceptance, so the table needs one column for them, too.
     const accepted = name.startsWith("accepted_") || ["because", "exposures"].includes(name);
     const values = alone ? [wide(actual)]
       : golden === actual || accepted ? [wide(golden)] : [value(golden), value(actual)];
@@ -56,7 +56,7 @@
   let shown = null;
   listeners.push(() => {
     const data = loaded();
-    // While a case loads, its place is kept.
+    // While a case loads, the page keeps the space for it.
     const none = !selectedCase() || Boolean(selectedCase().error) || selectedCase().status === "function";
     for (const id of ["judged", "facts"]) byId(id).hidden = none;
     if (data === shown) return;

@@ -1,11 +1,11 @@
-// The pixels that the test's gate refuses, and their areas: rectangles of neighbours. The test has judged already; this
+// The pixels that the test's gate refuses, and their areas: rectangles of neighbours. The test has already judged. This
 // script finds the refused pixels again, by the same bounds.
 
 const failing = (() => {
   const CLEAR = 0.01; // alpha below this is compared as if it were this, as the gate does
   const MOST = 48; // more rectangles hide what they show: then near ones become one
 
-  // For each pixel, 1 if it differs from the golden by more than is allowed; and the worst ratio.
+  // Returns for each pixel 1 if it differs from the golden by more than the bound. Also returns the worst ratio.
   const refused = ({ golden, actual }, { relative, absolute }, mask) => {
     const { width, height } = golden;
     const floor = absolute ?? relative * golden.dark;
@@ -26,7 +26,7 @@ const failing = (() => {
     return out;
   };
 
-  // Rectangles around refused pixels whose cells of some size touch, also at corners.
+  // Returns rectangles around refused pixels whose cells of a given size touch, even if only at corners.
   const areas = (ratios, width, height, cell) => {
     const [across, down] = [Math.ceil(width / cell), Math.ceil(height / cell)];
     const cells = new Map(); // of the ones with refused pixels: their rectangle
@@ -76,7 +76,7 @@ const failing = (() => {
 
   const share = (part) => (part < 0.001 ? "less than 0.1 %" : `${numbers.rounded(100 * part)} %`);
 
-  // For the first part that is judged: the number of refused pixels, and their areas, worst first.
+  // Returns the number of refused pixels and their areas, worst first, for the first judged part.
   const of = (data) => {
     const [judged, ...others] = data?.parts ?? [];
     const { golden, actual } = judged ?? {};
@@ -86,7 +86,7 @@ const failing = (() => {
     const ratios = refused(judged, data.gate, mask);
     const count = ratios.reduce((sum, ratio) => sum + (ratio > 0), 0);
     let boxes = [];
-    // With very many pixels the smallest cells take long, and make too many areas anyway.
+    // With very many pixels, the smallest cells take long, and would make too many areas.
     for (let cell = count > 10000 ? 4 : 1; count && cell <= 256; cell *= 2) {
       boxes = areas(ratios, golden.width, golden.height, cell);
       if (boxes.length <= MOST) break;

@@ -1,9 +1,9 @@
-// A failing function in place of images: its message and its plots, as in the report.
+// A failing function, in place of images: its message and its plots, as in the report.
 
 (() => {
   const pane = byId("function");
 
-  // The server made the markup, and has escaped all other text. Parsed in this way, it runs no scripts.
+  // The server made this HTML, and has escaped all other text. Parsed in this way, the HTML runs no scripts.
   const figures = (markup) => [...new DOMParser().parseFromString(markup, "text/html").querySelectorAll("figure")]
     .map((figure) => document.importNode(figure, true));
 

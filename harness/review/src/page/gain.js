@@ -1,12 +1,13 @@
-// The gain of the difference view. Until you choose one, it depends on the shown frame, so that no gain stays from the
-// frame before. The scale ends above 99 % of the differences, at a power of two: otherwise a few highlights would
-// darken all others. Values beyond the scale are pale.
+// The gain of the difference view. Until you choose a gain, it depends on the shown frame, so that no gain stays from
+// the previous frame. The scale ends at a power of two above 99 % of the differences: otherwise a few highlights would
+// darken all other pixels. Values beyond the scale are pale.
 
 const gain = (() => {
   const LEAST = 149; // stops below 1 of the smallest f32
   const channels = (channel) => (channel === 0 ? [0, 1, 2] : channel === 5 ? null : [channel - 1]);
 
-  // The stops at which 99 % of the differences are within the scale; counted by powers of two.
+  // Returns the gain in stops at which 99 % of the differences are within the scale. Differences are counted by powers
+  // of two.
   const automatic = ({ golden, actual }, { relative, channel, exposure }) => {
     const counts = new Uint32Array(LEAST + 130);
     const alpha = channel === 4;
@@ -34,7 +35,7 @@ const gain = (() => {
     return LEAST - power;
   };
 
-  // Computed again only if an input changes.
+  // Computes the gain again only if an input changes.
   let known = { part: null, key: "", stops: 0 };
   listeners.push(() => {
     const shown = part();

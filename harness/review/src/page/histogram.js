@@ -1,12 +1,12 @@
-// The number of pixels of each side by value: stops from middle grey across, the number on a logarithmic scale upwards,
-// so that a few highlights are visible beside thousands of pixels.
+// The number of pixels of each side by value. The horizontal axis shows stops from middle grey. The vertical axis shows
+// the number on a logarithmic scale, so that a few highlights are visible beside thousands of pixels.
 
 const histogram = (() => {
   const STOPS = 16; // on each side of middle grey
   const BINS = 128;
   const canvas = byId("histogram").querySelector("canvas");
 
-  // The number of pixels by stops; `none` counts those without a logarithm: zero, negative, NaN.
+  // Returns the number of pixels by stops. `none` counts the pixels without a logarithm: zero, negative, NaN.
   const of = (image, channel) => {
     const bins = new Uint32Array(BINS);
     let none = 0;
@@ -30,7 +30,7 @@ const histogram = (() => {
     const most = Math.max(1, ...found.flatMap((side) => (side ? [...side.bins] : [])));
     const style = getComputedStyle(canvas);
     const y = (count) => height - 1 - (height - 3) * (Math.log1p(count) / Math.log1p(most));
-    // Middle grey, and each power of ten.
+    // Draws lines at middle grey, and at each power of ten.
     context.fillStyle = style.getPropertyValue("--line");
     context.fillRect(Math.round(width / 2), 0, 1, height);
     for (let count = 1; count <= most; count *= 10) context.fillRect(0, Math.round(y(count)), width, 1);

@@ -1,4 +1,4 @@
-// The values under the cursor, or of the pinned texel: exactly as in the files.
+// The values under the cursor, or of the pinned texel. They are exactly the values in the files.
 
 (() => {
   const body = byId("inspector").querySelector("tbody");

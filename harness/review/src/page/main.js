@@ -1,4 +1,4 @@
-// The start. Data files call `karat`, and you can call it in a console.
+// The start of the page. Data files call `karat`, and you can call it in a console.
 
 window.karat = { receive, state, numbers, tones, change, stage, failing, histogram, loaded, keys };
 address.follow();

@@ -1,13 +1,13 @@
-// Numbers as they are stored: halves, the ordered line of f32, shortest digits. No state.
+// The stored numbers: halves, the order of f32, shortest digits. This script has no state.
 
 const numbers = (() => {
   const float = new Float32Array(1);
   const bits = new Uint32Array(float.buffer);
 
-  // Bytes of base64.
+  // Decodes base64 into bytes.
   const bytes = (text) => Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
 
-  // IEC 60559 binary16 to a number. Each half is exact.
+  // Converts an IEC 60559 binary16 to a number. Each half is exact.
   const half = (word) => {
     const sign = word & 0x8000 ? -1 : 1;
     const exponent = (word >> 10) & 31;
@@ -17,10 +17,10 @@ const numbers = (() => {
     return sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
   };
 
-  // All halves by their bits: a frame has few distinct ones, and this is the fastest way.
+  // A table of all halves by their bits. A frame has few distinct halves, and a table is the fastest way.
   const halves = Float32Array.from({ length: 65536 }, (_, word) => half(word));
 
-  // The floats of a side of a part, four a pixel; little-endian on any machine.
+  // Returns the floats of one side of a part, four per pixel. They are little-endian on any machine.
   const decode = ({ format, data }) => {
     const view = new DataView(bytes(data).buffer);
     const size = format === "f16" ? 2 : 4;
@@ -31,8 +31,8 @@ const numbers = (() => {
     return values;
   };
 
-  // An image as `packed.rs` has stored it: four floats a pixel, and its words, a plane for each channel. A frame is
-  // stored as differences from `golden`, the words of its golden.
+  // Returns an image that `packed.rs` has stored: four floats per pixel, and its words, with one plane per channel. A
+  // frame is stored as differences from `golden`, the words of its golden.
   const unpacked = ({ width, height, format, packed: { channels, of_golden: ofGolden } }, stored, golden) => {
     const count = width * height;
     const size = format === "f16" ? 2 : 4;
@@ -70,26 +70,26 @@ const numbers = (() => {
     return new Uint8Array(await new Response(stream).arrayBuffer());
   };
 
-  // A part's sides, or a map. Images from other sources aren't packed.
+  // Unpacks the sides of a part, or a map. Images from other sources aren't packed.
   const image = async (stored, golden = null) => {
     const { width, height } = stored;
     if (!stored.packed) return { width, height, values: decode(stored) };
     return { width, height, ...unpacked(stored, await inflated(stored.data), golden?.words) };
   };
 
-  // Place on the ordered line of f32, where both zeros are 0.
+  // Returns the position of a value in the order of f32. Both zeros have the position 0.
   const ordinal = (value) => {
     float[0] = value;
     const magnitude = bits[0] & 0x7fffffff;
     return bits[0] >>> 31 ? -magnitude : magnitude;
   };
 
-  // The number of f32 steps between two values; null if one is NaN.
+  // Returns the number of f32 steps between two values, or null if one of them is NaN.
   const ulps = (a, b) =>
     Number.isNaN(a) || Number.isNaN(b) ? null : Math.abs(ordinal(a) - ordinal(b));
 
-  // The shortest digits that read back as the same f32, as Rust prints them: with an exponent where
-  // plain digits would be long.
+  // Returns the shortest digits that read back as the same f32, in Rust's format: with an exponent if plain digits
+  // would be long.
   const shortest = (value) => {
     if (Number.isNaN(value)) return "NaN";
     if (!Number.isFinite(value)) return value > 0 ? "inf" : "-inf";
@@ -100,8 +100,8 @@ const numbers = (() => {
     return size >= Math.fround(1e-4) && size < 1e7 ? plain(text) : text;
   };
 
-  // Digits that read back as the same f32, or nothing. The nearest decimal may not: below a power of two the f32 are
-  // closer, and only the decimal above may do so.
+  // Returns digits that read back as the same f32, or nothing. The nearest decimal may not read back: below a power of
+  // two, the f32 are closer, and only the decimal above may read back.
   const reading = (value, digits) => {
     const nearest = value.toExponential(digits - 1).replace("e+", "e");
     const [mantissa, exponent] = nearest.split("e");
@@ -111,7 +111,7 @@ const numbers = (() => {
     return reads === away ? Number(away).toExponential(digits - 1).replace("e+", "e") : reads ?? "";
   };
 
-  // `1.25e-2` without its exponent.
+  // Formats `1.25e-2` without its exponent.
   const plain = (text) => {
     const [, sign, first, rest = "", exponent] = text.match(/^(-?)(\d)(?:\.(\d+))?e(-?\d+)$/);
     const digits = first + rest;
@@ -121,7 +121,7 @@ const numbers = (() => {
     return `${sign}${digits.slice(0, point)}.${digits.slice(point)}`;
   };
 
-  // A derived number, for reading: three digits, with its sign if `signed`.
+  // Formats a derived number for reading: three digits, with its sign if `signed` is set.
   const rounded = (value, signed = false) => {
     if (value === null || Number.isNaN(value)) return value === null ? "–" : "NaN";
     const size = Math.abs(value);

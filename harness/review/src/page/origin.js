@@ -1,7 +1,7 @@
 // The origin of a case: its test, the commands to run it again, and the modules that changed since its golden.
 
 const origin = (() => {
-  // A button that copies, and confirms it in place of its label.
+  // A button that copies a text, and shows a confirmation in place of its label.
   const copied = (text, label) => {
     const button = element("button", { type: "button", className: "copy", title: text }, label);
     const say = (word) => {
@@ -14,7 +14,7 @@ const origin = (() => {
         await navigator.clipboard.writeText(text);
         say("Copied");
       } catch {
-        // Without access to the clipboard the text is selected, so that you can copy it.
+        // If the clipboard isn't accessible, the text is selected, so that you can copy it.
         const shown = button.parentElement.querySelector("code");
         if (shown) getSelection().selectAllChildren(shown);
         say("Selected");
@@ -46,15 +46,15 @@ const origin = (() => {
   const modules = (known) => {
     const said = (text) => element("p", { className: "dim" }, text);
     if (!known) return [];
-    if (known.unknown) return [said(`Which modules changed can't be told: ${known.unknown}.`)];
+    if (known.unknown) return [said(`The changed modules are unknown: ${known.unknown}.`)];
     if (known.hashed) {
-      const why = known.otherwise ? " What is linked of them did: features, overrides or Karat changed." : "";
+      const why = known.otherwise ? " The linked program did: features, overrides or Karat changed." : "";
       if (!known.changed.length) return [said(`No module changed since the golden, by their hashes.${why}`)];
       return [said("Modules that changed since the golden, by their hashes."), ...known.changed.map(difference)];
     }
     const whose = known.all ? "of this repository " : "";
     if (!known.changed.length) return [said(`No module ${whose}changed since the golden's commit ${known.since}.`)];
-    const about = known.all ? " No record of a run says which of them the frame has." : "";
+    const about = known.all ? " Without the record of a run, Karat doesn't know which of these modules the frame uses." : "";
     return [said(`Modules ${whose}that changed since the golden's commit ${known.since}.${about}`),
       ...known.changed.map(difference)];
   };

@@ -1,5 +1,5 @@
-// The elements over the canvas: names of panes, the swipe's handle, the frame around the inspected texel, failing
-// areas, legends.
+// The elements over the canvas: the names of panes, the handle of the swipe, the outline of the inspected texel,
+// failing areas, legends.
 
 (() => {
   const canvas = stage.canvas;
@@ -22,7 +22,7 @@
     return made;
   };
 
-  // An outline around the whole image would be useless; a text says that all of it fails.
+  // An outline around the whole image would be useless. A text says that the whole image fails.
   const everywhere = (pane) => {
     const spread = isOutlined(pane) && failing.of(loaded())?.spread;
     return spread ? [element("span", { className: "spread" }, ` fails all over: ${spread}`)] : [];
@@ -33,7 +33,8 @@
     return side === "difference" ? !golden || !actual : !part()?.[side];
   };
 
-  // A frame around texels, in each pane. If it would be smaller than `least` points, it is enlarged around its middle.
+  // Returns an outline around texels, in each pane. An outline that would be smaller than `least` points is enlarged
+  // around its middle.
   const framed = (pane, [left, top, right, bottom], className, least = 3) => {
     const [x, y] = stage.origin(pane);
     const box = element("span", { className });
@@ -52,7 +53,8 @@
     return window_;
   };
 
-  // Around each failing area: thin around large ones, and a ring around those that you could overlook.
+  // Outlines each failing area: with a thin line around large areas, and with a ring around areas that you could
+  // overlook.
   const RING = 13; // points
   const isOutlined = (pane) => state.outlines && !state.part && pane.layer !== "golden";
   const outlined = (pane) => {
@@ -121,8 +123,8 @@
     if (!stage.gl) {
       return "This browser has no WebGL 2, which the page needs to show float images. Turn on hardware acceleration, or open the page in a current Firefox, Chrome, Edge or Safari.";
     }
-    if (stage.gl.isContextLost()) return "The browser has taken the graphics memory back. The page goes on when it gives it again; else reload it.";
-    if (!current && state.absent && state.cases.length) return `\`${state.absent}\` isn't pending: it has been decided, or has another name. Choose one from the list.`;
+    if (stage.gl.isContextLost()) return "The browser has taken the graphics memory back. The page continues when it gets the memory again; otherwise reload the page.";
+    if (!current && state.absent && state.cases.length) return `\`${state.absent}\` isn't pending: somebody has accepted or rejected it, or it has another name. Choose a frame from the list.`;
     if (!current) return "Nothing is pending.";
     if (current.error) return current.error;
     if (!current.data) return "Loading …";
@@ -130,9 +132,9 @@
     const { golden, actual } = part();
     const sizes = golden && actual && (golden.width !== actual.width || golden.height !== actual.height);
     if (current.status === "golden" && !part().version) return ["golden", "side"].includes(state.view) ? "" : "Nothing is pending for this golden.";
-    if (state.view === "difference" && !golden) return "There is no golden to differ from.";
+    if (state.view === "difference" && !golden) return "There is no golden to compare with.";
     if (state.view === "difference" && sizes) {
-      return `The sizes differ: golden ${golden.width} × ${golden.height}, actual ${actual.width} × ${actual.height}. What both have is shown from the top left corner.`;
+      return `The sizes differ: golden ${golden.width} × ${golden.height}, actual ${actual.width} × ${actual.height}. The common part is shown, from the top left corner.`;
     }
     if (state.view === "map" && !current.data.maps.length) return "This case has no maps.";
     return "";

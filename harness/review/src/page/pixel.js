@@ -1,5 +1,5 @@
-// The origin of a pixel: the steps of the pinned one, and values of the shader as maps. The server asks the program for
-// both; a page from files has the steps of the pixels that differ most from the golden.
+// The origin of a pixel: the steps of the pinned pixel, and values of the shader as maps. The server runs the program
+// for both. A page from files has only the steps of the pixels that differ most from the golden.
 
 (() => {
   const pane = byId("pixel");
@@ -17,7 +17,7 @@
   };
   const size = () => extent().join("x");
 
-  // The last question of each kind. Answers to earlier ones are ignored.
+  // The last question of each kind. The page ignores replies to earlier questions.
   const asked = { values: 0, tap: 0, trace: 0 };
   const attempt = async (kind, doing, work) => {
     asked[kind] += 1;
@@ -37,11 +37,11 @@
     { className: parted ? "parted" : strange ? "strange" : lost ? "lost" : "", title: `f64: ${double}\nWGSL allows: ${allowed}` },
     element("td", {}, `${file.split("/").pop()}:${line}`), element("td", {}, operation), element("td", {}, single));
 
-  // Also with the shaders of the golden's commit, if git has one.
+  // If git has the golden's commit, the page also asks for the steps with the shaders of that commit.
   const told = async (entry, [x, y]) => {
     if (!index.pixels) {
       const one = known(entry)[`${x},${y}`];
-      if (!one) throw new Error(`without a server the page has the steps of ${Object.keys(known(entry)).map((at) => `(${at.replace(",", ", ")})`).join(" and ")}`);
+      if (!one) throw new Error(`without a server the page has only the steps of ${Object.keys(known(entry)).map((at) => `(${at.replace(",", ", ")})`).join(" and ")}`);
       return one;
     }
     const question = `trace/${size()}/${x},${y}`;
@@ -49,7 +49,8 @@
     try {
       if (commit) return [...(await ask(entry, `${question}/${commit}`)).pixel, commit];
     } catch {
-      // Then only today's shaders: the golden's may lack variables that the frame binds.
+      // Then the page shows only the steps of today's shaders: the golden's shaders may lack variables that the frame
+      // binds.
     }
     return [null, (await ask(entry, question)).pixel, null];
   };
@@ -62,7 +63,7 @@
       const differs = before ? pixel.steps.findIndex((own, i) => !same(before.steps[i], own)) : -1;
       const was = before?.steps[differs];
       const parting = !before ? []
-        : differs < 0 ? [line(before.engine === pixel.engine ? `each step is as at the golden's commit ${commit}` : `a later run of a step differs from the golden's commit ${commit}`)]
+        : differs < 0 ? [line(before.engine === pixel.engine ? `each step is the same as at the golden's commit ${commit}` : `a later run of a step differs from the golden's commit ${commit}`)]
           : [line(`the first step that differs from the golden's commit ${commit} was ${was ? `${was.operation}: ${was.single}` : "not there"}`)];
       body.replaceChildren(
         line(`${pixel.function} at (${at.join(", ")})`),
@@ -76,7 +77,7 @@
     };
   });
 
-  const offer = (entry) => attempt("values", "asking for its values …", async () => {
+  const offer = (entry) => attempt("values", "asking for the values …", async () => {
     if (!index.pixels) {
       const option = (at) => element("option", { value: at }, `pixel (${at.replace(",", ", ")})`);
       return () => values.replaceChildren(element("option", { value: "" }, "pixels that differ most"), ...Object.keys(known(entry)).map(option));
@@ -126,7 +127,7 @@
     }
     byId("trace").disabled = !state.pinned;
     const at = state.pinned?.join() ?? null;
-    // A click on a differing pixel asks for its steps.
+    // A click on a differing pixel requests its steps.
     const { golden, actual } = part();
     const [g, a] = [texel(golden, state.pinned), texel(actual, state.pinned)];
     const differs = g && a && g.some((value, c) => !Object.is(value, a[c]));

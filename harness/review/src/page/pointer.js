@@ -1,4 +1,4 @@
-// The pointer: it pans, zooms and inspects. Fingers work like a mouse, and two of them zoom.
+// The pointer pans, zooms and inspects. One finger works like a mouse, and two fingers zoom.
 
 (() => {
   const canvas = stage.canvas;
@@ -27,7 +27,7 @@
   canvas.addEventListener("pointermove", (event) => {
     if (!stage.gl) return;
     const [x, y] = position(event);
-    // Two fingers zoom at their place, and pan as they move together.
+    // Two fingers zoom at their middle, and pan if they move together.
     if (fingers.size === 2 && fingers.has(event.pointerId)) {
       const before = pinch();
       fingers.set(event.pointerId, [x, y]);

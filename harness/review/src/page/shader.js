@@ -1,7 +1,7 @@
-// The only shader of the stage: a pane of golden, frame, difference or map. It draws in pixels of the canvas and
-// fetches texels, so nothing is filtered where a texel covers at least a pixel. Where it covers less, texels are
-// averaged as they appear, and marks and differences stay visible. Each choice from a menu is a constant, with its own
-// program: software drivers compute all branches of a choice.
+// The only shader of the stage. It draws a pane of golden, frame, difference or map. It works in pixels of the canvas
+// and fetches texels. If a texel covers at least a pixel, nothing is filtered. If it covers less, the colours of texels
+// are averaged, and marks and differences stay visible. Each choice in a menu is a constant, and has its own program,
+// because software drivers compute all branches of a choice.
 
 const VERTEX = `#version 300 es
 void main() { // one triangle over the whole viewport

@@ -1,8 +1,8 @@
-// The canvas: panes, their images as float textures, and the drawing of each.
+// The canvas: the panes, their images as float textures, and the drawing of each pane.
 
 const stage = (() => {
   const canvas = byId("canvas");
-  // Kept after drawing, so that the browser can show and save the canvas at any time.
+  // The drawing is kept, so that the browser can show and save the canvas at any time.
   const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, preserveDrawingBuffer: true });
   if (!gl) return { canvas, gl, panes: () => [], draw() {} };
 
@@ -12,7 +12,7 @@ const stage = (() => {
     gl.compileShader(shader);
     return shader;
   };
-  // A browser may take all of it back, and restore it later: objects made before are then invalid.
+  // A browser may take all graphics memory back, and restore it later. Older objects are then invalid.
   let vertex = compiled(gl.VERTEX_SHADER, VERTEX);
   let generation = 0;
   canvas.addEventListener("webglcontextlost", (event) => {
@@ -28,7 +28,7 @@ const stage = (() => {
   const UNIFORMS = ["golden", "actual", "map", "goldenSize", "actualSize", "mapSize", "origin",
     "scale", "height", "exposure", "marks", "grid", "gain", "dark", "range"];
 
-  // The program for these choices, and the locations of its uniforms; made once.
+  // Returns the program for these choices, and the locations of its uniforms. Each program is made once.
   const programs = new Map();
   const programOf = (choices) => {
     const key = JSON.stringify(choices);
@@ -47,7 +47,7 @@ const stage = (() => {
     return programs.get(key);
   };
 
-  // The texture of an image, made when it is first drawn. A missing texel is black.
+  // Returns the texture of an image, and makes it when the image is first drawn. A missing texel is black.
   const nothing = { width: 0, height: 0, values: new Float32Array(4) };
   const bind = (uniforms, unit, name, image) => {
     gl.activeTexture(gl.TEXTURE0 + unit);
@@ -81,7 +81,7 @@ const stage = (() => {
   const LAYERS = { golden: 0, actual: 1, difference: 2, map: 3 };
   const GAP = 2; // pixels of the screen between panes
 
-  // The layout, in pixels of the canvas from the top left. `clip` is the visible part of each pane.
+  // Returns the layout, in pixels of the canvas from the top left. `clip` is the visible part of each pane.
   const panes = () => {
     const [w, h] = [canvas.width, canvas.height];
     const whole = { x: 0, y: 0, w, h };
@@ -91,7 +91,7 @@ const stage = (() => {
     if (state.view === "side") {
       const [width, height] = extent();
       const half = { w: Math.floor((w - GAP) / 2), h: Math.floor((h - GAP) / 2) };
-      // Beside or below each other, whichever shows the images larger.
+      // The panes are beside or below each other, whichever shows larger images.
       const beside = Math.min(half.w / width, h / height) >= Math.min(w / width, half.h / height);
       const first = beside ? { x: 0, y: 0, w: half.w, h } : { x: 0, y: 0, w, h: half.h };
       const second = beside ? { ...first, x: w - half.w } : { ...first, y: h - half.h };
@@ -108,7 +108,7 @@ const stage = (() => {
     return one(state.view);
   };
 
-  // The scale at which a whole image fits into a pane; whole numbers keep texels equally large.
+  // Returns the scale at which a whole image fits into a pane. Whole numbers make all texels equally large.
   const fitting = () => {
     const [{ w, h }] = panes();
     const [width, height] = extent();
@@ -116,13 +116,14 @@ const stage = (() => {
     return scale >= 1 ? Math.floor(scale) : scale;
   };
 
-  // The place of the image's top left corner. Whole pixels, so that texels and pixels coincide at 1:1.
+  // Returns the position of the image's top left corner. It is a whole number of pixels, so that texels and pixels
+  // coincide at 1:1.
   const origin = ({ x, y, w, h }) => [
     Math.round(x + w / 2 - state.center[0] * state.scale),
     Math.round(y + h / 2 - state.center[1] * state.scale),
   ];
 
-  // The texel at a pixel of the canvas.
+  // Returns the texel at a pixel of the canvas.
   const texelAt = (pane, x, y) => {
     const [left, top] = origin(pane);
     return [Math.floor((x - left) / state.scale), Math.floor((y - top) / state.scale)];
@@ -183,7 +184,7 @@ const stage = (() => {
   return { canvas, gl, panes, origin, texelAt, draw, forget };
 })();
 
-// Zooms so that the texel at a pixel of the canvas stays there.
+// Zooms, and keeps the texel at a pixel of the canvas in its place.
 function zoom(factor, at = null) {
   const { panes, origin } = stage;
   const [x, y] = at ?? [panes()[0].w / 2, panes()[0].h / 2];
@@ -198,7 +199,7 @@ function zoom(factor, at = null) {
   change({ scale, center, fit: false });
 }
 
-// Brings a rectangle of texels to the middle of each pane, with some of its surroundings.
+// Moves a rectangle of texels to the middle of each pane, with some of its surroundings.
 function lookAt([left, top, right, bottom], pinned = [left, top]) {
   const [pane] = stage.panes();
   const around = Math.max(right - left + 1, bottom - top + 1, 2) * 5; // single pixels are large enough for their values

@@ -1,11 +1,11 @@
-// The shown case, and the settings of the view. One object: to change it, call `change`. Every part of the page that
-// shows it is updated once, before the next frame.
+// The shown case, and the settings of the view, as one object. To change it, call `change`. Before the next frame, each
+// part of the page that depends on the object is updated once.
 
 const index = JSON.parse(document.getElementById("index").textContent);
 
 const CHANNELS = ["RGB", "R", "G", "B", "A", "luminance"];
-// Folders come after the files beside them, numbers are sorted by value: f2 is before f10. Names that only differ in
-// zeros still have an order.
+// Folders follow the files beside them, and numbers are sorted by value: f2 is before f10. Names that differ only in
+// zeros have an order, too.
 const collator = new Intl.Collator("en", { numeric: true });
 const compare = (a, b) => collator.compare(a, b) || Number(a > b) - Number(a < b);
 const folderOf = (name) => name.slice(0, name.lastIndexOf("/") + 1);
@@ -16,7 +16,7 @@ const KINDS = ["pending", "function", "golden"]; // in the order of the list
 const VIEWS = ["side", "golden", "actual", "swipe", "flip", "difference", "map"];
 
 const state = {
-  // Files that can't be used have no data, and show the reason.
+  // Unusable files have no data, and show the reason.
   cases: [
     ...index.cases.map((entry) => ({ ...entry, severity: entry.severity === "inf" ? Infinity : entry.severity, data: null }))
       .sort((a, b) => KINDS.indexOf(a.status) - KINDS.indexOf(b.status) || inOrder(a, b)),
@@ -69,13 +69,13 @@ function change(changes = {}) {
 }
 
 const selectedCase = () => state.cases[state.selected];
-// Positions of the cases whose names have each word of the filter.
+// Returns the positions of the cases whose names contain each word of the filter.
 function listed() {
   const words = state.filter.toLowerCase().split(/\s+/);
   const has = ({ name }) => words.every((word) => name.toLowerCase().includes(word));
   const positions = [...state.cases.keys()].filter((position) => has(state.cases[position]));
   if (state.sort === "name") return positions;
-  // Files that can't be used aren't frames, so they come last. The sort is stable.
+  // Unusable files aren't frames, so they come last. The sort is stable.
   const rank = ({ status, severity }) => ({ unusable: -1, golden: -2 })[status] ?? severity ?? 0;
   return positions.sort((a, b) => rank(state.cases[b]) - rank(state.cases[a]));
 }
@@ -84,13 +84,13 @@ const loaded = () => selectedCase()?.data ?? null;
 const part = () => loaded()?.parts?.[state.part] ?? null;
 const inspected = () => state.pinned ?? state.hover;
 
-// The size of the shown case: the larger of both sides.
+// Returns the size of the shown case: the larger of both sides.
 function extent() {
   const sides = [part()?.golden, part()?.actual].filter(Boolean);
   return [Math.max(1, ...sides.map((s) => s.width)), Math.max(1, ...sides.map((s) => s.height))];
 }
 
-// The four values of an image at a texel, or null outside of it.
+// Returns the four values of an image at a texel, or null outside of the image.
 function texel(image, at) {
   if (!image || !at) return null;
   const [x, y] = at;

@@ -1,12 +1,12 @@
-// A table of values in place of images: the differing rows, the largest differences first, or all rows of a golden
-// without pending values. A chosen older version takes the golden's place.
+// A table of values in place of images. It shows the differing rows, the largest differences first, or all rows of a
+// golden without pending values. If you choose an older version, it replaces the golden.
 
 (() => {
   const pane = byId("table");
 
   const cell = (text, className) => element("td", { className }, text ?? "");
 
-  // The results of both sides; equal ones are shown once.
+  // The results of both sides. Equal results are shown once.
   const results = (golden, actual, count) => [...Array(count).keys()].flatMap((at) => {
     const [before, after] = [golden[at], actual[at]];
     if (before === after) return [cell(before, ""), cell("=", "same")];

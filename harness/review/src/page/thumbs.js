@@ -1,10 +1,10 @@
-// Thumbnails of golden, frame and difference. They are drawn from the data of each case, which loads one after the
-// other while you don't wait for another case, and isn't kept.
+// Thumbnails of golden, frame and difference. They are drawn from the data of each case. While you wait for no other
+// case, this data loads case by case, and isn't kept.
 
 const thumbs = (() => {
   const [WIDTH, HEIGHT] = [192, 108];
 
-  // An image with each pixel made from some of the texels that it covers.
+  // Returns an image in which each pixel is made of some of the texels that it covers.
   const picture = ([width, height], colour) => {
     const scale = Math.min(WIDTH / width, HEIGHT / height, 8);
     const canvas = element("canvas", { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) });
@@ -41,7 +41,7 @@ const thumbs = (() => {
     });
   };
 
-  // The largest difference among the covered texels, so that a single texel is visible.
+  // A pixel shows the largest difference of the covered texels, so that a single texel is visible.
   const difference = (part) => {
     const { golden, actual } = part;
     const factor = 2 ** gain.automatic(part, { relative: true, channel: 0, exposure: 0 });
@@ -62,7 +62,7 @@ const thumbs = (() => {
     });
   };
 
-  // For the part that is judged, with its unusual values.
+  // Draws the thumbnail of the judged part, with its unusual values.
   const make = (entry) => {
     const [judged] = entry.data?.parts ?? [];
     if (!judged || entry.thumb) return;
@@ -89,7 +89,7 @@ const thumbs = (() => {
     };
   };
 
-  // A canvas can only be in one place of the page; a list may show it again.
+  // A canvas can only be in one place of the page, but a list may show it again.
   const copy = (made, className) => {
     if (!made) return element("span", { className });
     const canvas = element("canvas", { className, width: made.width, height: made.height });
@@ -97,13 +97,13 @@ const thumbs = (() => {
     return canvas;
   };
 
-  // The next missing thumbnail, once the shown case is loaded.
+  // Loads the next missing thumbnail after the shown case is loaded.
   let waiting = null;
   listeners.push(() => {
     const current = selectedCase();
     if (waiting || (current && current.index !== null && !current.data && !current.error)) return;
     if (state.cases.some(({ background }) => background)) return;
-    // Those next to the shown case come first, because they are visible.
+    // The thumbnails beside the shown case come first, because they are visible.
     const order = listed();
     const middle = Math.max(0, order.indexOf(state.selected));
     const near = [...order.keys()].sort((a, b) => Math.abs(a - middle) - Math.abs(b - middle));

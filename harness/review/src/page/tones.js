@@ -1,5 +1,5 @@
-// From linear light to the colours of a screen. `shader.js` has the same formulas in GLSL; the tests compare the canvas
-// with these. Linear sRGB (BT.709) in and out. No state.
+// The conversion from linear light to the colours of a screen. `shader.js` has the same formulas in GLSL; the tests
+// compare the canvas with these. Input and output are linear sRGB (BT.709). This script has no state.
 
 const tones = (() => {
   const clamp = (x) => Math.min(1, Math.max(0, x));
@@ -9,7 +9,7 @@ const tones = (() => {
 
   const luminance = ([r, g, b]) => 0.2126 * r + 0.7152 * g + 0.0722 * b; // ITU-R BT.709
 
-  // The shader's bounds: the fits square the value, and infinity over infinity isn't white.
+  // The bounds of the shader: the fits square the value, and infinity divided by infinity isn't white.
   const bounded = (x) => Math.min(1e15, Math.max(0, x));
 
   const each = (curve) => (rgb) => rgb.map((x) => encode(clamp(curve(bounded(x)))));
@@ -35,7 +35,7 @@ const tones = (() => {
     return display.map((x) => clamp(encode(x ** 2.2)));
   };
 
-  // In the order of the menu and of the shader's `tone`.
+  // The tone maps in the order of the menu and of the shader's `tone`.
   const all = [
     { name: "sRGB, clipped", map: each((x) => x) },
     // Reinhard et al. 2002, eq. 3, on each channel.
@@ -60,8 +60,8 @@ const tones = (() => {
   const STOPS = 8;
   const falseColor = (light) => turbo((Math.log2(light / 0.18) / STOPS + 1) / 2);
 
-  // A signed value in -1..=1 and beyond: black is equal, orange is more, blue is less; the root
-  // lifts small values, and pale is out of range.
+  // Returns the colour of a signed value in -1..=1 or beyond: 0 is black, positive values are orange, negative ones
+  // blue. The root brightens small values. Values out of range are pale.
   const signed = (value) => {
     const t = Math.sqrt(clamp(Math.abs(value)));
     const over = Math.abs(value) > 1 ? 0.55 : 0;
@@ -69,15 +69,15 @@ const tones = (() => {
     return hue.map((x) => x * t * (1 - over) + over);
   };
 
-  // A difference of channels, each in -1..=1 and beyond, is shown in one of three ways. The root
-  // lifts small values in all of them.
+  // A difference of channels, each in -1..=1 or beyond, is shown in one of three ways. In all of them, the root
+  // brightens small values.
   const root = (value) => Math.sqrt(clamp(Math.abs(value)));
   const differences = [
     "signed, largest", // orange is more, blue is less
     "signed by channel", // grey is equal; a channel that is more adds its hue, one that is less takes it away
     "absolute by channel", // black is equal; each channel in its hue
   ];
-  // The colour of a single channel: R, G and B have their hue, others are white.
+  // Returns the colour of a single channel: R, G and B have their hue, and all others are white.
   const HUES = { 1: [1, 0.15, 0.15], 2: [0.15, 1, 0.15], 3: [0.25, 0.35, 1] };
   const byChannel = (rgb, channel) => {
     if (channel === 0) return rgb.map((value) => 0.5 + 0.5 * Math.sign(value) * root(value));

@@ -1,5 +1,5 @@
-// The values of each pixel, written on it if it is large enough: for an image its channels, for a difference the shown
-// difference, for a map its value.
+// The values of each pixel, written on the pixel if it is large enough: the channels of an image, the shown difference,
+// or the value of a map.
 
 (() => {
   const canvas = byId("values");

@@ -1,5 +1,6 @@
-// Older versions of a golden, from its commits, loaded when you see them: thumbnails in its history, or for a table the
-// number of differing rows. The chosen one stands beside the current one, an image as a part of its own.
+// Older versions of a golden, from its commits. They load when you see them: as thumbnails in the golden's history, or
+// for a table as the number of differing rows. The chosen version is shown beside the current one. For an image, it is
+// an additional part.
 
 const versions = (() => {
   const body = byId("versions").querySelector(".body");
@@ -16,7 +17,7 @@ const versions = (() => {
     version.loading = true;
     const script = element("script", { src: `data/${entry.index}-${commit}.js`, async: true });
     script.addEventListener("error", () => {
-      const why = index.served ? "it can't be loaded" : "left out of this report, which stays small";
+      const why = index.served ? "can't be loaded" : "left out to keep this report small";
       Object.assign(version, { loading: false, error: why });
       fill();
     });
@@ -60,7 +61,7 @@ const versions = (() => {
     change({ part: entry.data.parts.length - 1, sheet: false });
   };
 
-  // The rows of a table that differ since a commit, in place of those that the entry shows.
+  // Returns the rows of a table that differ since a commit, in place of the rows that the entry shows.
   const chooseTable = (entry, commit, table) => {
     if (entry !== selectedCase() || !entry.data) return;
     entry.data.older = commit && { ...table, commit };
@@ -98,7 +99,7 @@ const versions = (() => {
 
   const picture = (entry, { commit, pixels }) => {
     if (pixels && pixels === entry.data.golden_pixels) return [element("span", { className: "now" }, "as now")];
-    // Facts may change alone: then a later version already has this image.
+    // If only the provenance changed, a later version already has this image.
     const first = entry.data.versions.find((other) => pixels && other.pixels === pixels);
     if (first && first.commit !== commit) return [element("span", { className: "now" }, `as ${first.commit}`)];
     const { thumb, table, error } = of(entry, commit);

@@ -62,7 +62,7 @@ fn a_golden_has_the_hash_of_each_of_its_modules() {
 
 /// On Windows, Git may check files out with `\r\n`.
 #[test]
-fn ends_of_lines_make_no_other_module_or_program() {
+fn hashes_do_not_depend_on_windows_line_ends() {
     let folder = tempfile::tempdir().expect("a folder");
     let program = |ends: &str| {
         let text = "// The sun.\nconst SUN = 1.0;\n/* Two\nlines. */\nfn sun() -> f32 {\n    return SUN;\n}\n";
@@ -139,7 +139,7 @@ fn a_frame_with_nan_under_its_mask_is_accepted() {
 }
 
 #[test]
-fn a_preview_waits_no_longer_than_its_frame() {
+fn the_preview_of_a_frame_is_removed_with_its_pending_file() {
     let project = Project::with_golden();
     let file = |ending: &str| project.folder.path().join(format!("room/ramp{ending}"));
     let preview = || file(".new.png");
@@ -163,7 +163,7 @@ fn a_preview_waits_no_longer_than_its_frame() {
 
 // Lesson 42: acceptance under interruption
 #[test]
-fn one_of_two_acceptances_is_carried_out() {
+fn only_one_of_two_concurrent_acceptances_succeeds() {
     let project = Project::with_golden();
     for round in 0..20 {
         let changed = spot(1.5 + round as f32);

@@ -104,7 +104,7 @@ fn a_passing_frame_names_the_criterion() {
 
 // Lesson 199
 #[test]
-fn tolerances_are_trees() {
+fn frame_tolerances_can_be_nested() {
     use FrameTolerance::{All, Any, FlipMean, FlipTile};
     let project = Project::with_golden();
     let edge = with(&[(3, 30)], 1.05);
@@ -227,7 +227,7 @@ fn a_tolerance_that_is_tightened_holds() {
 
 /// Alpha from transmittance has rounding errors in transparent pixels.
 #[test]
-fn alpha_that_is_next_to_nothing_is_equal() {
+fn a_rounding_error_in_transparent_alpha_passes() {
     let with = |alpha: f32| {
         let mut image = ramp();
         image.pixels_mut()[70][3] = alpha;

@@ -26,7 +26,7 @@ fn constant_loops_are_bounded() {
 
 // Lesson 55: loops that need no counter
 #[test]
-fn other_loops_are_not() {
+fn loops_without_a_constant_count_are_not_bounded() {
     for body in [
         "for (var i = 0u; i < n; i++) { s += i; }",
         "for (var i = n; i < 64u; i++) { s += i; }",

@@ -421,7 +421,7 @@ mod tests {
     /// Karat compares the rows of each path, not only those of the first path.
     // Lesson 172
     #[test]
-    fn rows_that_differ_on_the_second_path_alone_are_bad() {
+    fn rows_that_differ_only_on_the_second_path_fail() {
         let package = Package::from_source("m", "fn twice(x: f32) -> f32 { return 2.0 * x; }");
         let probed = Probed::new(&package, "twice").expect("valid");
         let (fixtures, paths) = (Fixtures::new(), [Path::CPU, Path::VULKAN]);

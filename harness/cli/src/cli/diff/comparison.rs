@@ -282,7 +282,7 @@ impl FlipResult {
     }
 }
 
-#[expect(clippy::ref_option, reason = "what serde calls it with")]
+#[expect(clippy::ref_option, reason = "serde calls this function with this type")]
 fn rect<S: Serializer>(rect: &Option<Rect>, serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
     struct Corners {

@@ -49,7 +49,7 @@ fn advice(mend: &Mend) -> Option<String> {
         Mend::Elsewhere(sentence) => Some(sentence.clone()),
         Mend::Preprocess => Some("name a program that expands it: preprocess = [..]".to_owned()),
         Mend::Dependency(name) => Some(format!(
-            "say where it is: [dependencies] {name} = {{ path = \"../{name}\" }}, or {{ crate = \"{name}@1.2.3\" }}"
+            "name its location: [dependencies] {name} = {{ path = \"../{name}\" }}, or {{ crate = \"{name}@1.2.3\" }}"
         )),
         _ => None,
     }
@@ -348,16 +348,16 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
     let refused =
         refused.as_ref().map_or_else(String::new, |why| format!("\n{BAD}but{BAD:#} {why}"));
     if whole == modules {
-        return writeln!(out, "{GOOD}{package}: {all}, all whole{GOOD:#}{refused}");
+        return writeln!(out, "{GOOD}{package}: {all}, all complete{GOOD:#}{refused}");
     }
-    writeln!(out, "{HEAD}{package}{HEAD:#}: {whole} of {all} whole")?;
+    writeln!(out, "{HEAD}{package}{HEAD:#}: {whole} of {all} complete")?;
     if !lines.is_empty() {
         match written {
             true => writeln!(out, "\nwritten into {file}:\n")?,
             false => writeln!(out, "\nwrite into {file}, or run this with --write:\n")?,
         }
         write_lines(lines, out)?;
-        writeln!(out, "\nthen {then_whole} of {all} are whole{refused}")?;
+        writeln!(out, "\nthen {then_whole} of {all} are complete{refused}")?;
     }
     if !not_enough.is_empty() {
         writeln!(out, "\nthese lines aren't enough, or you must choose their place in {file}:\n")?;
@@ -381,7 +381,7 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
     };
     let with = if lines.is_empty() { "" } else { " with these lines" };
     let first = "; each module shows only its first error";
-    writeln!(out, "\n{} not whole{with}{rest}{first}", counted(left.len(), "module"))
+    writeln!(out, "\n{} not complete{with}{rest}{first}", counted(left.len(), "module"))
 }
 
 /// Prints lines under the headers of their sections.

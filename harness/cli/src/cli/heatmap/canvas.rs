@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_drawn_as_they_are_measured() {
+    fn drawn_numbers_have_their_measured_size() {
         let mut canvas = Canvas::new(Canvas::measure("0.7", 1), GLYPH.1);
         canvas.write("0.7", (0, 0), 1, [255; 3]);
         let rows = canvas.bytes().chunks(3 * canvas.width as usize);

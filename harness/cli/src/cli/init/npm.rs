@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_script_stands_as_its_neighbours_do() {
+    fn an_added_npm_script_is_formatted_like_the_others() {
         for (text, expected) in [
             ("{}\n", "{ \"scripts\": { \"test:shaders\": \"karat test .\" } }\n"),
             (

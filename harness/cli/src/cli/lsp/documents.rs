@@ -120,7 +120,7 @@ mod tests {
 
     /// A test that starts 0.3 ms after its file was saved has read that file.
     #[test]
-    fn a_verdict_of_the_same_millisecond_is_of_the_saved_file() {
+    fn a_test_started_in_the_millisecond_of_a_save_has_read_the_file() {
         let time = |started: &str| Time { started: started.to_owned(), seconds: 0.0 };
         let saved = humantime::parse_rfc3339("2026-01-31T12:00:00.123400Z").expect("a time");
         for (started, before) in [

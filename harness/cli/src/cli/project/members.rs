@@ -80,7 +80,7 @@ mod tests {
 
     // Lesson 186
     #[test]
-    fn members_are_listed_or_depended_on() {
+    fn workspace_members_include_path_dependencies() {
         let folder = tempfile::tempdir().expect("a folder");
         let root = folder.path();
         let write = |member: &str, text: &str| {
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_of_any_name_has_its_members() {
+    fn members_below_a_folder_with_brackets_are_found() {
         let folder = tempfile::tempdir().expect("a folder");
         let root = folder.path().join("[work] in");
         let member = root.join("crates/a");

@@ -50,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_change_no_word() {
+    fn colours_do_not_change_the_text_of_a_message() {
         let message = "error: `a::b` fails agrees_with: 4 ulp\n  --> a.wgsl:3:1\n  |\n3 | fn b() -> f32 {\n  | ^^^^^^ here\n\n\
                        on vulkan: llvmpipe\n  4 of 9 cases fail, 1 | 2\n  it fails where x is 0\n    actual = 1\n  replay: cargo test";
         let painted = painted(message);

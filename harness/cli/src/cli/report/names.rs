@@ -117,7 +117,7 @@ mod tests {
 
     // Lesson 179: in reports
     #[test]
-    fn frames_of_one_name_have_their_crates() {
+    fn frames_with_equal_names_are_shown_with_crate_or_folder() {
         let frame = |golden: &str, folder: &str, krate: &str| {
             let (golden, folder, location) = (golden.into(), folder.into(), String::new());
             let mut frame = record(Verdict::Pass, 0, None);

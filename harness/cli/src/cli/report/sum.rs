@@ -273,7 +273,7 @@ mod tests {
 
     // Lesson 183
     #[test]
-    fn a_line_contradicts_neither_its_run_nor_itself() {
+    fn the_summary_line_agrees_with_the_result_of_the_run() {
         let [pass, known, fail] = [
             record(Verdict::Pass, 0, None),
             record(Verdict::KnownIssue, 9, Some("mesa#1")),
@@ -331,7 +331,7 @@ mod tests {
 
     // Lesson 183
     #[test]
-    fn many_names_are_cut() {
+    fn only_five_failed_tests_are_named_in_a_summary() {
         let failed = names(&["a", "b", "c", "d", "e", "f", "g"]);
         let sum = Sum::of(&[], Some(&Run { failed, passed: false, ..Run::default() }));
         let told = "7 tests failed outside of Karat's checks: a, b, c, d, e and 2 more";

@@ -419,7 +419,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_frame_that_fails_says_how_far_and_of_what() {
+    fn a_failing_frame_shows_its_share_of_the_bound() {
         let failing = |ratio: Option<f64>| {
             let mut frame = record(Verdict::Fail, 3, None);
             let (golden, folder, location) = ("scene".to_owned(), String::new(), String::new());

@@ -166,7 +166,7 @@ fn harness() -> PathBuf {
 
 // Lesson 211
 #[test]
-fn pages_are_those_of_the_code() {
+fn reference_pages_match_the_code() {
     // A published package doesn't contain the pages.
     if Path::new(env!("CARGO_MANIFEST_DIR")).join(".cargo_vcs_info.json").exists() {
         return;

@@ -42,7 +42,8 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     };
     let (image, shown) = (image.display(), beside.display());
     let Some(metadata) = metadata else {
-        let why = || format!("`{shown}` has facts, but `{image}` has none: another tool wrote it");
+        let why =
+            || format!("`{shown}` has provenance, but `{image}` has none: another tool wrote it");
         return is_facts(beside).then(why);
     };
     let held = match Provenance::parse(&metadata) {
@@ -52,7 +53,9 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     let told = match std::fs::read_to_string(beside) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            return Some(format!("`{shown}` is missing: it has the facts of `{image}` as text"));
+            return Some(format!(
+                "`{shown}` is missing: it has the provenance of `{image}` as text"
+            ));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
     };
@@ -60,9 +63,9 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
         Ok(told) if told == held => None,
         Ok(told) => {
             let others = differing(&told, &held).join("`, `");
-            Some(format!("`{shown}` has other facts than `{image}`: `{others}`"))
+            Some(format!("`{shown}` differs from the provenance of `{image}`: `{others}`"))
         }
-        Err(error) => Some(format!("`{shown}` has no readable facts: {}", error.message())),
+        Err(error) => Some(format!("`{shown}` has no readable provenance: {}", error.message())),
     }
 }
 

@@ -83,7 +83,7 @@ impl Files {
                 ".new.exr" | ".new.csv" => {}
                 _ if all.contains(&golden) => {}
                 ".new.png" if all.contains(&file.with_file_name(format!("{stem}.new.exr"))) => {}
-                ".toml" => files.push(file, "facts without a golden", is_facts(file)),
+                ".toml" => files.push(file, "provenance without a golden", is_facts(file)),
                 _ => files.push(file, "a preview without an image", false),
             }
         }

@@ -113,7 +113,6 @@ fn found<'a>(
         })
 }
 
-/// The header of a part, reduced to what the codecs need.
 fn codec_header(part: &PartHeader) -> Header {
     let channels = part.channels.iter().map(|channel| ChannelDescription {
         name: Text::from_slice_unchecked(channel.name.as_bytes()),

@@ -125,7 +125,6 @@ impl Linear {
         }
     }
 
-    /// The linear value of each possible sample.
     fn table(self, samples: u32) -> Vec<f32> {
         let linear = |sample: u32| {
             let encoded = f64::from(sample) / f64::from(samples - 1);

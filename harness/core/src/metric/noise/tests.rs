@@ -141,7 +141,7 @@ fn pixels_that_changed_places_are_seen() {
 
 /// Pixels with the largest floats, and a pixel without neighbours, count, too.
 #[test]
-fn every_pixel_has_a_weight() {
+fn extreme_and_isolated_pixels_count_in_the_noise_metric() {
     let flat = |size: (u32, u32), value: f32| {
         Image::new(size.0, size.1, vec![[value, value, value, 1.0]; (size.0 * size.1) as usize])
     };

@@ -1,4 +1,4 @@
-// State, and the address.
+// The state of the page, in its address.
 
 const fresh = () => ({
   package: null, filter: "", show: new Set(), kinds: new Set(),
@@ -63,21 +63,21 @@ function follow() {
   if (state.row !== null) reveal();
 }
 
-// `step`: going back undoes it. Moving and typing don't add steps.
+// With `step`, the browser's back button undoes the change. Moving and typing don't add steps.
 function change(changes, { step = false } = {}) {
   Object.assign(state, changes);
   draw();
   clearTimeout(saving);
   const save = () => {
     const to = address();
-    // Another fragment than the known one was typed this instant: its event comes and wins.
+    // If the fragment isn't the known one, somebody has just typed it. The event for it follows, and takes precedence.
     if (location.hash !== known || to === (location.hash || "#")) return;
     try {
-      // An address without a fragment keeps the page's own.
+      // An address without a fragment keeps the page's own fragment.
       history[step ? "pushState" : "replaceState"](null, "", to);
       known = location.hash;
     } catch {
-      // Some viewers of artefacts forbid it. Only the link is lost.
+      // Some viewers of artefacts forbid this. Then only the link is lost.
     }
   };
   if (step) save();

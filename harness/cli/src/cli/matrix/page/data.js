@@ -1,11 +1,11 @@
-// Data.
+// Reading the data of the page.
 
 class Trouble extends Error {}
 
 async function read() {
   const held = byId("data");
   let text = held?.textContent.trim() ?? "";
-  if (!text) throw new Trouble("This page holds no matrix: its data element is empty.");
+  if (!text) throw new Trouble("This page has no matrix: its data element is empty.");
   if (held.dataset.encoding === "deflate") {
     if (typeof DecompressionStream !== "function") {
       throw new Trouble("This browser can't read the page's data, because it has no DecompressionStream. Firefox 113, Safari 16.4 and Chrome 80 have it, as have later ones.");
@@ -26,6 +26,6 @@ async function read() {
   }
   const usable = Array.isArray(data?.matrices) && data.matrices.length > 0 &&
     data.matrices.every((m) => Array.isArray(m?.columns) && Array.isArray(m.rows) && m.rows.every((row) => typeof row?.name === "string"));
-  if (!usable) throw new Trouble("The page's data holds no matrix: it needs `matrices`, and each of them `columns` and `rows` with names.");
+  if (!usable) throw new Trouble("The page's data has no matrix: it needs `matrices`, and each of them `columns` and `rows` with names.");
   return data.matrices;
 }

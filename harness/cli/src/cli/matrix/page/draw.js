@@ -1,4 +1,4 @@
-// Drawing.
+// Drawing the page.
 
 let sifted = null; // what the rows are shown for
 function drawRows() {
@@ -13,7 +13,7 @@ function drawRows() {
   byId("chosen").textContent = `${shown.length} of ${model.columns.length}`;
   byId("because").hidden = !reason;
   if (reason) {
-    byId("because-text").textContent = reason === "none" ? "No row stops for the reason that the link names." : `Stopped by: ${reason.says.replace(/\s+/g, " ")}`;
+    byId("because-text").textContent = reason === "none" ? "No row has the reason in the link." : `Stopped by: ${reason.says.replace(/\s+/g, " ")}`;
     byId("because-text").title = reason === "none" ? "" : reason.says;
   }
   byId("reset").hidden = !(state.filter || state.show.size || state.kinds.size || state.columns || state.reason);
@@ -35,7 +35,7 @@ function draw() {
     buildReasons();
     home();
   }
-  // Moving about leaves the rows as they are.
+  // Moving the focus doesn't change the rows.
   const asked = JSON.stringify([state.package, state.filter, ...[state.show, state.kinds, state.columns ?? [null], state.fold].map((set) => [...set]), state.reason]);
   if (asked !== sifted) drawRows();
   sifted = asked;

@@ -1,6 +1,6 @@
-// Moving.
+// Moving with the keyboard.
 
-// Column -1 is the row's name.
+// Column -1 is the name of the row.
 function targetIn(tr, column) {
   const at = Math.max(0, Math.min(column + 1, tr.children.length - 1));
   return tr.children[at].querySelector("button") ?? tr.querySelector("button");
@@ -18,7 +18,7 @@ const home = () => rove(byId("table").querySelector("tbody button"));
 function reveal() {
   const entry = selected();
   if (!entry) return;
-  // A link to a row that is filtered out still shows its panel. Only a fold is opened.
+  // A link to a row that is filtered out still shows its panel. Only its fold is opened.
   if (state.fold.has(entry.module)) change({ fold: toggled(state.fold, entry.module) });
   const target = targetIn(entry.tr, columnNamed(state.column)?.index ?? -1);
   rove(target);
@@ -49,7 +49,7 @@ const placeOf = (target) => {
 function goTo(target, entry, column) {
   rove(target);
   target.focus();
-  // An open panel follows.
+  // An open panel shows the new cell.
   if (state.row !== null && entry) change({ row: entry.row.name, column: entry.row.error ? null : model.columns[column]?.name ?? null });
 }
 
@@ -127,7 +127,7 @@ function listen() {
   byId("help-open").onclick = help;
   byId("words").append(...[...SORTS].flatMap(([sort, { about }]) => [element("dt", {}, badge(sort)), element("dd", {}, about)]),
     element("dt", {}, "✓ref ✗ref"), element("dd", {}, "the package's own tests accept or reject its results against their references on this path"),
-    element("dt", {}, "not compared"), element("dd", {}, "the column runs here, but nothing is compared with this row's results; or the row is in no column"));
+    element("dt", {}, "not compared"), element("dd", {}, "the column runs on this machine, but no results are compared with this row's; or the row is in no column"));
   byId("panel-close").onclick = closePanel;
   const aside = (by) => () => {
     const shown = model.columns.filter(visible);
@@ -165,7 +165,7 @@ function listen() {
   window.addEventListener("popstate", follow);
   small.addEventListener("change", drawPanel);
 
-  // Elements that stick below the tools need the tools' height.
+  // Elements that stick below the tools need the height of the tools.
   new ResizeObserver(() => {
     document.documentElement.style.setProperty("--tools-height", `${byId("tools").offsetHeight}px`);
   }).observe(byId("tools"));

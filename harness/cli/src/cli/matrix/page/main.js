@@ -1,4 +1,4 @@
-// The start.
+// The start of the page.
 
 (async () => {
   try {

@@ -1,15 +1,15 @@
-// Model.
+// The model of the page.
 
 const NOT_CALLABLE = "not callable";
 
-// Reasons that are the same but for numbers, inputs and the row's own name.
+// Combines reasons that differ only in numbers, inputs and the name of the row.
 function shape(stop) {
   let text = plain(stop.says).trim();
   if (stop.why === "differs") text = text.split(": at ")[0];
   return `${stop.why} ${text.replace(/`[^`\n]*::[^`\n]*`/g, "`…`").replace(/-->[^\n]*/g, "-->").replace(/\d[\d.]*/g, "#")}`;
 }
 
-// A short name of a text, for addresses (FNV-1a).
+// Returns a short name of a text, for addresses (FNV-1a).
 function digest(text) {
   let hash = 0x811c9dc5;
   for (let i = 0; i < text.length; i += 1) hash = Math.imul(hash ^ text.charCodeAt(i), 0x01000193);

@@ -1,8 +1,8 @@
-// Panel.
+// The panel of a cell.
 
 const quoted = (text) => (/^[\w:.,/-]+$/.test(text) ? text : `'${text.replace(/'/g, "'\\''")}'`);
 
-// Entry points are named by their module and their own name.
+// An entry point is named by its module and its own name.
 function commandOf({ row }, language) {
   if (row.kind === "function" || !row.name.includes("::")) return `karat translate ${quoted(row.name)} --to ${quoted(language)}`;
   return `karat translate ${quoted(moduleOf(row.name))} --to ${quoted(language)} --entry-point ${quoted(lastOf(row.name))}`;
@@ -12,7 +12,7 @@ function section(title, ...children) {
   return element("section", {}, element("h3", {}, title), ...children);
 }
 
-// The values of two results, each component that differs marked.
+// Returns the values of two results. Each component that differs is marked.
 function apart(one, other) {
   const [left, right] = [plain(one).split(", "), plain(other).split(", ")];
   if (left.length !== right.length) return [plain(one), plain(other)].map((text) => element("td", {}, text));
@@ -46,11 +46,11 @@ function divergence(found, column, go) {
       ...(first.text_line ? [" of the author, ", link(`line ${first.text_line}`, () => go("text", first.text_line)), " of the translation."] : [" of the author."])),
     element("table", { className: "values" }, element("tbody", {}, pair(plain(column.name), a), pair(plain(found.baseline), b))));
   } else made.append(element("p", { className: "dim" }, "None of the let-bindings that Karat could compare differs."));
-  if (found.unseen?.length) made.append(element("p", { className: "dim" }, `Not looked at: ${found.unseen.map(plain).join(", ")}.`));
+  if (found.unseen?.length) made.append(element("p", { className: "dim" }, `Not compared: ${found.unseen.map(plain).join(", ")}.`));
   return made;
 }
 
-// Lines of the translation that a validator's words name.
+// Returns the lines of the translation that the message of a validator names.
 function accused(cell) {
   if (cell.stopped?.why !== "rejected") return [];
   const says = String(cell.stopped.says);
@@ -62,8 +62,8 @@ const DIFFERENT = "The first value that differs";
 const NAMED = "The reason names this line";
 const WHOLE = 120; // a shorter text isn't folded if the function's lines are unknown
 
-// Lines of a text, numbered from `first`. Those of `range` and those around marked ones are shown,
-// the others wait behind buttons. `marked` tells why a line is marked.
+// Shows the lines of a text, numbered from `first`. The lines of `range` and those around marked lines are visible, the
+// others appear with a click on a button. `marked` has the reason for each marked line.
 function codeOf(text, { first = 1, range = null, marked = new Map(), label }) {
   const lines = plain(text).replace(/\n+$/, "").split("\n");
   const last = first + lines.length - 1;
@@ -131,7 +131,7 @@ function codesOf(entry, judged, column) {
   if (named && source && named[1] === source.file) marked.set(Number(named[2]), NAMED);
   sides.author = source
     ? codeOf(source.text, { first: source.line, marked, range: [source.line, Infinity], label: "The author's lines" })
-    : element("div", { className: "code" }, element("p", {}, "The page doesn't hold the author's lines."));
+    : element("div", { className: "code" }, element("p", {}, "The page doesn't have the author's lines."));
   const author = side("Author", source ? `${plain(source.file)}:${source.line}` : plain(entry.row.location ?? ""), sides.author);
   if (!judged) return { codes: element("div", { className: "codes alone" }, author), sides };
   const text = Number.isInteger(cell.text) ? model.matrix.texts?.[cell.text] : undefined;
@@ -145,8 +145,8 @@ function codesOf(entry, judged, column) {
       const copied = button({}, "Copy");
       copied.onclick = () => copy(command, copied);
       copied.setAttribute("aria-label", `Copy ${plain(command)}`);
-      why.append("SPIR-V is words, not text. This shows it: ", element("code", {}, plain(command)), " ", copied);
-    } else why.append("The page doesn't hold the translation.");
+      why.append("SPIR-V is binary. This command shows it as text: ", element("code", {}, plain(command)), " ", copied);
+    } else why.append("The page doesn't have the translation.");
     sides.text = element("div", { className: "code" }, why);
   }
   const lines = cell.text_lines ? `lines ${cell.text_lines[0]} to ${cell.text_lines[1]}` : "";
@@ -157,8 +157,8 @@ function factsOf(entry, judged, column, go) {
   const { cell } = judged;
   const facts = element("div", { className: "facts", tabIndex: 0 });
   facts.setAttribute("role", "region");
-  facts.setAttribute("aria-label", "What is known of it");
-  if (cell.known) facts.append(section("Known", element("p", {}, plain(cell.known)), element("p", { className: "dim" }, "It is declared to fail here, and it does. It isn't counted as a finding.")));
+  facts.setAttribute("aria-label", "Details");
+  if (cell.known) facts.append(section("Known", element("p", {}, plain(cell.known)), element("p", { className: "dim" }, "The package declares that this fails, and it does. It isn't counted as a finding.")));
   if (cell.divergence) facts.append(divergence(cell.divergence, column, go));
   if (cell.stopped) {
     const why = cell.status === null && cell.stopped.why === "unsupported" ? "naga doesn't write it" : WHY.get(cell.stopped.why) ?? "It gets no further";
@@ -171,7 +171,7 @@ function factsOf(entry, judged, column, go) {
     const worst = Number.isFinite(cell.worst_ulp) ? ` The largest distance is ${many(cell.worst_ulp, "step", "steps")} of an f32 (ulp).` : "";
     facts.append(section("Results", element("p", {}, `${many(cell.compared, "case is", "cases are")} compared, and ${cell.differing ? `${cell.differing.toLocaleString("en")} of them ${cell.differing === 1 ? "differs" : "differ"} by more than the tolerance` : "none differs by more than the tolerance"}.${worst}`)));
   }
-  if (cell.open > 0) facts.append(section("Left open", element("p", {}, `${many(cell.open, "result differs", "results differ")} where WGSL leaves open what it is.`)));
+  if (cell.open > 0) facts.append(section("Left open", element("p", {}, `${many(cell.open, "result differs", "results differ")} where WGSL allows several results.`)));
   if (cell.allowed) {
     const { bounded, outside, first } = cell.allowed;
     const all = `WGSL bounds the results of ${many(bounded, "case", "cases")}.`;
@@ -191,7 +191,7 @@ function factsOf(entry, judged, column, go) {
       element("div", { className: "dim" }, plain(version)),
       verdict === "valid" ? element("div", {}, "✓ valid") : element("pre", {}, `✗ ${plain(verdict)}`));
   });
-  facts.append(section("Validators", ...(tools.length ? tools : [element("p", {}, "No validator judged it.")])));
+  facts.append(section("Validators", ...(tools.length ? tools : [element("p", {}, "No validator has checked it.")])));
   if (column.head.adapter) facts.append(section("Runs on", element("p", {}, plain(column.head.adapter))));
   return facts;
 }
@@ -253,7 +253,7 @@ function drawPanel() {
   const go = (which, n) => sides[which].go?.(n);
   body.replaceChildren(judged ? factsOf(entry, judged, column, go) : rowFacts(entry), codes);
   body.scrollTop = 0;
-  // In its own pane only: the page stays where it is.
+  // Only the pane of the code scrolls. The page doesn't move.
   for (const pane of codes.querySelectorAll(".code")) {
     const mark = pane.querySelector(".marked");
     if (mark && pane.scrollHeight > pane.clientHeight) pane.scrollTop = mark.offsetTop - pane.clientHeight / 2;

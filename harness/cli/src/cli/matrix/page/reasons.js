@@ -1,4 +1,4 @@
-// Reasons.
+// The list of reasons.
 
 const MANY_REASONS = 100;
 
@@ -14,7 +14,7 @@ function buildReasons() {
       list.append(more);
     }
   };
-  // Nobody waits for what is folded.
+  // A folded list is drawn when it is opened.
   const about = byId("reasons-about");
   let done = false;
   about.ontoggle = () => {

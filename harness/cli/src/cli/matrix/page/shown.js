@@ -2,7 +2,7 @@
 
 const visible = ({ name }) => !state.columns || state.columns.has(name);
 
-// The filter's words; "several in quotes" are one.
+// Returns the words of the filter. Words in quotes are one search text.
 const words = () => [...state.filter.toLowerCase().matchAll(/"([^"]+)"?|([^\s"]+)/g)].map((m) => m[1] ?? m[2]).slice(0, 30);
 
 function sift() {
@@ -11,7 +11,7 @@ function sift() {
   const masks = model.texts.map((text) => wanted.reduce((mask, word, bit) => (text.includes(word) ? mask | (1 << bit) : mask), 0));
   const columns = model.columns.filter(visible);
   const reason = state.reason && (model.reasons.find(({ id }) => id === state.reason) ?? "none");
-  // One cell must have all that is asked for, together with the row's name.
+  // One cell must have all requested properties, together with the row's name.
   const passes = (entry) => {
     if (state.kinds.size && !state.kinds.has(entry.kind)) return false;
     const own = masks[entry.text];
@@ -36,7 +36,7 @@ function sift() {
     count += module.shown;
     const { header } = module;
     header.tr.hidden = module.shown === 0;
-    // The height of what isn't drawn yet.
+    // Estimates the height of rows that aren't drawn yet.
     header.tr.parentNode.hidden = module.shown === 0;
     header.tr.parentNode.style.setProperty("--lines", folded ? 1 : 1 + module.shown);
     header.button.setAttribute("aria-expanded", String(!folded));

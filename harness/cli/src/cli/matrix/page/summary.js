@@ -27,7 +27,7 @@ function buildHead() {
     const { head, counts, name } = column;
     const th = element("th", {}, element("b", {}, plain(name)));
     th.scope = "row";
-    const runs = plain(head.adapter ?? head.unavailable ?? "nothing here runs it");
+    const runs = plain(head.adapter ?? head.unavailable ?? "nothing on this machine runs it");
     const findings = element("td", { className: "findings" }, ...FINDINGS.filter((sort) => counts.classes.has(sort)).map((sort) => {
       const told = `${counts.classes.get(sort)} ${SHOWS.get(sort).label}`;
       return link(told, () => {
@@ -47,10 +47,10 @@ function buildHead() {
   }));
   summary.replaceChildren(summary.caption, element("thead", {}, element("tr", {},
     headed("column"), headed("language"), headed("runs on"),
-    ...STATUSES.map((status) => headed(status, { className: "number" })), headed("how far rows get"), headed("findings"))), body);
+    ...STATUSES.map((status) => headed(status, { className: "number" })), headed("progress of rows"), headed("findings"))), body);
 
   const tools = Object.entries(matrix.validators ?? {});
   byId("validators").replaceChildren(...tools.map(([tool, version]) =>
     element("div", {}, element("dt", {}, plain(tool)), element("dd", {}, plain(version)))));
-  if (!tools.length) byId("validators").append(element("div", {}, element("dd", {}, "No validator is here.")));
+  if (!tools.length) byId("validators").append(element("div", {}, element("dd", {}, "No validator is installed.")));
 }

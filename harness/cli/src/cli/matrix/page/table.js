@@ -49,7 +49,7 @@ function bar(counts, total) {
   return made;
 }
 
-// How many rows get how far in a column.
+// Returns a bar with the number of rows that reach each status in a column.
 function countsOf({ index }) {
   const counts = { sorts: new Map(), classes: new Map(), reached: [0, 0, 0, 0], known: 0, total: 0 };
   for (const { cells } of model.rows) {
@@ -88,7 +88,7 @@ function buildTable() {
   const head = line("judged", headed(element("b", {}, "Row"), { role: "columnheader" }));
   for (const column of model.columns) {
     const { head: about, counts, name } = column;
-    const th = headed(element("b", {}, plain(name)), { title: `${plain(name)}: ${plain(about.language)}, ${about.adapter ? `on ${plain(about.adapter)}` : plain(about.unavailable ?? "nothing here runs it")}` });
+    const th = headed(element("b", {}, plain(name)), { title: `${plain(name)}: ${plain(about.language)}, ${about.adapter ? `on ${plain(about.adapter)}` : plain(about.unavailable ?? "nothing on this machine runs it")}` });
     th.append(element("small", {}, plain(about.language) + (about.adapter ? "" : ", not run")), bar(counts.sorts, Infinity));
     head.append(th);
   }

@@ -1,4 +1,4 @@
-// Tools.
+// The tools above the table.
 
 const SHOWS = new Map(Object.entries({
   differs: { label: "DIFFERS" },

@@ -1,33 +1,33 @@
-// Words.
+// The texts of the page.
 
 const STATUSES = ["translated", "valid", "executed", "agrees"];
 // The kinds of cells, in the order of bars and toggles. `sign` is for readers who see no colours.
 const SORTS = new Map(Object.entries({
-  agrees: { sign: "✓", about: "it ran, and its results are those of another column" },
+  agrees: { sign: "✓", about: "it ran, and another column has the same results" },
   executed: { sign: "▷", about: "it ran on all inputs, and wrote all results" },
-  valid: { sign: "◐", about: "all validators of the language that are here accept it" },
+  valid: { sign: "◐", about: "all installed validators of the language accept it" },
   translated: { sign: "○", about: "naga writes it" },
-  differs: { sign: "≠", word: "DIFFERS", about: "it ran, and its results are other than those of the column it is compared with" },
+  differs: { sign: "≠", word: "DIFFERS", about: "it ran, and its results differ from those of the compared column" },
   invalid: { sign: "✗", word: "INVALID", about: "a validator rejects what naga wrote" },
   panics: { sign: "!", word: "PANICS", about: "naga panics as it writes it" },
-  broke: { sign: "?", word: "NO VERDICT", about: "a validator or a driver crashed, didn't end or can't be run" },
-  unsupported: { sign: "⊘", about: "naga doesn't write it; behind another word: naga wrote it, but can't take it further on this route" },
+  broke: { sign: "?", word: "NO VERDICT", about: "a validator or a driver crashed, didn't end or doesn't run" },
+  unsupported: { sign: "⊘", about: "naga doesn't write it. After another word: naga wrote it, but can't translate it further on this route" },
   known: { sign: "≡", word: "known", about: "the package declares that this fails, and it does; it isn't counted as a finding" },
 }));
 const FINDINGS = ["differs", "invalid", "panics", "broke", "unsupported", "reference"];
 const WHY = new Map(Object.entries({
-  unsupported: "naga can't take it further",
+  unsupported: "naga can't translate it further",
   rejected: "A validator rejects it",
   panicked: "naga panics",
   broke: "A validator or driver has no verdict",
-  no_validator: "No validator of the language is here",
-  unavailable: "Nothing here runs it",
+  no_validator: "No validator of the language is installed",
+  unavailable: "Nothing on this machine runs it",
   not_run: "It isn't run",
   differs: "Its results differ",
-  nothing_to_compare: "There is nothing to compare it with",
+  nothing_to_compare: "No other column has results to compare",
 }));
 
-// The word that the table of `karat matrix` uses.
+// Returns the word in the table of `karat matrix`.
 function wordOf(cell) {
   const why = cell.stopped?.why;
   if (why === "differs") return "DIFFERS";
@@ -37,8 +37,8 @@ function wordOf(cell) {
   return STATUSES.includes(cell.status) ? cell.status : "unsupported";
 }
 
-// The sort gives the colour and the sign; the classes are what the toggles ask for.
-// A cell is `idle` where nothing here runs its whole column: there it is no news.
+// The sort determines the colour and the sign. The toggles select by class. A cell is `idle` if nothing runs its column
+// on this machine.
 function judge(cell, head) {
   const word = wordOf(cell);
   const blocked = cell.stopped?.why === "unsupported" && word !== "unsupported";

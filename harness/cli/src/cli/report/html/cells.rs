@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn each_cell_is_drawn_where_it_is() {
+    fn each_cell_of_a_histogram_is_drawn_at_its_place() {
         let map = of(vec![1, 2], vec![100, 80, 0], vec![100.0, 100.0, 0.0]);
         assert_eq!(map.matches("<rect").count(), 4, "{map}");
         assert!(

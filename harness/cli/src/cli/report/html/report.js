@@ -3,7 +3,7 @@ const search = document.getElementById("search");
 const failing = document.getElementById("failing");
 const rows = [...document.querySelectorAll(".row")];
 
-// Rows that have all words stay; sections that have none of them go.
+// Rows that contain all words stay. Sections without such rows are hidden.
 function filter() {
   const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
   let count = 0;
@@ -29,7 +29,7 @@ for (const button of document.querySelectorAll("button[data-copy]")) {
       await navigator.clipboard.writeText(command);
       button.textContent = "Copied";
     } catch {
-      // Pages that are files may not write to the clipboard.
+      // Pages from files may not write to the clipboard.
       button.replaceWith(Object.assign(document.createElement("code"), { textContent: command }));
     }
   });

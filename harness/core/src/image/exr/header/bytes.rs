@@ -1,6 +1,5 @@
 //! Reads a header byte by byte.
 
-/// The bytes that aren't read yet.
 pub(in crate::image::exr) struct Bytes<'a> {
     pub(in crate::image::exr) rest: &'a [u8],
 }
