@@ -552,7 +552,7 @@ fn page(found: &Found) -> Result<String, String> {
     };
     let _ = write!(
         page,
-        "# {}\n\n`{}` of {crate_name} {version}, line {line} of its module.\n\n{}\n\nThe test:\n\n```rust\n{}```\n\n\
+        "# {}\n\nThe fault is in `{}` of {crate_name} {version}, at line {line} of the module.\n\n{}\n\nThe test:\n\n```rust\n{}```\n\n\
          Karat says:\n\n```text\n{}\n```\n\nAfter this change the test passes:\n\n```diff\n{}{}```\n",
         found.name.replace('-', " "),
         found.function,
