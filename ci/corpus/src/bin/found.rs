@@ -469,12 +469,12 @@ fn all(folder: &Path) -> Result<(), String> {
               bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that Karat can open, wgpu_sort 0.1 \
               with the constants from its Rust code, and the compute shaders in eight files of the WebGPU samples. \
               The command found:\n\n\
-              - one race: the fault storage-barrier in the table above;\n\
-              - indices outside of arrays: the fault last-bin in the table above; in boids and particles of the \
-              WebGPU samples, because the last workgroup doesn't compare the index with the length; and in the \
-              histograms of wgpu_sort, because the host rounds their size up;\n\
-              - a read of workgroup memory before the first write, in `allocate_global_scan` of bevy_pbr. The memory \
-              is zero only if the host leaves zero initialisation on.\n";
+              - The only race is the fault storage-barrier in the table above.\n\
+              - Some passes use indices outside of arrays: the fault last-bin in the table above; boids and particles \
+              of the WebGPU samples, because their last workgroup doesn't compare the index with the length; and the \
+              histograms of wgpu_sort, because the host rounds their size up.\n\
+              - `allocate_global_scan` of bevy_pbr reads workgroup memory before the first write. The memory is zero \
+              only if the host leaves zero initialisation on.\n";
     index += DISPATCHED;
     let file = folder.join("README.md");
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
