@@ -209,7 +209,7 @@ fn web(folder: &Path, packages: &[PathBuf], path: &std::ffi::OsStr) -> Result<()
         ("shaders/tone.wgsl", block(&page, "wgsl")?),
         (
             "shaders/tone_test.wgsl",
-            block(&page[page.find("and a test beside it").unwrap_or(0)..], "wgsl")?,
+            block(&page[page.find("Put a test beside this shader").unwrap_or(0)..], "wgsl")?,
         ),
         ("package.json", "{ \"private\": true, \"type\": \"module\" }\n"),
     ];

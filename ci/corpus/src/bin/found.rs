@@ -79,9 +79,9 @@ const FOUND: [Found; 9] = [
         name: "hue-of-grey",
         krate: "bevy_render@0.20.1",
         function: "color_operations::rgb_to_hsv",
-        says: "For every grey the function returns the hue NaN: red, green and blue are equal, so it divides 0 by 0. \
-               A later line prevents this division only for the saturation. Bevy's tone mapping changes hues with \
-               this function.",
+        says: "For every grey the function returns the hue NaN: red, green and blue are equal, so the function divides \
+               0 by 0. A later line prevents this division only for the saturation. Bevy's tone mapping changes hues \
+               with this function.",
         check: |package| hue_of_grey(package).into(),
         change: [
             "(swizzle.x - swizzle.y) / c + swizzle.z",
@@ -93,8 +93,8 @@ const FOUND: [Found; 9] = [
         name: "full-turn-of-hue",
         krate: "bevy_render@0.20.1",
         function: "color_operations::hsl_to_linear_rgb",
-        says: "A hue of 1 is a full turn, so it is red, as a hue of 0 is. No branch of the function handles a hue of \
-               1, so it returns black for pure red. `hsv_to_linear_rgb` has the same fault.",
+        says: "A hue of 1 is a full turn, so it means the same colour as a hue of 0: red. No branch of the function \
+               handles a hue of 1, so the function returns black for pure red. `hsv_to_linear_rgb` has the same fault.",
         check: |package| full_turn_of_hue(package).into(),
         change: ["let hp = h * 6.0;", "let hp = fract(h) * 6.0;"],
         mended: None,
@@ -103,9 +103,9 @@ const FOUND: [Found; 9] = [
         name: "white-and-black",
         krate: "bevy_render@0.20.1",
         function: "color_operations::hwb_to_linear_rgb",
-        says: "If whiteness and blackness add up to more than 1, CSS Color 4 (section 8) scales both down, so the \
-               colour is a grey. This function doesn't scale them: the saturation becomes negative, and it returns \
-               cyan for a hue of red.",
+        says: "If whiteness and blackness add up to more than 1, CSS Color 4 (section 8) scales both numbers down, so \
+               the colour is a grey. This function doesn't scale whiteness and blackness: the saturation becomes \
+               negative, and the function returns cyan for a hue of red.",
         check: |package| white_and_black(package).into(),
         change: [
             "    let whiteness = hwb.y;\n    let blackness = hwb.z;\n",
@@ -128,8 +128,8 @@ const FOUND: [Found; 9] = [
         name: "tone-of-black",
         krate: "bevy_core_pipeline@0.20.1",
         function: "tonemapping::tonemapping_reinhard_luminance",
-        says: "A black pixel becomes NaN: the function divides the pixel's mapped luminance by its luminance, and \
-               both are 0. Bevy uses the function for `Tonemapping::ReinhardLuminance`.",
+        says: "A black pixel becomes NaN: the function divides the pixel's mapped luminance by the pixel's luminance, \
+               and both luminances are 0. Bevy uses the function for `Tonemapping::ReinhardLuminance`.",
         check: |package| tone_of_black(package).into(),
         change: [
             "return c_in * (l_out / l_in);",
@@ -170,10 +170,11 @@ const FOUND: [Found; 9] = [
         krate: "bevy_pbr@0.20.1",
         function: "render::pbr_lighting::ltc_integrate_quad",
         says: "If the view direction equals the normal, a rectangular light gives no light: a floor under an \
-               orthographic camera that looks straight down stays black. The function makes its first tangent from \
-               the part of the view that is perpendicular to the normal. Here that part is 0, and normalising it \
-               gives NaN. Later the function looks for corners of the rectangle above the horizon. Every comparison \
-               with NaN is false, so it finds no corner. Any tangent would be correct here.",
+               orthographic camera that looks straight down stays black. The function makes its first tangent from the \
+               part of the view that is perpendicular to the normal. If the view equals the normal, that part is 0, \
+               and its normalised vector is NaN. Later the function looks for corners of the rectangle above the \
+               horizon. Every comparison with NaN is false, so the function finds no corner. Any vector perpendicular \
+               to the normal would be a correct tangent.",
         check: |package| along_the_normal(package).into(),
         change: [
             "    let T1 = normalize(V - N * dot(V, N));\n",
@@ -187,11 +188,11 @@ const FOUND: [Found; 9] = [
         name: "last-bin",
         krate: "bevy_post_process@0.20.1",
         function: "auto_exposure::auto_exposure::compute_histogram",
-        says: "A workgroup has 256 invocations, and the histogram has 64 bins. Each invocation adds the bin with its \
-               own index, so 192 invocations use an index outside of the arrays. WGSL then allows any element \
-               (6.4.4). Mesa drops such writes, which hides the fault. If a driver clamps the index, as WGSL allows, \
-               the shader adds the last bin, that of the brightest pixels, 193 times. Auto exposure then darkens the \
-               frame too much.",
+        says: "A workgroup has 256 invocations, and the histogram has 64 bins. Each invocation adds the bin that has \
+               the invocation's index, so 192 invocations use an index outside of the arrays. WGSL lets a driver \
+               access any element instead (6.4.4). Mesa drops such writes, which hides the fault. If a driver clamps \
+               the index, as WGSL allows, the shader adds the last bin, that of the brightest pixels, 193 times. Auto \
+               exposure then darkens the frame too much.",
         check: |package| last_bin(package).into(),
         change: [
             "    var histogram_value = atomicLoad(&histogram_shared[local_invocation_index]);\n    \
@@ -207,10 +208,11 @@ const FOUND: [Found; 9] = [
         name: "storage-barrier",
         krate: "vello_shaders@0.11.0",
         function: "tile_alloc::main",
-        says: "The shader keeps counts of tiles in workgroup memory. Each invocation writes its count, and later \
-               reads the count of a neighbour. Between both is only a `storageBarrier`, which doesn't order accesses \
-               of workgroup memory (WGSL, 17.11.1). A comment in the shader says that it replaces a workgroup barrier \
-               that a driver compiled wrongly. Drivers whose barriers order both address spaces hide the fault.",
+        says: "The shader keeps counts of tiles in workgroup memory. Each invocation writes its count, and later reads \
+               the count of a neighbour. Between the write and the read there is only a `storageBarrier`, which \
+               doesn't order accesses of workgroup memory (WGSL, 17.11.1). A comment in the shader says that this \
+               barrier replaces a workgroup barrier that a driver compiled wrongly. If a driver's `storageBarrier` \
+               also orders workgroup memory, the driver hides the fault.",
         check: |package| storage_barrier(package).into(),
         change: [
             "    if local_id.x == WG_SIZE - 1u {\n        let count",
@@ -458,21 +460,21 @@ fn all(folder: &Path) -> Result<(), String> {
         index += &format!("| [{name}]({name}.md) | {krate} | `{function}` |\n");
         eprintln!("{name}: fails as released, passes when it is mended");
     }
-    index += "\nThe same command tests two compute passes of vello_shaders 0.11, its prefix sum over path tags: it \
-              compares them with a reference in Rust, and requires Karat to find two planted faults \
-              (`ci/corpus/src/bin/passes.rs`).\n\n\
+    index += "\n`cargo ci found` also tests two compute passes of vello_shaders 0.11, the prefix sum over path tags. \
+              The command compares the results with a reference in Rust, and requires that Karat finds two planted \
+              faults (`ci/corpus/src/bin/passes.rs`).\n\n\
               ## Passes that `karat hazards` checked\n\n\
               `karat hazards` checked these passes without a test, with generated resources: vello_shaders 0.11, \
-              bevy_pbr 0.20 (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, \
-              atmosphere), bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that Karat can \
-              open, wgpu_sort 0.1 with the constants from its Rust code, and the compute shaders in eight files \
-              of the WebGPU samples. It found:\n\n\
-              - one race, storage-barrier in the table above;\n\
-              - indices out of range: last-bin above; boids and particles, whose last workgroup goes beyond the \
-              array, because they don't compare the index with the length; and the histograms of wgpu_sort, whose \
-              size the host rounds up;\n\
-              - a read of workgroup memory before the first write, in `allocate_global_scan` of bevy_pbr. The memory \
-              is zero only if the host leaves zero initialisation on.\n";
+              bevy_pbr 0.20 (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, atmosphere), \
+              bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that Karat can open, wgpu_sort 0.1 \
+              with the constants from its Rust code, and the compute shaders in eight files of the WebGPU samples. \
+              The command found:\n\n\
+              - The only race is the fault storage-barrier in the table above.\n\
+              - Some passes use indices outside of arrays: the fault last-bin in the table above; boids and particles \
+              of the WebGPU samples, because their last workgroup doesn't compare the index with the length; and the \
+              histograms of wgpu_sort, because the host rounds their size up.\n\
+              - `allocate_global_scan` of bevy_pbr reads workgroup memory before the first write. The memory is zero \
+              only if the host leaves zero initialisation on.\n";
     index += DISPATCHED;
     let file = folder.join("README.md");
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
@@ -482,12 +484,12 @@ fn all(folder: &Path) -> Result<(), String> {
 const DISPATCHED: &str = "
 ## Passes with the sizes of their host
 
-`karat call --dispatch` checked each pass with the buffer sizes and workgroup counts of its own host. These are the 13 passes of blade (dd93e63) that naga accepts, four of them with a replacement for ray queries, and the 21 templates of wonnx (c62f5d3), for 137 nodes. blade's passes have no fault. These nodes of wonnx have one, each in wonnx's own code:
+`karat call --dispatch` checked each pass with the buffer sizes and workgroup counts of its own host. The checked passes are the 13 passes of blade (dd93e63) that naga accepts, four of them with a replacement for ray queries, and the 21 templates of wonnx (c62f5d3), for 137 nodes. blade's passes have no fault. These nodes of wonnx have a fault in wonnx's own code:
 
 - Softmax of operator sets 11 and 12 has a race. The host dispatches one column of invocations for each element right of the axis. Each column writes the whole chunk, so several columns write the same elements.
-- If the sizes of a MatMul have 5, 7 or 9 as their common divisor, it uses tiles of 4, which don't fit. Two matrices of a stack then write the same elements, and each matrix reads and writes beyond its buffer. With the divisor 3, a vector has 16 bytes in the shader and 12 on the host.
+- If the sizes of a MatMul have 5, 7 or 9 as their common divisor, the shader uses tiles of size 4, which don't divide the sizes. Two matrices of a stack then write the same elements, and each matrix reads and writes beyond its buffer. With the divisor 3, a vector has 16 bytes in the shader and 12 on the host.
 - Conv of 3 x 3 without a bias reads beyond its weights, because wonnx pads the weights only if there is a bias.
-- Above 65,535 elements a workgroup has two invocations. If the number of elements is odd, the last invocation of Relu, Add and others uses an index outside of the array, because no template compares the index with the length.
+- Above 65,535 elements a workgroup has two invocations. If the number of elements is odd, the last invocation of Relu, Add and other nodes uses an index outside of the array, because no template compares the index with the length.
 - Resize with given sizes rounds its scale to two digits: a resize from 300 to 400 texels reads beyond the row.
 ";
 
@@ -550,8 +552,8 @@ fn page(found: &Found) -> Result<String, String> {
     };
     let _ = write!(
         page,
-        "# {}\n\n`{}` of {crate_name} {version}, line {line} of its module.\n\n{}\n\nThe test:\n\n```rust\n{}```\n\n\
-         Karat says:\n\n```text\n{}\n```\n\nAfter this change it passes:\n\n```diff\n{}{}```\n",
+        "# {}\n\nThe fault is in `{}` of {crate_name} {version}, at line {line} of the module.\n\n{}\n\nThe test:\n\n```rust\n{}```\n\n\
+         Karat says:\n\n```text\n{}\n```\n\nAfter this change the test passes:\n\n```diff\n{}{}```\n",
         found.name.replace('-', " "),
         found.function,
         found.says,
@@ -561,7 +563,8 @@ fn page(found: &Found) -> Result<String, String> {
         lines(to, from, '+'),
     );
     if found.mended.is_some() {
-        let _ = write!(page, "\nIt also passes this check:\n\n```rust\n{more}```\n");
+        let _ =
+            write!(page, "\nThe changed function also passes this check:\n\n```rust\n{more}```\n");
     }
     Ok(page)
 }
