@@ -213,7 +213,7 @@ fn honest_programs_conform() {
         for (name, answer) in &answers {
             match unasked.contains(&&**name) {
                 true => {
-                    assert_eq!(answer["why"], "its greeting has no `frames`", "{path}: {name}")
+                    assert_eq!(answer["why"], "the greeting has no `frames`", "{path}: {name}")
                 }
                 false => assert_eq!(answer["answer"], "right", "{path}: {name}"),
             }
@@ -232,12 +232,12 @@ fn lies_do_not_conform() {
         ("shifted", "untouched", "word 0 is 0xdead0003, not 0xdead0000; 8 of 8 differ"),
         ("wrong", "long", "1 of 262144 differ"),
         ("short", "grid", "it returned outputs of [71] words, but the job needs [72]"),
-        ("few", "outputs", r#"its reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
-        ("late", "outputs", r#"its reply is {"done":[["#),
+        ("few", "outputs", r#"the program's reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
+        ("late", "outputs", r#"the program's reply is {"done":[["#),
         (
             "refuses",
             "refusal",
-            r#"behind a job that it refused a valid one gets {"refused":{"message":"#,
+            r#"after a refused job, the program replies to a valid job with {"refused":{"message":"#,
         ),
         ("dies", "function", "it ended (exit status: 3): out of memory"),
     ] {

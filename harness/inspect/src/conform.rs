@@ -1,7 +1,7 @@
-//! Runs jobs with known answers, for authors of programs that run jobs.
+//! Checks programs that run jobs, by jobs with known results. Authors of such programs use this module.
 //!
-//! Each question checks one rule of the protocol, so that a failure names the part to fix. Karat asks a path's program
-//! through [`Executor::run`], as tests do. It can also ask drivers, and the engine of this process.
+//! Each question checks one rule of the protocol, so a failure names the part to fix. Karat sends jobs to a path's
+//! program through [`Executor::run`], as tests do. Karat can also check drivers, and the engine of this process.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -22,7 +22,7 @@ use karat::unstable::settings;
 use karat::{Package, Path, Sampler, Storage, Texture, Uniform};
 use serde::Serialize;
 
-/// The answers of a path's program.
+/// The answers of the program behind a path.
 ///
 /// ```
 /// use karat::Path;
@@ -36,12 +36,11 @@ use serde::Serialize;
 pub struct Report {
     /// The adapter behind the path, from its greeting.
     pub adapter: Adapter,
-    /// Every question, in order.
     pub answers: Vec<Answered>,
 }
 
 impl Report {
-    /// The number of questions with this answer.
+    /// Counts the questions with this answer.
     #[must_use]
     pub fn count(&self, answer: Answer) -> usize {
         self.answers.iter().filter(|one| one.answer == answer).count()
@@ -51,33 +50,31 @@ impl Report {
 /// A question and its answer.
 #[derive(Clone, Debug, Serialize)]
 pub struct Answered {
-    /// A word for the question: `untouched`.
+    /// The question's name, in one word: `untouched`.
     pub name: &'static str,
-    /// The rule that it checks.
+    /// The rule that the question checks.
     pub rule: &'static str,
-    /// The result.
+    /// The kind of answer.
     pub answer: Answer,
-    /// The reason, unless the answer is right.
+    /// The reason for the answer; empty if the answer is right.
     pub why: String,
 }
 
-/// The result of a question.
+/// The kind of answer to a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
-    /// As expected.
+    /// The answer is right.
     Right,
-    /// Another answer than expected, or none.
+    /// The answer is wrong or missing.
     Wrong,
-    /// The program doesn't support such a shader, and says so. A test with such a shader needs `refused_on`.
+    /// The program refuses the shader, and reports that. A test with such a shader needs `refused_on`.
     Refused,
-    /// The greeting lacks the ability, or the program hung before.
+    /// Karat didn't ask: the greeting lacks the ability, or the program hung before.
     NotAsked,
 }
 
-/// The reason why a question has no right answer.
 enum Stop {
-    /// The program refuses the shader.
     Refused(String),
     Wrong(String),
 }
@@ -88,22 +85,22 @@ impl<T: Into<String>> From<T> for Stop {
     }
 }
 
-/// The most questions that may time out. After that, the program isn't asked again.
+/// The most questions that may time out. After these, Karat doesn't ask the program again.
 const MOST_HUNG: usize = 2;
 
-/// Asks the path's program every question, and reports each answer as soon as it arrives.
+/// Asks the path's program every question, and calls `tell` with each answer as soon as it arrives.
 ///
 /// # Errors
-/// If the path doesn't open: then no question was asked.
+/// If the path doesn't open. Then no question was asked.
 pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, PathError> {
     let executor = executor::of(path)?;
     let (mut answers, mut hung) = (Vec::new(), 0);
     for (name, needs, rule, ask) in &QUESTIONS {
         let lacks = needs.filter(|ability| !executor.can(*ability)).map(|ability| {
             let name = serde_json::to_value(ability).expect("it is plain data");
-            format!("its greeting has no `{}`", name.as_str().unwrap_or_default())
+            format!("the greeting has no `{}`", name.as_str().unwrap_or_default())
         });
-        let over = (hung >= MOST_HUNG).then(|| format!("it hung {hung} times"));
+        let over = (hung >= MOST_HUNG).then(|| format!("the program hung {hung} times"));
         let (answer, why) = match lacks.or(over) {
             Some(why) => (Answer::NotAsked, why),
             None => {
@@ -113,7 +110,7 @@ pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, Pa
                 match (asked, needs) {
                     (Ok(()), _) => (Answer::Right, String::new()),
                     (Err(Stop::Refused(why)), Some(_)) => (Answer::Refused, why),
-                    // Every program has to run passes over buffers.
+                    // Every program must be able to run passes over buffers.
                     (Err(Stop::Refused(why) | Stop::Wrong(why)), _) => (Answer::Wrong, why),
                 }
             }
@@ -124,27 +121,32 @@ pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, Pa
     Ok(Report { adapter: executor.adapter(), answers })
 }
 
-/// A question: its name, the ability that it needs, the rule that it checks, and the function that asks it.
+/// A question: its name, the ability that it needs, the rule that it checks, and the function that asks the question.
 type Question =
     (&'static str, Option<Ability>, &'static str, fn(&dyn Executor) -> Result<(), Stop>);
 
 const QUESTIONS: [Question; 21] = [
-    ("bits", None, "words are bits: NaN, -0 and subnormal numbers come back as they were", bits),
+    ("bits", None, "words are bits: NaN, -0 and subnormal numbers come back unchanged", bits),
     (
         "untouched",
         None,
-        "a buffer holds the job's words, and those that no shader writes stay",
+        "a buffer holds the job's words; words that no shader writes keep their values",
         untouched,
     ),
     (
         "outputs",
         None,
-        "a reply has the wanted resources alone, in the job's order, as long as in the job",
+        "a reply has only the job's outputs, in the job's order, each as long as in the job",
         outputs,
     ),
     ("grid", None, "`workgroups` counts workgroups in each direction", grid),
-    ("workgroup", None, "workgroup memory begins as zeros, and barriers order it", workgroup),
-    ("atomics", None, "atomic operations of all workgroups meet in one buffer", atomics),
+    (
+        "workgroup",
+        None,
+        "workgroup memory is zero at first, and barriers order its accesses",
+        workgroup,
+    ),
+    ("atomics", None, "atomic operations of all workgroups act on one buffer", atomics),
     ("passes", None, "passes run one after the other, over the same resources", passes),
     (
         "layout",
@@ -153,7 +155,7 @@ const QUESTIONS: [Question; 21] = [
         layout,
     ),
     ("overrides", None, "overrides are found by their `@id`, or by their names", overrides),
-    ("long", None, "a line of some megabytes is read and written whole", long),
+    ("long", None, "lines of some megabytes are read and written completely", long),
     ("function", None, "a function's kernel runs for each case", function),
     (
         "refusal",
@@ -167,7 +169,7 @@ const QUESTIONS: [Question; 21] = [
     (
         "stored",
         Some(Ability::Textures),
-        "a storage texture comes back as four words a texel",
+        "a storage texture returns four words for each texel",
         stored,
     ),
     ("halves", Some(Ability::F16), "`enable f16;` runs", halves),
@@ -175,19 +177,18 @@ const QUESTIONS: [Question; 21] = [
     (
         "immediates",
         Some(Ability::Immediates),
-        "`var<immediate>` has the resource whose `at` is null",
+        "the resource with a null `at` goes into `var<immediate>`",
         immediates,
     ),
     (
         "pixels",
         Some(Ability::Frames),
-        "an image has its top row first, and pixels no fragment colours are clear",
+        "an image has its top row first; pixels without a fragment have the clear colour",
         pixels,
     ),
-    ("nearest", Some(Ability::Frames), "of two draws the nearer one is seen", nearest),
+    ("nearest", Some(Ability::Frames), "the nearer of two draws is visible", nearest),
 ];
 
-/// Passes, with the expected words of `out`.
 struct Passes<'a> {
     wgsl: &'a str,
     with: Vec<(&'a str, Fixture)>,
@@ -196,7 +197,7 @@ struct Passes<'a> {
 }
 
 impl<'a> Passes<'a> {
-    /// Passes over `out`, which begins with these words.
+    /// Passes over the buffer `out`, which has these words before the run.
     fn over(wgsl: &'a str, out: Vec<u32>, dispatches: &'a [(&'a str, [u32; 3])]) -> Self {
         Self { wgsl, with: vec![("out", Storage::new(out).into())], overrides: &[], dispatches }
     }
@@ -229,7 +230,7 @@ impl<'a> Passes<'a> {
     }
 }
 
-/// Compares words, and reports the first difference.
+/// Compares words, and describes the first difference.
 fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
     if words.len() != expected.len() {
         return Err(format!("{} {what}s came back, not {}", words.len(), expected.len()));
@@ -242,7 +243,7 @@ fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
 }
 
 fn bits(executor: &dyn Executor) -> Result<(), Stop> {
-    // Quiet and signalling NaN with a payload, -0, the least subnormal number, infinity, all ones.
+    // A quiet and a signalling NaN with a payload, -0, the least subnormal number, infinity, all ones.
     let words = vec![0x7fc0_1234, 0x7f80_0001, 0x8000_0000, 1, 0x7f80_0000, u32::MAX];
     let wgsl = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;
         @compute @workgroup_size(1) fn swap() { let first = out[0]; out[0] = out[5]; out[5] = first; }";
@@ -309,7 +310,8 @@ fn layout(executor: &dyn Executor) -> Result<(), Stop> {
             out[0] = u32(given.a); out[1] = u32(given.b.z); out[2] = u32(given.c[1].x); out[3] = given.d;
             out[4] = more[1].y; out[5] = arrayLength(&more);
         }";
-    // `a` at 0, `b` at 16, `c` at 32 with columns of 16, `d` at 64; the structure has 80 bytes (WGSL 14.4.1).
+    // `a` is at byte 0, `b` at 16, `c` at 32 with columns of 16 bytes, `d` at 64. The structure has 80 bytes (WGSL
+    // 14.4.1).
     let mut given = [0_u32; 20];
     for (at, value) in [(0, 2.0_f32), (6, 3.0), (12, 5.0)] {
         given[at] = value.to_bits();
@@ -338,7 +340,7 @@ fn long(executor: &dyn Executor) -> Result<(), Stop> {
         @compute @workgroup_size(256) fn invert(@builtin(global_invocation_id) at: vec3u) {
             out[at.x] = ~out[at.x];
         }";
-    // A quarter of a million words of ten digits each are 2.6 MB.
+    // A quarter of a million words with ten digits each take 2.6 MB.
     let words: Vec<u32> = (0..1 << 18).collect();
     let expected: Vec<u32> = words.iter().map(|word| !word).collect();
     Passes::over(wgsl, words, &[("invert", [1 << 10, 1, 1])]).leave(executor, &expected)
@@ -356,7 +358,7 @@ fn function(executor: &dyn Executor) -> Result<(), Stop> {
     Ok(same("lane", &rows, &(0..1000_u16).flat_map(pair).collect::<Vec<_>>())?)
 }
 
-/// A job of the given passes, each with the same bindings.
+/// Builds a job of the given passes, each with the same bindings.
 fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     let shader = |wgsl: &str| Shader {
         wgsl: wgsl.to_owned(),
@@ -375,7 +377,7 @@ fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     Job::new(Work::Passes(passes), held, outputs.to_vec())
 }
 
-/// A reply, as its program wrote it.
+/// Formats a reply as JSON, as the program wrote it.
 fn shown(reply: &Reply) -> String {
     serde_json::to_string(reply).expect("it is plain data")
 }
@@ -390,7 +392,7 @@ fn outputs(executor: &dyn Executor) -> Result<(), Stop> {
     match executor.run(&job).map_err(|error| error.to_string())? {
         reply if reply == wanted => Ok(()),
         reply => Err(format!(
-            "of outputs 2 and 0 its reply is {}, not {}",
+            "for outputs 2 and 0 the program's reply is {}, not {}",
             shown(&reply),
             shown(&wanted)
         )
@@ -413,7 +415,7 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
         _ => {
             return Err(format!(
                 "the second pass isn't valid: answer `refused` with a message, \"pass\": 1 and, if they are known, \
-                 bytes of that pass's text; its reply is {}",
+                 bytes of that pass's text; the program's reply is {}",
                 shown(&reply)
             )
             .into());
@@ -421,13 +423,15 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
     }
     match ask(&[valid])? {
         Reply::Done(words) if words == [[1]] => Ok(()),
-        reply => {
-            Err(format!("behind a job that it refused a valid one gets {}", shown(&reply)).into())
-        }
+        reply => Err(format!(
+            "after a refused job, the program replies to a valid job with {}",
+            shown(&reply)
+        )
+        .into()),
     }
 }
 
-/// A texture of 4 x 2 texels, numbered from the top left.
+/// Makes a texture of 4 x 2 texels, numbered from the top left.
 fn numbered() -> Texture {
     Texture::from_fn(4, 2, |x, y| (x + 4 * y) as f32)
 }
@@ -457,7 +461,8 @@ fn sampling(executor: &dyn Executor) -> Result<(), Stop> {
             out[1] = u32(2.0 * textureSampleLevel(image, linear, vec2f(2.0, 0.25), 0.0).x);
             out[2] = u32(2.0 * textureSampleLevel(same, nearest, vec2f(2.0, 0.75), 0.0).x);
         }";
-    // Halfway between texels 1 and 2; between 3 and 0, as the image repeats; the texel at the edge of the second row.
+    // The points are halfway between texels 1 and 2, halfway between texels 3 and 0 (the image repeats), and at the
+    // edge of the second row.
     Passes::over(wgsl, vec![0; 3], &[("look", [1, 1, 1])])
         .with("image", numbered())
         .with("linear", Sampler::LINEAR.repeat())
@@ -491,7 +496,7 @@ fn stored(executor: &dyn Executor) -> Result<(), Stop> {
         Reply::Refused(problem) => Err(Stop::Refused(problem.message)),
         reply => {
             let wanted = shown(&Reply::Done(vec![vec![90, 90, 90, 90, 1, 2, 3, 4]]));
-            Err(format!("its reply is {}, not {wanted}", shown(&reply)).into())
+            Err(format!("the program's reply is {}, not {wanted}", shown(&reply)).into())
         }
     }
 }
@@ -521,14 +526,14 @@ fn immediates(executor: &dyn Executor) -> Result<(), Stop> {
     copy.with("given", Uniform::new(glam::UVec2::new(3, 5))).leave(executor, &[3, 5])
 }
 
-/// A triangle over the whole frame, at a depth.
+/// A triangle over the whole frame, near or far.
 const CORNERS: &str = "fn corner(i: u32, z: f32) -> vec4f {
         return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, z, 1.0);
     }
     @vertex fn near(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.25); }
     @vertex fn far(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.75); }";
 
-/// The bits of the pixels of a frame.
+/// Returns the bits of a frame's pixels.
 fn image(frame: &karat::Frame<'_>, executor: &dyn Executor) -> Result<Vec<u32>, Stop> {
     let image = frame.render(executor.path()).map_err(|error| match &error {
         FrameError::Draw(DrawError::Path(PathError::Refused { message, .. })) => {

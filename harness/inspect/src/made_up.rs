@@ -257,7 +257,7 @@ const DERIVATIVES: &str = "derivatives";
 struct Described {
     path: String,
     part: Part,
-    /// `true` if neither a declaration nor the name gives a range.
+    /// `true` if no declaration and no name gives a range.
     guessed: bool,
     declared: bool,
     /// `true` if the input is declared, or if names count as declarations and this name suggests a range.

@@ -9,12 +9,12 @@ fn look(text: &str) -> Hazards {
     karat_inspect::hazards(&Package::from_source("planted", text)).run().expect("it is looked at")
 }
 
-/// The faults and requirements of a text.
+/// Returns the faults and requirements of a text.
 fn found(text: &str) -> Vec<Hazard> {
     look(text).found
 }
 
-/// The finding of a kind at an operation. Panics if there is none.
+/// Returns the finding of a kind at an operation. Panics if there is no such finding.
 fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     let hazards = look(text);
     let mut all = hazards.found.iter().chain(&hazards.others);
@@ -23,8 +23,8 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     one.unwrap_or_else(|| panic!("no {kind:?} at `{operation}`: {hazards:#?}")).clone()
 }
 
-/// A fault goes wrong in each sample of the free inputs. If some sample averts it, it is a requirement, and lists the
-/// inputs of which each alone can avert it.
+/// A fault goes wrong in each sample of the free inputs. If some sample averts the error, the finding is a requirement,
+/// and lists each input that can avert the error on its own.
 // Lesson 97
 #[test]
 fn running_separates_faults_from_requirements() {
@@ -39,7 +39,7 @@ fn running_separates_faults_from_requirements() {
     };
     let float = |parameters: &str, body: &str| of(parameters, "f32", body);
     for (text, kind, part, class, needs) in [
-        // Without declarations.
+        // Without declarations, every input is free.
         (float("x: f32", "exp(x)"), Kind::Infinite, "exp(x)", Requirement, &["x"][..]),
         (float("x: f32", "log(x)"), Kind::Nan, "log(x)", Requirement, &["x"]),
         (
@@ -89,7 +89,7 @@ fn running_separates_faults_from_requirements() {
         (of("i: u32", "vec4f", "weights[i]"), Kind::OutOfRange, "weights[i]", Requirement, &["i"]),
         (of("i: u32", "f32", "lights[i]"), Kind::OutOfRange, "lights[i]", Requirement, &["i"]),
         (float("x: f32", "x / scale"), Kind::Nan, "x / scale", Requirement, &["scale"]),
-        // No sample averts it.
+        // No sample averts the error.
         (
             float("x: f32", "1.0 / (floor(x) - floor(x))"),
             Kind::Infinite,
@@ -111,8 +111,8 @@ fn running_separates_faults_from_requirements() {
             Fault,
             &[],
         ),
-        // A range that a name suggests counts in a function without callers. The free inputs beside it can't avert the
-        // fault.
+        // In a function without callers, a range that a name suggests counts as a declaration. The other inputs can't
+        // avert the fault.
         (
             float("roughness: f32, x: f32", "x + 1.0 / roughness"),
             Kind::Infinite,
@@ -150,7 +150,7 @@ fn running_separates_faults_from_requirements() {
         ),
         (of("s: vec3f", "vec3f", "normalize(s)"), Kind::Nan, "normalize(s)", Requirement, &["s"]),
         (float("roughness: f32, x: f32", "x / roughness"), Kind::Nan, "x / roughness", Fault, &[]),
-        // A name doesn't bound a whole number.
+        // The name of a whole number doesn't constrain the number.
         (
             of("i: u32, columns: u32", "u32", "i / columns"),
             Kind::ByZero,
@@ -158,7 +158,7 @@ fn running_separates_faults_from_requirements() {
             Requirement,
             &["columns"],
         ),
-        // Findings about WGSL's own bounds need a declaration.
+        // Kinds of error that WGSL allows need declared inputs to be faults.
         (
             float("n_dot_v: f32", "pow(n_dot_v, 5.0)"),
             Kind::Unbounded,
@@ -218,14 +218,14 @@ fn declared_inputs_are_held() {
     assert!(free.iter().all(|(.., class)| *class == Class::Requirement), "{free:?}");
     assert!(free.contains(&("f".to_owned(), Kind::OutOfRange, Class::Requirement)), "{free:?}");
     let unit = classes(&[("value", 0.0, 1.0), ("x", -1.0, 1.0)]);
-    // 1.0 * 4 is outside for any `k`, and all inputs of `g` are declared.
+    // The index 1.0 * 4 is outside of the array for every `k`, and all inputs of `g` are declared.
     let expected = [("f", Kind::OutOfRange), ("g", Kind::LostDigits)];
     let expected = expected.map(|(name, kind)| (name.to_owned(), kind, Class::Fault));
     assert_eq!(unit, expected);
     assert_eq!(classes(&[("value", 0.0, 0.99), ("x", 1.0, 2.0)]), []);
 }
 
-/// A finding in a function with callers is judged at the outermost callers.
+/// Karat judges a finding in a function with callers by the callers at the top of the call graph.
 // Lesson 97
 // Lesson 143
 #[test]
@@ -243,10 +243,10 @@ fn callers_judge_what_they_call() {
         (vec![], Class::Requirement, "root"),
         (vec![good], Class::Met, "root"),
         (vec![good, shaded], Class::Met, "root"),
-        // One of the callers is enough, in any position.
+        // One caller is enough, in any position.
         (vec![good, shaded, bad], Class::Requirement, "bad"),
         (vec![good, bad, always], Class::Fault, "always"),
-        // A caller that wasn't checked doesn't count: the function is judged on its own.
+        // A caller that wasn't checked doesn't count, so Karat judges the function on its own.
         (vec![unseen], Class::Requirement, "root"),
         (vec![good, unseen], Class::Met, "root"),
         (vec![seldom], Class::NotReached, "root"),
@@ -254,7 +254,7 @@ fn callers_judge_what_they_call() {
         let one = at(&format!("{root}{}", more.concat()), Kind::Nan, "sqrt(x - 0.5)");
         assert_eq!((one.class, &*one.function), (class, function), "{more:?}: {one}");
     }
-    // Its own finding comes before the call, whose operation is fine in each case.
+    // The function has a finding of its own, then calls another function, whose operation never goes wrong.
     let own =
         "fn caller(x: f32, roughness: f32) -> f32 { return sqrt(x-0.5) + root(0.5 + roughness); }";
     let text = format!("{root}{own}");
@@ -275,7 +275,7 @@ fn callers_judge_what_they_call() {
     assert_eq!(only.requirements().count(), 1);
 }
 
-/// A bad value counts if it reaches a result, a condition, an index or an unbounded number.
+/// A bad value counts if it affects a result, a condition, an index or an unbounded number.
 // Lesson 143
 #[test]
 fn used_results_are_not_dropped() {
@@ -303,7 +303,7 @@ fn used_results_are_not_dropped() {
     assert_eq!(at(masked, Kind::Nan, "sqrt(-1.0 - abs(out[id.x]))").class, Class::Fault);
 }
 
-/// Each operation of a function counts, also after others of its kind.
+/// Each operation of a function counts, even after other operations of the same kind.
 // Lesson 97
 #[test]
 fn each_operation_has_its_own_verdict() {
@@ -318,8 +318,8 @@ fn each_operation_has_its_own_verdict() {
     assert_eq!(classes, expected);
 }
 
-/// An invalid function doesn't affect functions that don't use it, also in a matrix. A test needs its whole module to
-/// be valid.
+/// An invalid function doesn't affect functions that don't use it, not even in a matrix. But a test needs its whole
+/// module to be valid.
 #[test]
 fn a_function_is_judged_by_what_it_uses() {
     let text = "fn inverse(x: f32) -> f32 { return 1.0 / x; }
@@ -347,7 +347,7 @@ fn a_function_is_judged_by_what_it_uses() {
     assert!(error.to_string().contains("invalid field accessor"), "{error}");
 }
 
-/// An invalid module has no callers, so its functions are judged one by one.
+/// An invalid module has no call graph, so Karat judges its functions one by one.
 // Lesson 143
 #[test]
 fn modules_that_are_not_valid_may_call() {
@@ -405,13 +405,13 @@ fn each_is_found_where_it_is_born() {
     let cancels = "fn f(theta: f32) -> f32 { return 1.0 - cos(theta); }";
     at(cancels, Kind::LostDigits, "1.0 - cos(theta)");
 
-    // All digits are lost: 1 - cos(1e-4) is 0 in `f32`, so the result is 0 instead of a half.
+    // All digits are lost: 1 - cos(1e-4) is 0 in `f32`, so the result is 0 instead of one half.
     let all = "fn f(x: f32) -> f32 { return (1.0 - cos(x)) / (x * x); }";
     let package = Package::from_source("planted", all);
     let lost = package.function("f").over(1e-6..=1e-4).cases(500).unrecorded().try_has_no_hazards();
     let told = lost.expect_err("0 is no half").to_string();
     assert!(told.contains("lost digits at `1.0 - cos(x)`"), "{told}");
-    // A result that consists only of rounding loses nothing.
+    // A result that consists only of rounding errors loses no digits.
     let rounding = Package::from_source("planted", "fn f(x: f32) -> f32 { return 1.0 - cos(x); }");
     rounding.function("f").over(1e-6..=1e-5).cases(500).has_no_hazards();
 
@@ -427,14 +427,14 @@ fn each_is_found_where_it_is_born() {
     at(sum, Kind::Infinite, "1.0 / t");
 }
 
-/// The hazard of a kind, in any class, with the package's other hazards.
+/// Returns the hazard of a kind, in any class.
 fn of_kind(hazards: &Hazards, kind: Kind) -> Hazard {
     let is_of = |one: &&Hazard| one.kind == kind || one.kinds.contains(&kind);
     let one = hazards.found.iter().find(is_of);
     one.unwrap_or_else(|| panic!("no {kind:?}: {hazards:#?}")).clone()
 }
 
-/// If the engine reported one lane of 256, `always` would look like `rarely`.
+/// The function `always` goes wrong in every case. Karat must not count only one lane of 256.
 // Lesson 140
 #[test]
 fn each_input_of_a_hazard_counts() {
@@ -488,7 +488,7 @@ fn each_input_of_a_hazard_counts() {
     assert!(share > 75.0, "{text}");
 }
 
-/// Integers are declared like floats, and the ends of their types are sampled.
+/// Integers are declared like floats, and Karat samples the ends of their types.
 // Lesson 146
 #[test]
 fn integers_are_declared_and_reach_the_ends_of_their_types() {
@@ -514,7 +514,7 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
     }
 }
 
-/// A report says which values it tried. Unconstrained numbers are sampled as in tests.
+/// A report lists the ranges of the tried values. Unconstrained numbers are sampled as in tests.
 // Lesson 147
 #[test]
 fn a_report_says_what_was_drawn() {
@@ -555,7 +555,7 @@ fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
     }
 }
 
-/// Members of buffers have names, ranges and several contents.
+/// Members of buffers have names and ranges, and run with several contents.
 // Lesson 149
 #[test]
 fn members_of_buffers_are_drawn_and_declared() {
@@ -594,7 +594,7 @@ fn members_of_buffers_are_drawn_and_declared() {
     assert!(error.contains("did you mean `p.other`?"), "{error}");
 }
 
-/// The report counts the parts that weren't checked.
+/// The report counts the inputs and functions that weren't checked.
 // Lesson 151
 #[test]
 fn unchecked_inputs_and_functions_are_counted() {
@@ -617,7 +617,7 @@ fn unchecked_inputs_and_functions_are_counted() {
     assert_eq!(long.unseen.in_part, 1);
 }
 
-/// A name doesn't relate the sizes of two textures. An array is as long as the dispatch.
+/// Names don't relate the sizes of two textures. An array is as long as the dispatch.
 #[test]
 fn a_texel_outside_may_be_one_of_another_size() {
     let of = |source: &str, value: &str| {
@@ -639,7 +639,7 @@ fn a_texel_outside_may_be_one_of_another_size() {
     assert_eq!(classes(&array), [(Kind::OutOfRange, Class::Requirement)]);
 }
 
-/// A thread may receive a count while another thread reports the next.
+/// Progress counts come in order, even if a thread is interrupted between counting and reporting.
 #[test]
 fn progress_never_goes_backwards() {
     let text: String =
@@ -658,7 +658,7 @@ fn progress_never_goes_backwards() {
     assert_eq!(told.into_inner().expect("nobody panics"), expected);
 }
 
-/// Correct code gives no findings: authors read few findings, and ignore many.
+/// Correct code gives no findings: authors read a few findings, and ignore a long list.
 // Lesson 111
 #[test]
 fn correct_functions_have_no_findings() {
@@ -697,7 +697,7 @@ fn inputs_are_declared_and_hazards_accepted() {
         }
         other => panic!("{other:?}"),
     }
-    // An empty range is an error for everything that reads it.
+    // An empty range is an error for every reader of `karat.toml`.
     write("karat.toml", "[inputs]\nt = [1, 0.5]\n");
     let error = look().expect_err("no range").to_string();
     assert!(error.contains("`t` is declared from 1 to 0.5: no range"), "{error}");
@@ -715,7 +715,7 @@ fn inputs_are_declared_and_hazards_accepted() {
     write("karat.toml", &accepted("maths::other"));
     match look() {
         Err(HazardError::Declaration(text)) => {
-            assert!(text.contains("there is none: delete it"), "{text}")
+            assert!(text.contains("has no such hazard: delete it"), "{text}")
         }
         other => panic!("{other:?}"),
     }
@@ -743,7 +743,7 @@ fn a_domain_is_checked_for_hazards() {
     assert!(quad(0.5..=1.0).is_ok() && quad(0.0..=1.0).is_err());
 }
 
-/// A check that ends in an error leaves a dispatch whose result isn't read. Its driver must not be working when the
+/// A check that ends in an error leaves a dispatch whose result isn't read. The driver must not be working when the
 /// process ends: one in three such processes crashed.
 #[test]
 fn nothing_runs_when_the_process_ends() {
@@ -756,8 +756,7 @@ fn nothing_runs_when_the_process_ends() {
     }
 }
 
-/// The inputs of a fragment function: a pixel of the screen, whose neighbours are one step away, and interpolated
-/// values.
+/// The inputs of a fragment function: a pixel's position, with neighbours one step away, and interpolated values.
 #[test]
 fn entry_points_of_draws_are_looked_at() {
     let text = "struct In { @builtin(position) pixel: vec4f, @location(0) n_dot_l: f32 }\n\
@@ -779,7 +778,7 @@ fn entry_points_of_draws_are_looked_at() {
     );
 }
 
-/// A pass over two workgroups of 8 x 8 in each direction, and the words that it leaves.
+/// A pass with two workgroups of 8 x 8 in each direction, and the words that the pass writes.
 #[test]
 fn compute_passes_are_looked_through() {
     let head = "struct Size { width: u32, height: u32 }\n\
@@ -824,7 +823,7 @@ fn compute_passes_are_looked_through() {
         assert!(found.location.contains(":10:"), "{}", found.location);
         assert!(found.arguments[0].1.starts_with("local ("), "{found:#?}");
     }
-    // Tiles whose loop has two rounds only for some sizes, without the barrier at its end.
+    // The loop over tiles has two rounds only for some sizes, and lacks the barrier at its end.
     let tiles = |barrier: &str| {
         look(&format!(
             "struct Dims {{ m: u32, n: u32, k: u32 }}\n\
@@ -846,12 +845,13 @@ fn compute_passes_are_looked_through() {
     assert!(of_kind(&tiles(""), Kind::Race).location.contains(":12:"));
     let right = tiles("workgroupBarrier();");
     assert!(right.found.iter().all(|one| one.kind != Kind::Race), "{right:#?}");
-    // A workgroup with many invocations reaches a million rounds in total before one of them has spent its own.
+    // All invocations of the workgroup together run a million rounds before one invocation has used up its own limit.
     let endless = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;\n\
                    @compute @workgroup_size(256) fn spin(@builtin(local_invocation_index) i: u32) {\n\
                    loop { data[i] += 1.0; if data[i] < 0.0 && data[i] > 0.0 { break; } }\n}";
     assert!(of_kind(&look(endless), Kind::Endless).location.contains(":3:"));
-    // A dispatch with as many invocations as a fixed array has elements stays inside; an index one larger never does.
+    // If a dispatch has as many invocations as a fixed array has elements, the invocation's index stays inside. An
+    // index one larger doesn't.
     let fixed = |index: &str| {
         look(&format!(
             "@group(0) @binding(0) var<storage, read_write> data: array<u32, 64>;\n\
@@ -860,17 +860,17 @@ fn compute_passes_are_looked_through() {
     };
     assert!(fixed("id.x").found.is_empty(), "a host dispatches one workgroup");
     assert!(of_kind(&fixed("id.x + 1u"), Kind::OutOfRange).location.contains(":2:"));
-    // A reduction that is dispatched as one workgroup writes all of its own memory.
+    // A reduction that is dispatched as one workgroup writes all of its workgroup memory.
     let reduction = "@group(0) @binding(0) var<storage, read_write> sum: u32;\n\
                      var<workgroup> own: array<u32, 64>;\n\
                      @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) id: vec3u) {\n\
                      own[id.x] = 1u; workgroupBarrier();\n\
                      let first = own[0]; if id.x == 0u { sum = first; }\n}";
     assert_eq!(look(reduction).faults().count(), 0, "{:#?}", look(reduction).found);
-    // Reading unwritten workgroup memory isn't a finding: WGSL initializes it to zero.
+    // Reading unwritten workgroup memory isn't a finding, because WGSL initializes this memory to zero.
     let unwritten = reduction.replace("own[id.x] = 1u", "if id.x > 0u { own[id.x] = 1u; }");
     assert_eq!(look(&unwritten).found.len(), look(reduction).found.len());
-    // Workgroups side by side share a row, and the pass doesn't use the column. Indexed by `x`, they race.
+    // Two workgroups side by side have the same row. The pass doesn't use the column, so an index by `x` would race.
     let rows = |value: &str| {
         look(&format!(
             "@group(0) @binding(0) var<storage, read_write> data: array<u32>;\n\
@@ -881,14 +881,14 @@ fn compute_passes_are_looked_through() {
     let is_write = |one: &&Hazard| matches!(one.kind, Kind::Race | Kind::EqualWrites);
     assert!(!rows("i").found.iter().any(|one| is_write(&one)), "{:#?}", rows("i"));
     assert!(rows("i + w.x").found.iter().any(|one| is_write(&one)), "{:#?}", rows("i + w.x"));
-    // Distinct indices avert it.
+    // Distinct indices avert the race.
     let hazards = of("data[order[i]] = f32(i);");
     let race = hazards.requirements().find(|one| one.kind == Kind::Race);
     let race = race.unwrap_or_else(|| panic!("some contents have it: {hazards:#?}"));
     assert!(race.needs.contains(&"order".to_owned()) && race.violation.is_some(), "{race:#?}");
 }
 
-/// Half precision ends at 65504, and a constant in it stands for its decimal.
+/// Half precision ends at 65504, and a half constant is rounded.
 #[test]
 fn halves_overflow_and_lose_digits_of_their_own() {
     let text = "enable f16;
@@ -898,7 +898,7 @@ fn halves_overflow_and_lose_digits_of_their_own() {
         fn tenth(x: f32) -> f32 { return f32(f16(x) * 0.1h); }";
     let package = Package::from_source("halves", text);
     let function = |name: &str| package.function(name);
-    // A driver without half precision runs none of it. A hazard counts if one path shows it.
+    // A driver without half precision can't run the function. A hazard counts if one path shows it.
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
     let hazards = |name: &str, range| {
         let check = function(name).on(cpu).over(range).cases(500).unrecorded();
@@ -921,7 +921,7 @@ fn halves_overflow_and_lose_digits_of_their_own() {
     tenth.expect("0.1h is any number that is rounded to it");
 }
 
-/// The sanitizer also checks a pass that leaves no result.
+/// The sanitizer also checks a pass that writes no result.
 #[test]
 fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
@@ -935,7 +935,7 @@ fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
-/// One divisor is 0 over one content of eight, the other over all.
+/// With one content of eight, the first divisor is 0. With all contents, the second divisor is 0.
 #[test]
 fn contents_of_a_pass_may_decide_alone() {
     let pass = |divisor: &str| {
@@ -954,7 +954,7 @@ fn contents_of_a_pass_may_decide_alone() {
     assert_eq!((fault.class, fault.cases.0 >= 6), (Class::Fault, true));
 }
 
-/// The pixels of a draw run side by side, each at its own place.
+/// The pixels of a draw run side by side, each at its own position.
 // Lesson 215: two pixels of a draw
 #[test]
 fn pixels_that_write_storage_race() {
@@ -976,7 +976,7 @@ fn pixels_that_write_storage_race() {
         "out[u32(uv.y * f32(p.height)) * p.width + u32(uv.x * f32(p.width))] = q;",
         "textureStore(image, vec2u(q.xy), texel(q, 0u));",
         "let n = atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
-        // Discarded pixels write nothing, and their computations don't matter.
+        // Discarded pixels write nothing, so their computations don't matter.
         "if at(q) != 5u { discard; } out[0] = q;",
         "let x = f32(uv.x > 0.5); if x == 0.0 { discard; } out[at(q)] = q * fwidth(uv.y) / x;",
         "if uv.x < 0.5 { discard; } let n = atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
@@ -1020,7 +1020,7 @@ fn pixels_that_write_storage_race() {
     assert!(race.advice.starts_with("nothing orders two pixels of a draw"), "{}", race.advice);
 }
 
-/// The contents decide who writes, but not where: no index is generated.
+/// The contents decide which invocations write, but not the element that they write.
 #[test]
 fn a_race_for_one_element_is_one_whatever_contents_are() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
@@ -1037,13 +1037,13 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
         let one = hazards.found.iter().find(|one| one.function == function);
         one.unwrap_or_else(|| panic!("{hazards:#?}"))
     });
-    // If two pixels reach it, they race.
+    // If two pixels reach the element, they race.
     assert_eq!(bright.class, Class::Fault, "{bright}");
     assert_eq!(scatter.class, Class::Requirement, "{scatter}");
     assert!(scatter.needs.contains(&"idx".to_owned()), "{scatter}");
 }
 
-/// Loops with many rounds aren't reported as endless, and the inputs that they don't depend on are checked.
+/// Karat doesn't report loops with many rounds as endless, and checks inputs that such loops don't depend on.
 #[test]
 fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {
@@ -1074,7 +1074,7 @@ fn long_loops_are_not_reported_as_endless() {
     assert!(is_endless(&spins), "{spins:#?}");
 }
 
-/// If only some pixels of a quad reach a derivative, its value depends on the driver.
+/// If only some pixels of a quad reach a derivative, the derivative's value depends on the driver.
 #[test]
 fn derivatives_want_a_whole_quad() {
     let parted = |body: &str| {
@@ -1131,7 +1131,7 @@ fn derivatives_want_a_whole_quad() {
         assert!(missing.starts_with("the pixel"), "{body}: {missing}");
         assert!(rest.starts_with(parts), "{body}: {rest}");
     }
-    // A check of one function reports it, too.
+    // A check of one function reports this fault, too.
     let text = "fn edge(x: f32) -> f32 { if x > 0.5 { return fwidth(x); } return 0.0; }
         fn whole(x: f32) -> f32 { let w = fwidth(x); if x > 0.5 { return w; } return 0.0; }";
     let package = Package::from_source("planted", text);
@@ -1156,7 +1156,7 @@ fn derivatives_want_a_whole_quad() {
     }
 }
 
-/// A race stays a race if zeros make its writes equal. The barrier that would order it is present.
+/// Karat still reports a race if zeros make its writes equal. The function has the barrier that would order the writes.
 #[test]
 fn races_of_read_values_are_reported() {
     let pass = |body: &str| {
@@ -1179,7 +1179,8 @@ fn races_of_read_values_are_reported() {
     assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
 }
 
-/// A missing guard shows at the tail, along a long side and along three short ones, and the report says where.
+/// A missing guard shows in the invocations without an element, in a long direction and in three short ones. The report
+/// names the condition.
 #[test]
 fn a_tail_without_its_guard_is_found() {
     let line = "@group(0) @binding(0) var<storage, read_write> v: array<f32>;
@@ -1216,7 +1217,8 @@ fn a_tail_without_its_guard_is_found() {
     }
 }
 
-/// The data decide which invocations swap, but not where: no content makes two of them meet.
+/// The data decide which invocations swap, but not which elements they swap. Without the barrier, the swap races with
+/// the reads after it.
 #[test]
 fn a_race_that_data_decide_is_found() {
     let text = |barrier: &str| {
@@ -1244,7 +1246,7 @@ fn a_race_that_data_decide_is_found() {
     assert_eq!((race.kind, race.text.as_str()), (Kind::Race, "s[63u - i] = x"));
 }
 
-/// Returns `true` if a result loses its digits somewhere in a range, tested case by case.
+/// Checks if a result loses its digits somewhere in a range, case by case.
 fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
     let package = Package::from_source("planted", text);
     let check = package.function("f").over(range).cases(4096).unrecorded();
@@ -1258,7 +1260,7 @@ fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
     }
 }
 
-/// A case that loses its digits does so independently of the other cases.
+/// Each case loses its digits independently of the other cases.
 #[test]
 fn lost_digits_are_judged_case_by_case() {
     let package = Package::from_source("planted", "fn f(r: f32) -> f32 { return exp(r) - 1.0; }");
@@ -1274,7 +1276,7 @@ fn lost_digits_are_judged_case_by_case() {
     package.function("f").over(OneOf(vec![0.01_f32, 0.5, 80.0])).has_no_hazards();
 }
 
-/// If a range contains 0, values near 0 are sampled, in tests and for unconstrained numbers.
+/// If a range contains 0, Karat samples values near 0, in tests and for unconstrained numbers.
 #[test]
 fn digits_are_lost_near_a_zero_inside() {
     let grows = "fn f(x: f32) -> f32 { return exp(x) - 1.0; }";
@@ -1288,7 +1290,7 @@ fn digits_are_lost_near_a_zero_inside() {
     at(text, Kind::LostDigits, "log(abs(h) + sqrt(h * h + 1.0))");
 }
 
-/// If double precision cancels as well, both results agree, but the interval shows it.
+/// If double precision loses the digits as well, both results agree, but the interval shows the loss.
 #[test]
 fn digits_that_double_precision_loses_are_lost() {
     let root = "fn f(x: f32) -> f32 { return sqrt(x + 1.0) - sqrt(x); }";
@@ -1305,7 +1307,7 @@ fn digits_that_double_precision_loses_are_lost() {
     }
 }
 
-/// An exact operation loses nothing, even if its result is 0.
+/// An exact operation loses no digits, even if its result is 0.
 #[test]
 fn exact_differences_lose_no_digits() {
     for expression in [
@@ -1332,7 +1334,7 @@ fn exact_differences_lose_no_digits() {
     }
 }
 
-/// A function that runs many operations gets fewer inputs, evenly sampled, and the report counts those left out.
+/// A function with many operations runs with fewer inputs, evenly chosen. The report counts the inputs that didn't run.
 #[test]
 fn the_work_of_a_function_is_bounded() {
     let text = |lines: usize| {
@@ -1372,7 +1374,7 @@ fn each_function_is_reported_when_it_is_done() {
     assert_eq!(found, [("a", true), ("b", false), ("c", true)]);
 }
 
-/// Cases that a reader of the guide found: each had no finding, or one with a wrong class or name.
+/// Functions that a reader of the guide wrote. Karat once found nothing in them, or reported a wrong class or name.
 // Lesson 98
 #[test]
 fn free_inputs_are_drawn() {
@@ -1382,7 +1384,7 @@ fn free_inputs_are_drawn() {
             "{head}@fragment fn fs(@builtin(position) pos: vec4f, @location(0) uv: vec2f) -> @location(0) vec4f {{ {body} }}"
         )
     };
-    // An image may be black, and has any size that the host chooses.
+    // An image may be black, and may have any size.
     let black = fragment("return vec4f(1.0 / textureSample(tex, smp, uv).x);");
     let one = at(&black, Kind::Infinite, "1.0 / textureSample(tex, smp, uv).x");
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["tex".to_owned()][..]));
@@ -1392,7 +1394,7 @@ fn free_inputs_are_drawn() {
     // An error that only drivers with subnormals show isn't a finding.
     let guard = "fn f(roughness: f32) -> f32 { if roughness > 0.0 { return 1.0 / roughness; } return 0.0; }";
     assert_eq!(found(guard), []);
-    // The name of a whole number rules out neither 0 nor an index outside.
+    // The name of a whole number excludes neither 0 nor a value outside of the array.
     let count = at("fn f(n: u32) -> f32 { return 1.0 / f32(n); }", Kind::Infinite, "1.0 / f32(n)");
     assert_eq!((count.class, &*count.needs), (Class::Requirement, &["n".to_owned()][..]));
     let gather = "@group(0) @binding(0) var<storage, read> idx: array<u32>;
@@ -1404,14 +1406,14 @@ fn free_inputs_are_drawn() {
         }";
     let one = at(gather, Kind::OutOfRange, "vals[idx[id.x]]");
     assert!(one.class == Class::Requirement && one.needs.contains(&"idx".to_owned()), "{one}");
-    // The numbers in the text are sampled.
+    // Karat samples the numbers in the shader's text.
     for text in [
         "fn f(x: f32) -> f32 { return 1.0 / (x - 3.25); }",
         "fn f(x: f32, mode: u32) -> f32 { if mode == 777777u { return 1.0 / (x - x); } return x; }",
     ] {
         assert!(found(text).iter().any(|one| one.kind == Kind::Infinite), "{text}");
     }
-    // Only the member that is 0 is to blame.
+    // The report names only the member that is 0.
     let member = "struct P { dt: f32 }
         @group(0) @binding(0) var<uniform> params: P;
         @group(0) @binding(1) var<storage, read_write> data: array<f32>;
@@ -1436,8 +1438,8 @@ fn free_inputs_are_drawn() {
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["x".to_owned()][..]));
 }
 
-/// False faults that generated inputs caused in shaders of other projects: arrays are longer than the dispatch, a
-/// matrix called a projection has no declared entries, and another function has filled a private variable.
+/// False faults that generated inputs caused in shaders of other projects: arrays are longer than the dispatch, the
+/// entries of a projection matrix aren't declared, and another function has filled a private variable.
 // Lesson 98
 #[test]
 fn inputs_of_the_host_cause_no_fault() {
@@ -1465,10 +1467,10 @@ fn inputs_of_the_host_cause_no_fault() {
     assert_eq!(look(state).faults().count(), 0, "{}", look(state));
     let one = at(state, Kind::Nan, "acos(1.0 - 2.0 * f32(rnd.y))");
     assert_eq!(one.needs, ["rnd"], "{one}");
-    // A function without a result is checked by the variables that it writes.
+    // For a function without a result, Karat checks the variables that it writes.
     let left = "var<private> p: f32; fn put(x: f32) { p = sqrt(x - 0.5); }";
     assert_eq!(at(left, Kind::Nan, "sqrt(x - 0.5)").needs, ["x"]);
-    // A host's texture has a level of one texel, from which a shader steps down.
+    // A host's texture may have a level of one texel, from which a shader steps to other levels.
     let walk = "@group(0) @binding(0) var tex: texture_2d<f32>;
         @group(0) @binding(1) var<storage, read_write> out: array<vec4f>;
         @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -1480,7 +1482,7 @@ fn inputs_of_the_host_cause_no_fault() {
             out[id.x] = textureLoad(tex, coord, 0);
         }";
     assert_eq!(look(walk).faults().count(), 0, "{}", look(walk));
-    // The shown case is one that nothing averts.
+    // The report shows a case in which no change of an input averts the error.
     let held = "fn f(x: f32, roughness: f32) -> f32 { return x / (roughness * abs(x - 2.0)); }";
     let one = at(held, Kind::Nan, "x / (roughness * abs(x - 2.0))");
     let shown = one.arguments.iter().find(|(name, _)| name == "roughness").map(|(_, x)| &**x);
@@ -1519,8 +1521,8 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// Each kind of declaration removes its own findings: distinct elements, lengths, workgroups, directions, numbers of
-/// one function.
+/// Each kind of declaration removes its own findings: distinct elements, lengths, workgroups, directions, and numbers
+/// of one function.
 #[test]
 fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -1573,11 +1575,12 @@ fn declared_inputs_of_the_host_are_used() {
         let rest: Vec<&str> = all.into_iter().filter(|name| *name != mends).collect();
         assert_eq!(told(declared), names(&rest), "{declared}");
     }
-    // Elements that may be equal race, and an array with another declared length has a tail.
+    // Elements that may be equal cause a race. An array with another declared length has invocations without an
+    // element.
     let same = told("[inputs]\nplaces = { range = [0, \"length(sum) - 1\"] }");
     assert!(same.contains("m::scatter"), "{same:?}");
     assert!(told("[inputs]\n\"length(out)\" = [1, 100]").contains("m::tail"));
-    // Declarations that apply to nothing, and that allow no value.
+    // These declarations apply to nothing, or allow no value.
     for (declared, part) in [
         ("[inputs]\n\n\"length(outt)\" = 64", "karat.toml:3:1)"),
         ("[inputs]\n\"workgroups(m::two)\" = 1", "karat.toml:2:1)"),
@@ -1600,7 +1603,8 @@ fn declared_inputs_of_the_host_are_used() {
     }
 }
 
-/// An unsigned difference goes below 0 and becomes a float. Bits that are meant to wrap aren't a difference.
+/// An unsigned difference goes below 0 and becomes a float. Bits that are meant to wrap don't count as such a
+/// difference.
 #[test]
 fn differences_below_zero_that_become_floats_are_found() {
     for (text, operation) in [

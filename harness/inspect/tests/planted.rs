@@ -1,11 +1,11 @@
-//! Finds faults planted in the entry points of a small renderer, each without a test.
+//! Finds faults planted in the entry points of a small renderer, without a test for any of them.
 
 use karat::Package;
 use karat_inspect::compare::{Change, Compared, Request};
 
 const RENDERER: &str = include_str!("planted/renderer.wgsl");
 
-/// The changes that an edit makes to entry points and functions that use it.
+/// Returns the changes that an edit causes in the renderer's functions.
 fn edited(from: &str, to: &str) -> Vec<Compared> {
     assert!(RENDERER.contains(from), "the renderer has `{from}`");
     let package = |text: &str| Package::from_source("renderer", text);
@@ -15,7 +15,7 @@ fn edited(from: &str, to: &str) -> Vec<Compared> {
     all.filter(|one| one.change != Change::Untouched).collect()
 }
 
-/// The change of an edit that changes only this entry point.
+/// Returns the change of one function. Panics if the edit changes other functions, too.
 fn changed(from: &str, to: &str, function: &str) -> Compared {
     let all = edited(from, to);
     let one = all.iter().find(|one| matches!(one.change, Change::Changed { .. }));
@@ -46,7 +46,7 @@ fn faults_of_transformations_are_seen_in_the_vertices() {
     changed("vec4f(position, 1.0)", "vec4f(position, 0.0)", "vs_main");
 }
 
-/// The words that a pass leaves are its result, for any workgroup size.
+/// The words that a pass writes are its result, for any workgroup size.
 #[test]
 fn faults_of_passes_are_seen_in_what_they_leave() {
     let blur = changed("k <= 2", "k < 2", "blur_x");
@@ -65,7 +65,7 @@ fn faults_of_passes_are_seen_in_what_they_leave() {
     );
 }
 
-/// The engine's order hides a race: the results are the same, but the sanitizer reports the new race.
+/// The engine's order hides the race: results are equal, but the sanitizer reports the new race.
 #[test]
 fn a_barrier_that_is_gone_is_a_new_violation() {
     let all = edited("tile[i] += add;\n        workgroupBarrier();", "tile[i] += add;");

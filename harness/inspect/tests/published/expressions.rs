@@ -1,14 +1,14 @@
-//! Expressions in `f32` that lose digits, or become NaN or infinite, somewhere in the declared ranges of their inputs,
-//! and the forms that repair them. They come from Hamming, *Numerical Methods for Scientists and Engineers*, chapter 3,
-//! and from the 33 expressions in single precision of Herbie's benchmarks: formulas of pbrt, the level of detail of
-//! Direct3D 11.3 (7.8.11), and three of Rust's inverse hyperbolic functions.
+//! Expressions in `f32`, and forms that repair them. Somewhere in the declared ranges of their inputs, the expressions
+//! lose digits, or become NaN or infinite. They come from Hamming, *Numerical Methods for Scientists and Engineers*,
+//! chapter 3, and from the 33 expressions in single precision of Herbie's benchmarks: formulas of pbrt, the level of
+//! detail of Direct3D 11.3 (7.8.11), and three of Rust's inverse hyperbolic functions.
 
 #![expect(clippy::approx_constant, reason = "they are the constants that the shaders have")]
 
 use karat::check::HazardKind;
 use karat::prelude::*;
 
-/// An expression, the ranges of its inputs, and its computation in both precisions.
+/// An expression, the ranges of its inputs, and the same computation in `f32` and in `f64`.
 struct Expression {
     text: &'static str,
     inputs: &'static [(&'static str, f64, f64)],
@@ -364,15 +364,15 @@ fn of_herbie() -> Vec<Expression> {
     ]
 }
 
-/// Returns `true` if some value in the ranges loses more than half of its digits, or isn't finite, by plain arithmetic
-/// in both precisions.
+/// Checks if plain arithmetic in both precisions shows some value in the ranges that loses more than half of its
+/// digits, or isn't finite.
 fn loses(expression: &Expression) -> bool {
     /// Half of the 24 digits of an `f32`.
     const HALF: f64 = 1.0 / 4096.0;
     const POINTS: u64 = 1 << 17;
     let mut state = 1_u64;
     let mut drawn = || {
-        // Knuth's constants (MMIX); the upper bits are good.
+        // Knuth's constants (MMIX). The upper bits are random enough.
         state =
             state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1_u64 << 53) as f64
@@ -383,7 +383,7 @@ fn loses(expression: &Expression) -> bool {
             match kind {
                 _ if kind < 0.125 => *least as f32,
                 _ if kind < 0.25 => *most as f32,
-                // The same number of points in each decade.
+                // Each decade gets the same number of points.
                 _ if *least > 0.0 => (least * (most / least).powf(share)) as f32,
                 _ => (least + (most - least) * share) as f32,
             }
@@ -395,7 +395,7 @@ fn loses(expression: &Expression) -> bool {
     })
 }
 
-/// The numbers of expressions with a fault (found, missed), and of others (reported, silent).
+/// The numbers of expressions with a fault (found, missed), and of other expressions (reported, silent).
 #[derive(Debug, Default)]
 struct Told {
     found: usize,
@@ -420,7 +420,7 @@ fn told(all: Vec<Expression>) -> Told {
                 all.input(name, *least..=*most)
             });
         let hazards = declared.run().unwrap_or_else(|error| panic!("{}: {error}", one.text));
-        // An operation that WGSL doesn't bound is another kind of finding than lost digits.
+        // A fault about an unbounded operation isn't a fault about lost digits.
         let mut faults = hazards.faults().filter(|fault| fault.kind != HazardKind::Unbounded);
         match (loses(&one), faults.next().is_some()) {
             (true, true) => told.found += 1,
@@ -432,13 +432,14 @@ fn told(all: Vec<Expression>) -> Told {
     told
 }
 
-/// With declared preconditions, each expression that loses digits or isn't finite is a fault, and no other one is.
+/// With declared ranges, Karat reports a fault for each expression that loses digits or isn't finite, and for no other
+/// expression.
 #[test]
 fn expressions_that_lose_digits_are_found() {
     for (name, all) in [("Hamming", of_hamming()), ("Herbie", of_herbie())] {
         let told = told(all);
         println!("{name}: {told:#?}");
-        // The goal: recall 0.8, precision 0.95.
+        // The goals are a recall of 0.8 and a precision of 0.95.
         assert!(
             10 * told.found >= 8 * (told.found + told.missed.len()),
             "{name}: {:#?}",
