@@ -1,4 +1,4 @@
-//! The assertions of test files: about results of functions, and about resources after passes.
+//! The assertions of test files, about results of functions and about resources after passes.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,6 @@ use crate::declared::{Direction, Integral};
 use crate::range::Range;
 use crate::wrong::Misdeclared;
 
-/// An assertion.
 #[derive(Clone, Debug)]
 pub(crate) enum What {
     // About functions and resources.
@@ -19,7 +18,7 @@ pub(crate) enum What {
     Equals(Value),
     Finite,
     InRange(Range),
-    /// No hazards of these kinds; without a list, of any kind.
+    /// The function or pass has no hazards of these kinds; without a list, no hazards of any kind.
     NoHazards(Option<Vec<HazardKind>>),
     // About functions.
     Unit,
@@ -44,7 +43,7 @@ pub(crate) enum What {
     Written,
 }
 
-/// The keys of the assertions that functions and resources share.
+/// The keys of the assertions that are possible for functions and for resources.
 pub(crate) struct Shared<'k> {
     pub(crate) agrees_with: &'k Option<String>,
     pub(crate) table: &'k Option<PathBuf>,
@@ -67,7 +66,7 @@ impl Shared<'_> {
     }
 }
 
-/// The assertion of a key that is `true`; `None` if it is `false`.
+/// Returns the assertion of a key that is `true`; `None` if the key is missing.
 pub(crate) fn switched(
     key: &'static str,
     value: Option<bool>,
@@ -82,7 +81,7 @@ pub(crate) fn switched(
 }
 
 impl What {
-    /// The key in the file.
+    /// Returns the assertion's key in the file.
     pub(crate) fn key(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "agrees_with",
@@ -107,7 +106,7 @@ impl What {
         }
     }
 
-    /// Its part of the test's name.
+    /// Returns the assertion's part of the test's name.
     pub(crate) fn name(&self) -> String {
         match self {
             Self::Monotone(argument, _) => format!("monotone in {argument}"),
@@ -116,7 +115,7 @@ impl What {
         }
     }
 
-    /// Its name in the table of keys.
+    /// Returns the assertion's name in the table of keys.
     fn form(&self) -> &'static str {
         match self {
             Self::Integral(Integral { equals: None, .. }) => "integral at_most",
@@ -124,7 +123,7 @@ impl What {
         }
     }
 
-    /// Returns `true` if it takes a key that not all assertions take.
+    /// Checks if this assertion allows a key that only some assertions allow.
     pub(crate) fn takes(&self, key: &str) -> bool {
         // A sum has its own tolerance on all paths.
         if let (Self::SumOf(_), "tolerance") = (self, key) {
@@ -135,8 +134,8 @@ impl What {
     }
 }
 
-/// The keys that only some assertions take, with those assertions. An integral that is bounded by `at_most` has a
-/// `slack` in place of a tolerance.
+/// The keys that only some assertions allow, with these assertions. An integral with `at_most` has a `slack` in place
+/// of a tolerance.
 const TAKEN: [(&str, &[&str]); 8] = [
     ("over", &DRAWN),
     ("where", &DRAWN),
@@ -148,7 +147,7 @@ const TAKEN: [(&str, &[&str]); 8] = [
     ("up_to_order", &["equals", "table", "agrees_with"]),
 ];
 
-/// The assertions with sampled arguments. A table has its own.
+/// The assertions that sample arguments. A table has its own arguments.
 const DRAWN: [&str; 14] = [
     "agrees_with",
     "golden",
@@ -166,15 +165,15 @@ const DRAWN: [&str; 14] = [
     "no_hazards",
 ];
 
-/// The assertions that take a tolerance.
+/// The assertions that allow a tolerance.
 const WITHIN: [&str; 8] =
     ["agrees_with", "table", "golden", "equals", "symmetric_in", "monotone", "limit", "integral"];
 
-/// The assertions about functions that resources have, too.
+/// The assertions about functions that resources can have, too.
 const OF_BOTH: [&str; 7] =
     ["agrees_with", "table", "golden", "equals", "finite", "in_range", "no_hazards"];
 
-/// A written key that none of a test's assertions takes, with the message: it would have no effect.
+/// Returns a written key that none of a test's assertions allows, with the message. Such a key would have no effect.
 pub(crate) fn idle_key(
     whats: &[What],
     of_resource: bool,

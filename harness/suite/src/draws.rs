@@ -1,5 +1,3 @@
-//! The draws of a `[[frame]]`: meshes from tables, depth, blending.
-
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,37 +13,36 @@ use crate::numbers::Wanted;
 use crate::table;
 use crate::wrong::Misdeclared;
 
-/// One draw of a frame.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
-    /// The vertex function; without one the fragment function covers the frame.
+    /// The vertex function; without it, the fragment function covers the frame.
     pub(crate) vertex: Option<String>,
-    /// The fragment function; without one only depth is drawn.
+    /// The fragment function; without it, the draw only writes depth.
     pub(crate) fragment: Option<String>,
-    /// A CSV file with a row for each corner: its columns are the inputs of the vertex function with a `@location`,
-    /// and location 0 is the position.
+    /// A CSV file with a row for each vertex. Its columns are the vertex function's inputs that have a `@location`.
+    /// Location 0 is the position.
     mesh: Option<PathBuf>,
-    /// Corners of triangles; without them three rows are one.
+    /// The vertices of the triangles, as rows of the mesh; without this list, every three rows are a triangle.
     indices: Option<Vec<u32>>,
-    /// The number of vertices without a mesh, by `@builtin(vertex_index)`; 3 without it.
+    /// The number of vertices without a mesh, counted by `@builtin(vertex_index)`; by default 3.
     vertices: Option<u32>,
-    /// The number of instances; 1 without it.
+    /// The number of instances; by default 1.
     instances: Option<u32>,
     /// The faces that aren't drawn: `"none"`, `"front"`, `"back"`.
     cull: Option<String>,
-    /// The comparison by which a pixel is drawn, by WebGPU's names: `"less"`, `"greater-equal"`.
+    /// The depth comparison that a drawn pixel must pass, by WebGPU's names: `"less"`, `"greater-equal"`.
     depth_compare: Option<String>,
-    /// Depth is written: `true`.
+    /// `true` if the draw writes depth.
     depth_write: Option<bool>,
-    /// How colours meet: `"replace"`, `"add"`, `"alpha"`, `"premultiplied"`, `"multiply"`.
+    /// The blending of colours: `"replace"`, `"add"`, `"alpha"`, `"premultiplied"`, `"multiply"`.
     blend: Option<String>,
 }
 
 const CULLS: [(&str, Cull); 3] =
     [("none", Cull::None), ("front", Cull::Front), ("back", Cull::Back)];
 
-/// The comparisons, by WebGPU's names.
+/// The depth comparisons, by WebGPU's names.
 const COMPARES: [(&str, Compare); 8] = [
     ("never", Compare::Never),
     ("less", Compare::Less),
@@ -77,7 +74,6 @@ fn named<T: Copy>(
 }
 
 impl Declared {
-    /// A draw that covers the frame.
     pub(crate) fn covering(vertex: Option<String>, fragment: String) -> Self {
         Self {
             vertex,
@@ -93,13 +89,12 @@ impl Declared {
         }
     }
 
-    /// The file of its mesh.
     pub(crate) fn mesh_file(&self, folder: &Path) -> Option<PathBuf> {
         Some(folder.join(self.mesh.as_ref()?))
     }
 
-    /// The draw. If the program `lacks` one of its functions, the mesh can't be read, and drawing reports the missing
-    /// function.
+    /// Builds the draw. If the program `lacks` one of the draw's functions, the mesh can't be read, so the draw has no
+    /// mesh, and drawing reports the missing function.
     pub(crate) fn draw(
         &self,
         program: &Arc<Program>,
@@ -188,7 +183,7 @@ impl Declared {
         }
         let parameters: Vec<(String, Shape)> =
             inputs.iter().map(|input| (input.name.clone(), input.shape.clone())).collect();
-        // A table of arguments, without expected results.
+        // The file is a table of arguments without expected results.
         let nothing = Shape::Struct { name: String::new(), members: Vec::new() };
         let table = table::read(&file, &parameters, &nothing, Wanted::Equal)?;
         let count = table.rows.len();
@@ -204,7 +199,7 @@ impl Declared {
                 "the index {beyond} is beyond the {count} rows of the mesh"
             )));
         }
-        // The first lane of an input among the lanes of all inputs.
+        // Finds the first lane of an input among the lanes of all inputs.
         let start = |number: usize| -> usize {
             parameters[..number].iter().map(|(_, shape)| shape.lanes().len()).sum()
         };
@@ -228,7 +223,7 @@ impl Declared {
     }
 }
 
-/// The mesh with the values of an input for each vertex; `None` if the type can't be an attribute.
+/// Adds the values of an input to the mesh, for each vertex; `None` if the input's type can't be an attribute.
 fn with_attribute(mesh: Mesh, location: u32, shape: &Shape, rows: &[Vec<u32>]) -> Option<Mesh> {
     let lanes = shape.lanes();
     let float = |row: &[u32]| row.iter().map(|word| f32::from_bits(*word)).collect::<Vec<_>>();

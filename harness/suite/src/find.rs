@@ -22,7 +22,7 @@ pub enum FindError {
     Package(PackageError),
 }
 
-/// The ending of files with declared tests.
+/// The ending of names of files with declared tests.
 const ENDING: &str = ".test.toml";
 
 pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
@@ -67,7 +67,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
         broken.name = name(&broken.name).into_owned();
     }
     for test in &mut tests {
-        // Threads, records, replay commands and files use the name.
+        // Threads, records, replay commands and files use this name.
         test.name = name(&test.name).into_owned();
         let count = seen.entry(test.name.clone()).or_default();
         *count += 1;
@@ -81,7 +81,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
 }
 
-/// The message that a file isn't read, and which endings are.
+/// Builds the message that a file isn't read, with the endings that are.
 fn unread(file: &Path) -> Diagnostic {
     let read = match is_misnamed_module(file) {
         true => "tests in WGSL are in `*.wgsl` and `*.wesl`".to_owned(),
@@ -90,15 +90,16 @@ fn unread(file: &Path) -> Diagnostic {
     of_whole(file, format!("`{}` isn't read: {read}", shown(file)))
 }
 
-/// A message about a whole file, placed at its beginning: editors only show messages with a place.
+/// Builds a message about a whole file, placed at the file's beginning, because editors only show messages with a
+/// place.
 pub(crate) fn of_whole(file: &Path, message: String) -> Diagnostic {
     let source = SourceFile::new(shown(file), "");
     let start = Span { file: Arc::new(source), range: 0..0 };
     Diagnostic::new(message).at(start, "")
 }
 
-/// The name of the module in a file name: `brdf` in `brdf.test.toml`, and in names that the author probably meant as
-/// such: `brdf.tests.toml`, `brdf_test.toml`, `brdf.test.tml`, `BRDF.TEST.TOML`.
+/// Returns the module's name in a file name: `brdf` in `brdf.test.toml`. Also accepts names that the author probably
+/// meant in the same way: `brdf.tests.toml`, `brdf_test.toml`, `brdf.test.tml`, `BRDF.TEST.TOML`.
 fn stem_of(name: &str) -> Option<&str> {
     let lower = name.to_ascii_lowercase();
     let (rest, ending) = lower.rsplit_once('.')?;
@@ -114,11 +115,11 @@ fn stem_of(name: &str) -> Option<&str> {
     (meant && !stem.is_empty()).then(|| &name[..stem.len()])
 }
 
-/// Returns `true` if a file with another name, such as `tests.toml`, declares tests. Its author probably expects them
-/// to run.
+/// Checks if a file with another name, such as `tests.toml`, declares tests. Its author probably expects these tests to
+/// run.
 fn declares(file: &Path, name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
-    // Copies that editors and git leave, and files that Cargo reads.
+    // Skip copies by editors and git, and files that Cargo reads.
     let is_other = lower.ends_with('~')
         || [".bak", ".orig", ".rej", ".old", ".swp"].iter().any(|ending| lower.ends_with(ending))
         || lower == "cargo.toml";
@@ -134,7 +135,7 @@ fn declares(file: &Path, name: &str) -> bool {
     has("[[test]]", "function") || has("[[frame]]", "fragment")
 }
 
-/// Returns `true` for a file with tests in WGSL and a wrong ending, such as `brdf_test.wgls`.
+/// Checks if a file with a wrong ending, such as `brdf_test.wgls`, has tests in WGSL.
 fn is_misnamed_module(file: &Path) -> bool {
     const ENDINGS: [&str; 2] = ["wgsl", "wesl"];
     let ending = file.extension().unwrap_or_default().to_string_lossy();
@@ -146,7 +147,7 @@ fn is_misnamed_module(file: &Path) -> bool {
     is_near && read_file(file).is_ok_and(|text| String::from_utf8_lossy(&text).lines().any(is_test))
 }
 
-/// Returns `true` if a file was probably meant to have tests, by its name or its content.
+/// Checks if a file probably should have tests, by its name or its content.
 #[must_use]
 pub fn is_meant(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
@@ -154,7 +155,7 @@ pub fn is_meant(file: &Path) -> bool {
 }
 
 impl Suite {
-    /// The files that declare tests, each with its module.
+    /// Returns the files that declare tests, each with the name of its module.
     #[must_use]
     pub fn declared(&self) -> Vec<(String, PathBuf)> {
         let root = self.package.root();
@@ -164,7 +165,7 @@ impl Suite {
     }
 }
 
-/// The files of a package, or of its only module, that were probably meant to declare tests.
+/// Returns the files of a package, or of its only module, that probably should declare tests.
 fn meant(package: &Package) -> Result<Vec<PathBuf>, FindError> {
     let root = package.root();
     let own = root.is_file().then(|| root.file_stem().unwrap_or_default().to_string_lossy());

@@ -1,4 +1,4 @@
-//! JSON without duplicate members: a reader can't tell which of two values the author meant.
+//! JSON without duplicate members, because a reader can't know which of two values the author meant.
 
 use std::fmt;
 
@@ -8,18 +8,18 @@ use serde_json::{Map, Number, Value};
 
 use crate::domains::lanes;
 
-/// Reads a value.
+/// Parses a JSON value.
 ///
 /// # Errors
-/// If it isn't JSON, or an object has two members with the same name.
+/// If the text isn't JSON, or an object has two members with the same name.
 pub fn json(text: &str) -> Result<Value, serde_json::Error> {
     serde_json::from_str::<Strict>(text).map(|strict| strict.0)
 }
 
-/// The lanes of a value of this shape: a structure is an object of its members, a vector or an array a list.
+/// Parses the lanes of a value of this type. An object sets a structure's members, a list sets a vector or an array.
 ///
 /// # Errors
-/// If the text isn't JSON, or isn't a value of this shape.
+/// If the text isn't JSON, or isn't a value of this type.
 pub fn lanes_of_json(shape: &Shape, text: &str) -> Result<Vec<u32>, String> {
     let value = json(text).map_err(|error| error.to_string())?;
     let value = toml::Value::try_from(value).map_err(|_| "`null` is no value".to_owned())?;

@@ -1,9 +1,10 @@
 //! Tests of WGSL without Rust.
 //!
-//! There are two forms. Both use Karat's checks, with their verdicts, records, simplest failures and replays:
+//! There are two forms. Both use Karat's checks, with the same verdicts, records, simplest failures and replays:
 //!
-//! - **In WGSL**: a function with `@test` in any module calls expectations such as `expect_near` of the
-//!   package `karat`, or those of the WESL community's `wgsl_test`. See [`WgslTest`].
+//! - **In WGSL**: a function with `@test` in any module calls expectations. These are functions such as `expect_near`
+//! of the
+//!   package `karat`, or of the WESL community's `wgsl_test`. See [`WgslTest`].
 //! - **Declared**: `brdf.test.toml` beside `brdf.wgsl` asserts properties of its functions. See [`declared`].
 //!
 //! ```no_run
@@ -52,24 +53,23 @@ pub use wrong::{Fault, Wrong};
 /// The tests of a package.
 #[derive(Debug)]
 pub struct Suite {
-    /// The shaders.
+    /// The package with the shaders.
     pub package: Package,
     /// The folder of the package.
     pub folder: PathBuf,
-    /// Its tests, by module and line.
+    /// The package's tests, ordered by module and line.
     pub tests: Vec<Test>,
-    /// The modules, files and tests that can't be run, each with its error. Each is a failure.
+    /// The modules, files and tests that can't be run, each with its error. Each one counts as a failure.
     pub broken: Vec<Broken>,
-    /// The text that functions of declared tests depend on.
+    /// The texts that the functions of declared tests depend on, by function.
     fingerprints: OnceLock<BTreeMap<String, String>>,
 }
 
-/// A test.
 #[derive(Debug)]
 pub struct Test {
-    /// The name, which is unique: `brdf_test::grazing`, or `brdf::schlick in_range` for a declared test.
+    /// The test's unique name: `brdf_test::grazing`, or `brdf::schlick in_range` for a declared test.
     pub name: String,
-    /// The place in the author's file.
+    /// The place of the test in the author's file.
     pub span: Span,
     pub(crate) kind: Kind,
 }
@@ -87,26 +87,26 @@ pub(crate) enum Kind {
 }
 
 impl Test {
-    /// The functions that it calls, by name (`brdf::schlick`), if it is a function with `@test`.
+    /// Returns the names of the functions (`brdf::schlick`) that a test in WGSL calls.
     pub fn calls(&self) -> impl Iterator<Item = &str> {
         let test = if let Kind::Wgsl(test) = &self.kind { Some(test) } else { None };
         test.into_iter().flat_map(|test| test.calls())
     }
 
-    /// The entry points that it dispatches, in order, if it is an assertion of a `[[compute]]`. Records name the last
-    /// one.
+    /// Returns the entry points that an assertion of a `[[compute]]` dispatches, in order. Records name the last one.
     pub fn dispatches(&self) -> impl Iterator<Item = &str> {
         let passes = if let Kind::Compute(assertion) = &self.kind { Some(assertion) } else { None };
         passes.into_iter().flat_map(|passes| passes.entries())
     }
 
-    /// The entry points of its draws, if it is a frame.
+    /// Returns the entry points of a frame's draws.
     pub fn draws(&self) -> impl Iterator<Item = String> {
         let frame = if let Kind::Frame(frame) = &self.kind { Some(frame) } else { None };
         frame.into_iter().flat_map(|frame| frame.entries())
     }
 
-    /// Returns `true` if its name contains this, or the name of a function that it calls, or of its golden.
+    /// Checks if `words` is part of the test's name, of the name of a function that the test calls, or of the name of
+    /// its golden.
     #[must_use]
     pub fn is_about(&self, words: &str) -> bool {
         let has = |name: &str| name.contains(words);
@@ -114,34 +114,34 @@ impl Test {
             || match &self.kind {
                 Kind::Wgsl(test) => test.calls().any(has),
                 Kind::Function(assertion) => has(&assertion.function),
-                Kind::Frame(_) => false, // its golden's name is its own
+                Kind::Frame(_) => false, // a frame's golden has the frame's name
                 Kind::Compute(assertion) => assertion.entries().any(has),
             }
     }
 
-    /// Returns `true` if a run shows the values that it compares. A test in WGSL compares in the shader, a frame compares
+    /// Checks if a run shows the compared values. A test in WGSL compares inside the shader, and a frame compares
     /// images.
     #[must_use]
     pub fn shows_values(&self) -> bool {
         !matches!(self.kind, Kind::Wgsl(_) | Kind::Frame(_))
     }
 
-    /// Returns `true` if it draws a frame, which needs a driver.
+    /// Checks if the test draws a frame. Drawing needs a driver.
     #[must_use]
     pub fn is_frame(&self) -> bool {
         matches!(self.kind, Kind::Frame(_))
     }
 }
 
-/// A test that can't be read, or a module or file that can't.
+/// A test, module or file that can't be read.
 #[derive(Clone, Debug)]
 pub struct Broken {
-    /// Its name: that of a test, a module or a file.
+    /// The name of the test, module or file.
     pub name: String,
     /// The error, with its place.
     pub wrong: Wrong,
-    /// `true` for a file that was probably meant to declare tests, but has none that can be read. That is an error in
-    /// any package; a module, in contrast, may depend on other packages to be complete.
+    /// `true` for a file that probably should declare tests, but has none that can be read. Such a file is an error in
+    /// any package. A module, on the other hand, may need other packages to be complete.
     pub is_file: bool,
 }
 
@@ -157,7 +157,7 @@ impl Suite {
     /// Finds the tests of a package.
     ///
     /// # Errors
-    /// If it can't be read, or has no module.
+    /// If the package can't be read, or has no module.
     pub fn of(package: Package) -> Result<Self, FindError> {
         find::find(package)
     }

@@ -1,4 +1,4 @@
-//! The text that a test depends on: while it stays the same, so does the verdict.
+//! The text that a test depends on. While this text is unchanged, the verdict is unchanged, too.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,8 +12,8 @@ use crate::fixtures::name_and_space;
 use crate::{Kind, Suite, Test};
 
 impl Suite {
-    /// Everything that a test's verdict depends on, except comments and blanks of shaders, and the driver; `None` if it
-    /// is unknown, for example for an invalid shader.
+    /// Returns everything that a test's verdict depends on, except the driver, and except comments and blanks of
+    /// shaders. `None` if the text isn't known, for example for an invalid shader.
     #[must_use]
     pub fn normalized_text(&self, test: &Test) -> Option<String> {
         match &test.kind {
@@ -52,7 +52,7 @@ impl Suite {
         }
     }
 
-    /// The files besides modules that the tests read: tables, goldens, images and values.
+    /// Returns the files that the tests read besides modules: tables, goldens, images and values.
     #[must_use]
     pub fn reads(&self) -> BTreeSet<PathBuf> {
         let mut all = BTreeSet::new();
@@ -81,7 +81,7 @@ impl Suite {
         all
     }
 
-    /// The text that a function of a declared test depends on, with everything that it uses.
+    /// Returns the text of a declared test's function, with everything that the function uses.
     fn fingerprint(&self, function: &str) -> Option<&str> {
         let all = self.fingerprints.get_or_init(|| {
             let mut names = BTreeSet::new();
@@ -98,18 +98,17 @@ impl Suite {
     }
 }
 
-/// The content of a file, if it exists.
 fn content(file: &Path) -> Option<String> {
     let bytes = read_file(file).ok()?;
     Some(blake3::hash(&bytes).to_hex().to_string())
 }
 
-/// The values of a table that may name files. A range, `"0..1"`, names none.
+/// Returns the values of a table that may name files. A range such as `"0..1"` names no file.
 fn values(table: &toml::Table) -> Vec<&Value> {
     table.iter().filter(|(key, _)| *key != "range").map(|(_, value)| value).collect()
 }
 
-/// The files that values name for binding.
+/// Returns the files that values name for binding.
 fn named<'v>(
     with: impl IntoIterator<Item = &'v Value>,
     folder: &Path,
@@ -127,11 +126,11 @@ fn named<'v>(
     }
 }
 
-/// The contents of the bound images and value files, listed or on their own.
+/// Returns the contents of the bound images and value files, in lists or as single values.
 fn files<'v>(mut with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option<String> {
     with.try_fold(String::new(), |all, value| {
         Some(match value {
-            // The name of an image may have no ending. Words that name no file are skipped.
+            // The name of an image may have no ending. Skip words that name no file.
             Value::String(name) => match content(&folder.join(name_and_space(name).0)) {
                 Some(content) => all + &content,
                 None if name.contains('.') => return None,

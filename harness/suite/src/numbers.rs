@@ -4,8 +4,8 @@ use karat::unstable::value::Scalar;
 use karat::unstable::value::format_f32;
 use karat::{Tolerance, Ulp};
 
-/// A hexadecimal float of C99, which WGSL and Karat write. Exact in `f64` with up to 13 digits behind the point, more
-/// than an `f32` has.
+/// Parses a hexadecimal float of C99, as WGSL and Karat write it. The result in `f64` is exact for up to 13 digits
+/// after the point, more than an `f32` has.
 #[must_use]
 pub fn hexadecimal(word: &str) -> Option<f64> {
     let (sign, word) = match word.strip_prefix('-') {
@@ -27,8 +27,8 @@ pub fn hexadecimal(word: &str) -> Option<f64> {
     Some(sign * value)
 }
 
-/// The lane of an argument from a cell of a table; `None` if the cell isn't a value of the type. `inf`, `-inf` and
-/// `nan` are floats: a table may test how a function handles them.
+/// Parses an argument's lane from a cell of a table; `None` if the cell isn't a value of the type. Floats may be `inf`,
+/// `-inf` and `nan`, because a table may test how a function handles these values.
 pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     let unsigned = cell.strip_prefix(['-', '+']).unwrap_or(cell);
     let named = unsigned.to_ascii_lowercase();
@@ -43,10 +43,10 @@ pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     (f64::from(single).to_bits() == value.to_bits()).then_some(single.to_bits())
 }
 
-/// The comparison of results with an author's number.
+/// The way in which results are compared with an author's number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// They equal it.
+    /// The results must equal the number.
     Equal,
     /// They are near to it.
     Near,
@@ -58,8 +58,8 @@ impl From<&Tolerance> for Wanted {
     }
 }
 
-/// Returns `true` if a component can hold a number. Integers and `bool` can hold only some numbers, floats those that
-/// don't overflow.
+/// Checks if a component can hold a number. An integer or `bool` can hold only certain numbers, a float any number that
+/// doesn't overflow.
 pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     match scalar {
         Scalar::I32 => f64::from(number as i32) == number,
@@ -70,13 +70,13 @@ pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     }
 }
 
-/// The expected value of a component from a cell of a table: a finite number, `true` or `false`.
+/// Parses a component's expected value from a cell of a table: a finite number, `true` or `false`.
 ///
-/// A decimal that is the printed form of an `f32` stands for that `f32`. So does any other decimal if results have to
-/// equal it.
+/// If a decimal is the printed form of an `f32`, it stands for this `f32`. If results must equal the number, any other
+/// decimal stands for the nearest `f32`.
 ///
 /// # Errors
-/// If nothing can be compared with it: it isn't a number, or the component can't hold it.
+/// If the cell isn't a number, or the component can't hold the number.
 pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, String> {
     let decimal = || {
         let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
@@ -95,11 +95,12 @@ pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, Strin
     }
 }
 
-/// The number that an author's decimal stands for beside results of this type: in a table, in `equals` or in `at_most`.
+/// Returns the number that an author's decimal stands for in a table, in `equals` or in `at_most`, if results have this
+/// type.
 ///
-/// A decimal that is the printed form of an `f32` stands for that `f32`: `0.3` is the value that `return 0.3;` returns.
-/// A decimal with more digits, such as `0.3333333333333333`, is exact, and the tolerance applies to it. If results have
-/// to equal it, it is the nearest `f32`, since no other number can be returned.
+/// If a decimal is the printed form of an `f32`, it stands for this `f32`: `0.3` is the value that `return 0.3;`
+/// returns. A decimal with more digits, such as `0.3333333333333333`, is exact, and the tolerance applies to it. If
+/// results must equal the decimal, it stands for the nearest `f32`, because a function can return no other number.
 pub(crate) fn meant(scalar: Scalar, value: f64, wanted: Wanted) -> f64 {
     #[expect(clippy::cast_possible_truncation, reason = "the nearest is wanted")]
     let single = value as f32;
@@ -125,7 +126,7 @@ mod tests {
         }
         let third = expected(Scalar::F32, "0.3333333333333333").expect("a number");
         assert!((third - 1.0 / 3.0).abs() < 1e-16 && third != f64::from(third as f32));
-        // A number that results have to equal is the nearest `f32`, however many digits it has.
+        // A number that results must equal is the nearest `f32`, for any number of digits.
         let third =
             super::expected(Scalar::F32, "0.3333333333333333", Wanted::from(&Ulp(0.0).into()));
         assert_eq!(third, Ok(f64::from(1.0_f32 / 3.0)));

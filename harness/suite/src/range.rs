@@ -1,33 +1,30 @@
-//! `in_range`: a range whose upper end may be excluded.
+//! The range of `in_range`, which may exclude its upper end.
 
 use std::fmt;
 use std::ops::{Bound, RangeBounds};
 
 use serde::Deserialize;
 
-/// `[0, 1]`, or `"0..1"` as text; `"0..<1"` excludes the upper end.
+/// A range: `[0, 1]`, or `"0..1"` as text. `"0..<1"` excludes the upper end.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "toml::Value")]
 pub(crate) struct Range {
     least: f64,
     most: f64,
-    /// `true` if the upper end is excluded.
     half_open: bool,
 }
 
 impl Range {
-    /// Both bounds.
     pub(crate) fn bounds(self) -> (Bound<f64>, Bound<f64>) {
         let most = if self.half_open { Bound::Excluded } else { Bound::Included };
         (Bound::Included(self.least), most(self.most))
     }
 
-    /// Returns `true` if a number is in the range.
     pub(crate) fn contains(self, value: f64) -> bool {
         self.bounds().contains(&value)
     }
 
-    /// The range, or the error that it contains no number.
+    /// Returns the range, or the error that the range contains no number.
     pub(crate) fn checked(self) -> Result<Self, String> {
         let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
         let quote = if self.half_open { "\"" } else { "" };

@@ -1,4 +1,4 @@
-//! Vectors that are perpendicular to others of the same domain: `t = { perpendicular_to = "n" }`.
+//! Vectors that are perpendicular to other vectors of the same domain: `t = { perpendicular_to = "n" }`.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -17,11 +17,11 @@ pub(crate) const KEY: &str = "perpendicular_to";
 struct Vector {
     path: String,
     lanes: Range<usize>,
-    /// The names of the vectors that it is perpendicular to, as written.
+    /// The names of the vectors that this vector is perpendicular to, as the author wrote them.
     to: Vec<String>,
 }
 
-/// The names in a vector's domain.
+/// Returns the names in a vector's domain.
 pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
     let said = value.as_table()?.get(KEY)?;
     let one = |value: &Value| value.as_str().map(str::to_owned);
@@ -40,7 +40,7 @@ pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
     })
 }
 
-/// A domain with the relations that a test declares.
+/// Adds the relations that a test declares to a domain.
 pub(crate) fn related(
     domain: Dynamic,
     parameters: &[(String, Shape)],
@@ -84,7 +84,8 @@ pub(crate) fn related(
     Ok(domain)
 }
 
-/// The vector that another one's domain names: a neighbour in its structure, or a path that begins at a parameter.
+/// Finds the vector that another vector's domain names: a neighbour in its structure, or a path that begins at a
+/// parameter.
 fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, String> {
     let beside = own.path.rfind('.').map(|end| format!("{}.{name}", &own.path[..end]));
     let by = |path: &str| all.iter().find(|vector| vector.path == path);
@@ -119,7 +120,7 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
     }
 }
 
-/// The vectors of floats in a value, each with its domain's text.
+/// Lists the vectors of floats in a value, each with its domain's text.
 fn vectors(
     path: &str,
     shape: &Shape,

@@ -18,26 +18,25 @@ use crate::declared::Keys;
 pub struct Wrong {
     /// The reason in one line.
     pub headline: String,
-    /// `file:line:column`, if it has a place.
+    /// `file:line:column`, if the reason has a place.
     pub place: Option<String>,
-    /// The whole text, with an excerpt of the file.
+    /// The whole message, with an excerpt of the file.
     pub message: String,
     /// The kind of fault.
     pub fault: Fault,
 }
 
-/// A kind of fault.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Fault {
     /// Values differ from the assertion.
     Values,
-    /// The passes have these violations, a line each. All of their assertions fail for this reason.
+    /// The passes have these violations, one line for each. All assertions about the passes fail for this reason.
     Violations(String),
-    /// The test could never fail: for example, the result is the same for all inputs.
+    /// The test could never fail: for example, the result is equal for all inputs.
     Vacuous,
-    /// A key of the test doesn't fit the shader: an override that nothing reads, say. Nothing was compared.
+    /// A key of the test doesn't fit the shader: for example, nothing reads the override. Nothing was compared.
     Declaration,
-    /// The test can't begin, or was stopped: nothing was compared.
+    /// The test can't begin, or was stopped. Nothing was compared.
     Unbegun,
 }
 
@@ -48,20 +47,20 @@ impl fmt::Display for Wrong {
 }
 
 impl Wrong {
-    /// A message without a place, or with the place in its text. The first line is the headline.
+    /// Builds an error from a message without a place, or with the place in its text. The first line is the headline.
     #[must_use]
     pub fn of(message: String) -> Self {
         let headline = headline(&message).to_owned();
         Self { headline, place: None, message, fault: Fault::Unbegun }
     }
 
-    /// The cause that other tests may share; `None` for wrong values, which only this test has.
+    /// Returns the cause, if other tests may fail for the same cause. Wrong values are specific to one test: `None`.
     #[must_use]
     pub fn common(&self) -> Option<String> {
         match &self.fault {
             Fault::Values => None,
             Fault::Violations(all) => Some(all.clone()),
-            // The place and the excerpt are the test's own.
+            // The place and the excerpt belong to this test, so leave them out.
             Fault::Vacuous | Fault::Declaration | Fault::Unbegun => {
                 let is_said = |line: &&str| {
                     let line = line.trim_start();
@@ -72,21 +71,20 @@ impl Wrong {
         }
     }
 
-    /// The same, after adding it to the record of the run: no check has added it.
+    /// Adds the error to the record of the run, because no check has added it.
     pub(crate) fn recorded(&self, subject: Subject) -> Self {
         karat::unstable::run::record_unbegun(subject, &self.headline, &self.message);
         self.clone()
     }
 
-    /// The error of a test that can't begin.
     pub(crate) fn new(headline: &str, place: Option<String>, message: String) -> Self {
         let headline = headline.lines().next().unwrap_or_default().to_owned();
         Self { headline, place, message, fault: Fault::Unbegun }
     }
 }
 
-/// The failure of a check, of passes or of a frame: at the line of a shader that its text names, otherwise at the key
-/// that it is about.
+/// Builds the error from a failed check, pass or frame. Its place is the shader's line in the failure's text, or else
+/// the key of the test.
 pub(crate) fn blamed(
     failure: &impl Fails,
     key_of_entry: &dyn Fn(&str) -> Option<String>,
@@ -142,13 +140,12 @@ impl From<PackageError> for Wrong {
     }
 }
 
-/// The reason why an assertion can't be checked.
 #[derive(Debug)]
 pub(crate) struct Misdeclared {
-    /// The path of the wrong key, `draws.1.blend`; `None` for the assertion's own key.
+    /// The path of the wrong key, such as `draws.1.blend`; `None` for the assertion's own key.
     key: Option<String>,
     pub(crate) message: String,
-    /// `file:line:column`, if it isn't in the file that declares the test.
+    /// `file:line:column`, if the error isn't in the file that declares the test.
     pub(crate) place: Option<String>,
 }
 
@@ -159,34 +156,32 @@ impl<T: Into<String>> From<T> for Misdeclared {
 }
 
 impl Misdeclared {
-    /// An error of a key.
     pub(crate) fn of(key: &'static str) -> impl Fn(String) -> Self {
         move |message| Self { key: Some(key.to_owned()), message, place: None }
     }
 
-    /// An error of a resource in `with`.
     pub(crate) fn of_resource(name: &str) -> impl Fn(String) -> Self {
         move |message| Self { key: Some(format!("with.{name}")), message, place: None }
     }
 
-    /// The same error for a table below a key.
+    /// Moves the error into a table below a key.
     pub(crate) fn below(self, key: &str) -> Self {
         let key = self.key.map_or_else(|| key.to_owned(), |own| format!("{key}.{own}"));
         Self { key: Some(key), ..self }
     }
 
-    /// The error of a file that can't be read, at its place, or otherwise at the place of the whole test.
+    /// Returns the error for a file that can't be read, placed at the key, or else at the whole test.
     pub(crate) fn unread(self, keys: &Keys, whole: &Span) -> Diagnostic {
         let place = self.key.and_then(|key| keys.place_of(&key).cloned());
         Diagnostic::new(self.message).at(place.unwrap_or_else(|| whole.clone()), "")
     }
 
-    /// An error of a line in another file.
+    /// Builds an error about a line in another file.
     pub(crate) fn at_line(file: &Path, line: usize, message: String) -> Self {
         Self { key: None, message, place: Some(format!("{}:{line}:1", shown(file))) }
     }
 
-    /// The error at its place: that of its key, or otherwise of the whole test.
+    /// Returns the error, placed at its key, or else at the whole test.
     pub(crate) fn told(
         self,
         place_of: &dyn Fn(Option<&str>) -> Option<Span>,
