@@ -388,7 +388,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ),
         (
             "a.x,a.y,b,b",
-            "`in.csv` has two columns `b`, and it isn't clear which is meant: rename or remove one",
+            "`in.csv` has two columns `b`, but Karat needs only one: rename or remove one",
         ),
     ] {
         write(project.path(), "in.csv", &format!("{head}\n1,2,3,4\n"));

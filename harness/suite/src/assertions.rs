@@ -74,7 +74,7 @@ pub(crate) fn switched(
 ) -> Result<Option<What>, Misdeclared> {
     match value {
         Some(false) => {
-            Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: leave it out")))
+            Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: remove the key")))
         }
         on => Ok(on.map(|_| what)),
     }
@@ -185,7 +185,7 @@ pub(crate) fn idle_key(
     let there: Vec<&str> = takers.iter().filter(is_there).copied().collect();
     let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
     let error = format!(
-        "`{key}` does nothing here: {} takes none. Leave it out, or assert what does: {}",
+        "`{key}` does nothing here: {} doesn't allow this key. Remove it, or use an assertion that allows it: {}",
         own.join(", "),
         there.join(", ")
     );

@@ -83,7 +83,7 @@ impl TryFrom<Value> for Workgroups {
     fn try_from(value: Value) -> Result<Self, String> {
         let wrong = || {
             format!(
-                "{value} is no number of workgroups: write 4, or [4, 2, 1], each from 1 to 65535"
+                "{value} isn't a number of workgroups: write 4, or [4, 2, 1], each from 1 to 65535"
             )
         };
         let number = |value: &Value| value.as_integer().and_then(|count| u32::try_from(count).ok());
@@ -208,7 +208,7 @@ impl Expected {
             )));
         }
         if self.up_to_order == Some(false) {
-            let off = "`up_to_order = false` asserts nothing: leave it out".to_owned();
+            let off = "`up_to_order = false` asserts nothing: remove the key".to_owned();
             return Err(Misdeclared::of("up_to_order")(off));
         }
         let written = |key: &str| match key {

@@ -218,7 +218,7 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
 
     fn try_from(list: Vec<T>) -> Result<Self, String> {
         list.try_into().map(Self).map_err(|list: Vec<T>| {
-            format!("a list of two is wanted, and this one has {}", list.len())
+            format!("the list must have two numbers, but has {}", list.len())
         })
     }
 }
@@ -235,7 +235,7 @@ impl TryFrom<Value> for NoHazards {
         match value {
             Value::Boolean(true) => Ok(Self(None)),
             Value::Boolean(false) => {
-                Err("`no_hazards = false` asserts nothing: leave it out".to_owned())
+                Err("`no_hazards = false` asserts nothing: remove the key".to_owned())
             }
             Value::Array(kinds) if kinds.is_empty() => {
                 Err("`no_hazards = []` asserts nothing: name kinds, or write `true`".to_owned())
@@ -884,7 +884,7 @@ mod tests {
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
-            ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: leave it out"),
+            ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: remove the key"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = []\n", "asserts nothing: name kinds"),
             ("[compute]\nentry = \"f\"\n", "begins with double brackets"),
@@ -894,7 +894,7 @@ mod tests {
                 "`accept_hazard` does nothing here",
             ),
             ("[[test]]\nfunction = \"f\"\nin_range = \"0...1\"\n", "write [0, 1], or \"0..<1\""),
-            ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` is no range"),
+            ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` isn't a range"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n", "is a number, and this is"),
             (
                 "[[test]]\nfunction = \"f\"\nin_range = [0, 1]\ntolerance = \"4 ulp\"\n",

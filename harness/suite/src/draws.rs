@@ -112,19 +112,17 @@ impl Declared {
                 return Err(wrong("a draw has a `mesh` or a number of `vertices`, not both"));
             }
             (None, _, Some(_), _) | (None, _, _, Some(_)) => {
-                return Err(wrong("vertices are for a `vertex` function: name one"));
+                return Err(wrong("a draw with vertices needs a `vertex` function: name one"));
             }
             (None, None, ..) => {
-                return Err(wrong("a draw has a `fragment` function, or a `vertex` one"));
+                return Err(wrong("a draw needs a `fragment` or a `vertex` function"));
             }
             (None, Some(fragment), None, None) => Draw::fragment(fragment),
             (Some(vertex), None, Some(_), None) => {
                 Draw::depth(vertex, self.read(program, vertex, folder)?)
             }
             (Some(_), None, ..) => {
-                return Err(wrong(
-                    "without a `fragment` function the depth of a `mesh` is drawn: name one",
-                ));
+                return Err(wrong("a draw without a `fragment` function needs a `mesh`: name one"));
             }
             (Some(vertex), Some(fragment), Some(_), None) => {
                 Draw::mesh(vertex, fragment, self.read(program, vertex, folder)?)
@@ -138,7 +136,7 @@ impl Declared {
             }
         };
         if self.indices.is_some() && self.mesh.is_none() {
-            return Err(wrong("`indices` are of a `mesh`: name one"));
+            return Err(wrong("`indices` need a `mesh`: name one"));
         }
         if let Some(instances) = self.instances {
             if instances == 0 {
@@ -178,7 +176,7 @@ impl Declared {
         };
         if !first.is_some_and(|input| is_position(&input.shape)) {
             return Err(wrong(format!(
-                "`{vertex}` reads no position at `@location(0)`, a vector of two or three floats, and a mesh has one"
+                "`{vertex}` must read the mesh's position at `@location(0)`, a vector of two or three floats"
             )));
         }
         let parameters: Vec<(String, Shape)> =
@@ -196,7 +194,7 @@ impl Declared {
         }
         if let Some(beyond) = indices.iter().find(|index| **index as usize >= count) {
             return Err(wrong(format!(
-                "the index {beyond} is beyond the {count} rows of the mesh"
+                "the index {beyond} is too large: the mesh has {count} rows"
             )));
         }
         // Finds the first lane of an input among the lanes of all inputs.
@@ -216,7 +214,12 @@ impl Declared {
         let mut mesh = Mesh::new(positions, indices);
         for (number, input) in inputs.iter().enumerate().filter(|(_, input)| input.location != 0) {
             mesh = with_attribute(mesh, input.location, &input.shape, &column(number)).ok_or_else(
-                || wrong(format!("`{}` is no attribute of a mesh: {}", input.name, input.shape)),
+                || {
+                    wrong(format!(
+                        "`{}` can't be an attribute of a mesh: {}",
+                        input.name, input.shape
+                    ))
+                },
             )?;
         }
         Ok(mesh)

@@ -80,19 +80,19 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
             }
         )
     };
-    let text = value.as_str().ok_or_else(|| wrong(&format!("{value} is no sampler")))?;
+    let text = value.as_str().ok_or_else(|| wrong(&format!("{value} isn't a sampler")))?;
     let mut words = text.split_whitespace();
     let mut sampler = match words.next() {
         Some("linear") => Sampler::LINEAR,
         Some("nearest") => Sampler::NEAREST,
-        _ => return Err(wrong(&format!("\"{text}\" is no sampler"))),
+        _ => return Err(wrong(&format!("\"{text}\" isn't a sampler"))),
     };
     let (mut compares, mut addressed) = (None, None);
     for word in words {
         let compare = match word {
             "clamp" | "repeat" | "mirror" => {
                 if let Some(other) = addressed.replace(word) {
-                    return Err(wrong(&format!("`{other}` and `{word}` can't both be")));
+                    return Err(wrong(&format!("use `{other}` or `{word}`, not both")));
                 }
                 sampler = match word {
                     "repeat" => sampler.repeat(),
@@ -109,16 +109,20 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
             "not_equal" => Compare::NotEqual,
             "greater_equal" => Compare::GreaterEqual,
             "always" => Compare::Always,
-            other => return Err(wrong(&format!("`{other}` is nothing of a sampler"))),
+            other => return Err(wrong(&format!("`{other}` isn't an option of a sampler"))),
         };
         if let Some(other) = compares.replace(word) {
-            return Err(wrong(&format!("`{other}` and `{word}` can't both be")));
+            return Err(wrong(&format!("use `{other}` or `{word}`, not both")));
         }
         sampler = sampler.compare(compare);
     }
     match (compares.is_some(), comparison) {
-        (false, true) => Err(wrong("it compares depths, and the sampler doesn't say how")),
-        (true, false) => Err(wrong("it compares nothing, and the sampler says how")),
+        (false, true) => {
+            Err(wrong("the variable compares depths, but the sampler has no comparison"))
+        }
+        (true, false) => {
+            Err(wrong("the variable compares nothing, but the sampler has a comparison"))
+        }
         _ => Ok(sampler),
     }
 }
@@ -207,7 +211,7 @@ impl Layer {
             Value::String(file) => Self::read(file, folder, kind),
             other => match texel(other) {
                 Some(texel) => Ok(Self { width: 1, height: 1, texels: vec![texel] }),
-                None => Err(format!("{other} is no image and no colour")),
+                None => Err(format!("{other} isn't an image or a colour")),
             },
         }
     }
@@ -221,7 +225,7 @@ fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer
     let known = ["size", "value", "range", "seed"];
     if let Some(other) = table.keys().find(|key| !known.contains(&key.as_str())) {
         return Err(format!(
-            "`{other}` is nothing of a texture: it has a `size`, and a `value` of all texels or a `range` and `seed` of each"
+            "`{other}` isn't a key of a texture: it has a `size`, and a `value` of all texels or a `range` and `seed` of each"
         ));
     }
     let count = match kind.dimension {
@@ -252,13 +256,15 @@ fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer
         .iter()
         .fold(1_u64, |all, side| all.saturating_mul(u64::from(*side)));
     if all > MOST_TEXELS {
-        return Err(format!("it has {all} texels, and {MOST_TEXELS} at most without an image"));
+        return Err(format!(
+            "the texture has {all} texels, but without an image may have {MOST_TEXELS} at most"
+        ));
     }
     let value = match table.get("value") {
         None => [0.0; 4],
         Some(_) if table.contains_key("range") => {
             return Err(
-                "its texels are one `value`, or drawn from a `range`, and not both".to_owned()
+                "write either a `value` for all texels or a `range`, and not both".to_owned()
             );
         }
         Some(value) => {
@@ -330,10 +336,10 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
 
 /// A texture with these layers, slices or faces.
 fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
-    let first = layers.first().ok_or("a texture without an image")?;
+    let first = layers.first().ok_or("a texture needs an image")?;
     let (width, height) = (first.width, first.height);
     if layers.iter().any(|layer| (layer.width, layer.height) != (width, height)) {
-        return Err("its images are of one size".to_owned());
+        return Err("the images must have one size".to_owned());
     }
     let (least, most, name) = match kind.texels {
         Texels::Sint => (f64::from(i32::MIN), f64::from(i32::MAX), "i32"),
@@ -345,10 +351,10 @@ fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
         #[expect(clippy::cast_possible_truncation, reason = "it is asked whether it fits")]
         let overflows = value.is_finite() && !(*value as f32).is_finite();
         if integer && value.fract() != 0.0 {
-            return Err(format!("a texel is {value}, and its texels are integers"));
+            return Err(format!("a texel is {value}, but the texture's texels are integers"));
         }
         if overflows || integer && !(least..=most).contains(value) {
-            return Err(format!("a texel is {value}, and its texels are {name}"));
+            return Err(format!("a texel is {value}, but the texture's texels are {name}"));
         }
     }
     let at = |layer: usize, x: u32, y: u32| layers[layer].texels[(y * width + x) as usize];
@@ -386,18 +392,18 @@ fn shaped<T: karat::Shareable>(
     };
     let square = || match width == height {
         true => Ok(()),
-        false => Err("a face is a square".to_owned()),
+        false => Err("a face must be a square".to_owned()),
     };
     Ok(match (kind.dimension, kind.arrayed) {
         (Dimension::D1, _) => {
-            expect(1, "a 1D texture is of one image")?;
+            expect(1, "a 1D texture has one image")?;
             if height != 1 {
                 return Err("a 1D texture is an image of one row".to_owned());
             }
             Texture::from_fn_1d(width, |x| value(0, x, 0))
         }
         (Dimension::D2, false) => {
-            expect(1, "a 2D texture is of one image")?;
+            expect(1, "a 2D texture has one image")?;
             match kind.multisampled {
                 true => Texture::multisampled(width, height, SAMPLES, |x, y, _| value(0, x, y)),
                 false => layer(0),
@@ -409,13 +415,13 @@ fn shaped<T: karat::Shareable>(
             Texture::volume([width, height, depth], |x, y, z| value(z as usize, x, y))
         }
         (Dimension::Cube, false) => {
-            expect(6, "a cube is of six images")?;
+            expect(6, "a cube has six images")?;
             square()?;
             Texture::cube((0..6).map(layer))
         }
         (Dimension::Cube, true) => {
             if !layers.is_multiple_of(6) {
-                return Err(format!("cubes are of six images each, not of {layers}"));
+                return Err(format!("each cube has six images, but there are {layers}"));
             }
             square()?;
             Texture::cube_array((0..layers).map(layer))
@@ -442,8 +448,9 @@ fn buffer(
                 let bytes = read_file(&file).map_err(unread)?;
                 if !bytes.len().is_multiple_of(4) {
                     let length = bytes.len();
-                    let reason =
-                        format!("it has {length} bytes, and buffers are made of 4 at a time");
+                    let reason = format!(
+                        "the file has {length} bytes, but the length must be a multiple of 4"
+                    );
                     return Err(inside(&reason));
                 }
                 return Ok(Buffer::from_bytes(bytes).into());
@@ -456,7 +463,7 @@ fn buffer(
             Some("toml") => Value::Table(read()?.parse().map_err(|error| inside(&error))?),
             _ => {
                 return Err(format!(
-                    "`{name}` is no value; a buffer is a number, a list, a table of its members, or a \
+                    "`{name}` isn't a value; a buffer is a number, a list, a table of its members, or a \
                      file: values.json, values.toml, bytes.bin"
                 ));
             }
@@ -569,12 +576,12 @@ fn spread(
     let size = match whole("size") {
         Some((value, size)) if let Some(length) = fixed => match size {
             Some(size) if usize::try_from(size) == Ok(length) => length,
-            _ => return Err(format!("size = {value}, and the array has {length} elements")),
+            _ => return Err(format!("size = {value}, but the array has {length} elements")),
         },
         Some((_, Some(size))) if size > 0 && size as u64 <= (MOST / width) as u64 => size as usize,
         Some((value, _)) => {
             let most = MOST / width;
-            return Err(format!("size = {value} is no number of elements from 1 to {most}"));
+            return Err(format!("size = {value} isn't a number of elements from 1 to {most}"));
         }
         None => match fixed {
             Some(length) => length,
@@ -602,7 +609,7 @@ fn drawn(
 ) -> Result<Option<Vec<u32>>, String> {
     let seed = match table.get("seed").map(|seed| (seed, seed.as_integer())) {
         Some((_, Some(seed))) => seed.cast_unsigned(),
-        Some((value, None)) => return Err(format!("seed = {value} is no whole number")),
+        Some((value, None)) => return Err(format!("seed = {value} isn't a whole number")),
         None => 0,
     };
     let Some(range) = table.get("range") else {
@@ -619,7 +626,7 @@ fn drawn(
     let mut rows = Vec::new();
     let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
     if count < size as u64 {
-        return Err("nothing lies in that range".to_owned());
+        return Err("the range contains no value".to_owned());
     }
     Ok(Some(rows))
 }
@@ -675,22 +682,22 @@ mod tests {
             bound(declared, value).unwrap_or_else(|error| panic!("{declared}: {error}"));
         }
         for (declared, value, part) in [
-            ("sampler", "\"linaer\"", "is no sampler"),
-            ("sampler", "\"linear repaet\"", "`repaet` is nothing of a sampler"),
+            ("sampler", "\"linaer\"", "isn't a sampler"),
+            ("sampler", "\"linear repaet\"", "`repaet` isn't an option of a sampler"),
             ("sampler", "\"linear less\"", "compares nothing"),
-            ("sampler_comparison", "\"linear\"", "doesn't say how"),
-            ("texture_2d<u32>", "0.5", "its texels are integers"),
-            ("texture_2d<u32>", "-1", "its texels are u32"),
+            ("sampler_comparison", "\"linear\"", "has no comparison"),
+            ("texture_2d<u32>", "0.5", "the texture's texels are integers"),
+            ("texture_2d<u32>", "-1", "the texture's texels are u32"),
             ("texture_2d<f32>", "\"missing.exr\"", "missing.exr"),
             ("texture_3d<f32>", "true", "a list of images"),
-            ("texture_3d<f32>", "[[1], true]", "true is no image"),
+            ("texture_3d<f32>", "[[1], true]", "true isn't an image"),
             ("texture_2d<f32>", "{ size = [50] }", "is [width, height], each from 1"),
             ("texture_2d<f32>", "{ size = [50, 0] }", "is [width, height], each from 1"),
             ("texture_2d<f32>", "{ size = [50, 5], value = true }", "its `value` is a number"),
             ("texture_2d<f32>", "{ size = [8, 4], value = 1, range = \"0..1\" }", "and not both"),
             ("texture_2d<f32>", "{ size = [8, 4], seed = 1 }", "does nothing without a `range`"),
             ("texture_2d<u32>", "{ size = [8, 4], range = \"-1..1\" }", "-1"),
-            ("texture_2d<f32>", "{ sise = [50, 5] }", "`sise` is nothing of a texture"),
+            ("texture_2d<f32>", "{ sise = [50, 5] }", "`sise` isn't a key of a texture"),
             ("texture_2d<f32>", "{ size = [65536, 65536] }", "16777216 at most"),
         ] {
             let error = bound(declared, value).expect_err(declared);
@@ -715,7 +722,7 @@ mod tests {
             of(value).unwrap_or_else(|error| panic!("{value}: {error}"));
         }
         for (value, part) in [
-            ("{ count = 0, items = { size = 0 } }", "is no number of elements"),
+            ("{ count = 0, items = { size = 0 } }", "isn't a number of elements"),
             ("{ count = 0, items = { sise = 2 } }", "did you mean `size`?"),
             ("{ items = { size = 2 } }", "count"),
         ] {
@@ -783,8 +790,8 @@ mod tests {
             of(value).unwrap_or_else(|error| panic!("{value}: {error}"));
         }
         for (value, part) in [
-            ("{ size = 4 }", "size = 4, and the array has 3 elements"),
-            ("{ size = -3 }", "size = -3, and the array has 3 elements"),
+            ("{ size = 4 }", "size = 4, but the array has 3 elements"),
+            ("{ size = -3 }", "size = -3, but the array has 3 elements"),
             ("{ sise = 3 }", "did you mean `size`?"),
             ("{ seed = 1 }", "`seed` does nothing without a `range`"),
         ] {

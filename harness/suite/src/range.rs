@@ -28,8 +28,9 @@ impl Range {
     pub(crate) fn checked(self) -> Result<Self, String> {
         let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
         let quote = if self.half_open { "\"" } else { "" };
-        let wrong =
-            || format!("in_range = {quote}{self}{quote} has no value: the lower end comes first");
+        let wrong = || {
+            format!("in_range = {quote}{self}{quote} contains no value: write the lower end first")
+        };
         if is_some { Ok(self) } else { Err(wrong()) }
     }
 }
@@ -48,7 +49,7 @@ impl TryFrom<toml::Value> for Range {
         #[expect(clippy::cast_precision_loss, reason = "ends of 2^53 and above are rounded")]
         let number = |value: &toml::Value| {
             let number = value.as_float().or_else(|| value.as_integer().map(|one| one as f64));
-            number.ok_or_else(|| format!("an end of a range is a number, and this is {value}"))
+            number.ok_or_else(|| format!("an end of a range must be a number, but this is {value}"))
         };
         match &value {
             toml::Value::Array(list) => match &**list {
@@ -56,11 +57,12 @@ impl TryFrom<toml::Value> for Range {
                     let (least, most) = (number(least)?, number(most)?);
                     Ok(Self { least, most, half_open: false })
                 }
-                list => Err(format!("a list of two is wanted, and this one has {}", list.len())),
+                list => Err(format!("the list must have two numbers, but has {}", list.len())),
             },
             toml::Value::String(text) => {
-                let wanted =
-                    || format!("`{text}` is no range: write [0, 1], or \"0..<1\" without its end");
+                let wanted = || {
+                    format!("`{text}` isn't a range: write [0, 1], or \"0..<1\" without its end")
+                };
                 let (least, most) = text.split_once("..").ok_or_else(wanted)?;
                 let end = most.strip_prefix('<');
                 // `0...1` isn't two dots and a fraction.
@@ -74,7 +76,7 @@ impl TryFrom<toml::Value> for Range {
                     half_open: end.is_some(),
                 })
             }
-            other => Err(format!("a range is [0, 1] or \"0..<1\", and this is {other}")),
+            other => Err(format!("a range is [0, 1] or \"0..<1\", but this is {other}")),
         }
     }
 }

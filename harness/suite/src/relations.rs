@@ -34,7 +34,7 @@ pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
             Ok(all)
         }
         Some(all) if !all.is_empty() => {
-            Err(format!("`{KEY}` stands alone: the vector has length 1"))
+            Err(format!("`{KEY}` must be the only key: the vector has length 1"))
         }
         _ => Err(format!("`{KEY}` is the name of a vector, or a list of names")),
     })
@@ -58,7 +58,7 @@ pub(crate) fn related(
         let to = vector.to.iter().map(of).collect::<Result<Vec<_>, _>>()?;
         if to.len() >= vector.lanes.len() {
             return Err(format!(
-                "`{}`: of {} components, it can't be perpendicular to {} vectors",
+                "`{}` has {} components, and can't be perpendicular to {} vectors",
                 vector.path,
                 vector.lanes.len(),
                 to.len()
@@ -72,7 +72,7 @@ pub(crate) fn related(
         let Some(next) = pending.iter().position(|(_, to)| !to.iter().any(|to| waits(to))) else {
             let names: Vec<_> = pending.iter().map(|(own, _)| format!("`{}`", own.path)).collect();
             return Err(format!(
-                "`{KEY}` of {} goes round in a circle: it holds both ways, so one of them needs none",
+                "`{KEY}` of {} forms a circle: the relation holds in both directions, so remove one of them",
                 names.join(", ")
             ));
         };
@@ -108,12 +108,12 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
         }));
     };
     if other.path == own.path {
-        return Err(wrong("no unit vector is perpendicular to itself".to_owned()));
+        return Err(wrong("a unit vector can't be perpendicular to itself".to_owned()));
     }
     match other.lanes.len() == own.lanes.len() {
         true => Ok(other),
         false => Err(wrong(format!(
-            "it has {} components, and `{name}` has {}",
+            "the vector has {} components, but `{name}` has {}",
             own.lanes.len(),
             other.lanes.len()
         ))),
@@ -210,14 +210,14 @@ mod tests {
             ("t = { perpendicular_to = \"m\" }", "`t`: there is no vector `m`"),
             ("t = { perpendicular_to = \"nn\" }", "did you mean `n`?"),
             ("t = { perpendicular_to = \"t\" }", "perpendicular to itself"),
-            ("t = { perpendicular_to = \"uv\" }", "it has 3 components, and `uv` has 2"),
+            ("t = { perpendicular_to = \"uv\" }", "the vector has 3 components, but `uv` has 2"),
             ("t = { perpendicular_to = 1 }", "the name of a vector, or a list"),
             ("t = { perpendicular_to = [] }", "the name of a vector, or a list"),
             ("t = { perpendicular_to = \"n\", x = 1 }", "stands alone"),
             ("uv = { perpendicular_to = [\"w\", \"w\"] }", "can't be perpendicular to 2 vectors"),
             (
                 "t = { perpendicular_to = \"n\" }\nn = { perpendicular_to = \"t\" }",
-                "of `n`, `t` goes round in a circle",
+                "of `n`, `t` forms a circle",
             ),
         ] {
             let error = of(&three, text).expect_err(text);

@@ -26,7 +26,7 @@ impl Places {
         let twice = |(at, column): &(usize, &&str)| head[..*at].contains(column);
         if let Some((_, column)) = head.iter().enumerate().find(twice) {
             return Err(format!(
-                "has two columns `{column}`, and it isn't clear which is meant: rename or remove one"
+                "has two columns `{column}`, but Karat needs only one: rename or remove one"
             ));
         }
         let wanted = || arguments.iter().chain(expected).copied();
@@ -45,7 +45,7 @@ impl Places {
         if let Some(foreign) = head.iter().find(is_part) {
             let wanted = wanted().collect::<Vec<_>>().join(",");
             return Err(format!(
-                "has a column `{foreign}`, which is no part of what the function takes and returns: {wanted}"
+                "has a column `{foreign}`, which isn't part of the function's arguments or result: {wanted}"
             ));
         }
         let expected = expected.iter().map(find).collect::<Result<Vec<_>, _>>()?;
@@ -81,7 +81,7 @@ pub fn begins_with_mark(text: &[u8], at: usize) -> bool {
 }
 
 /// The message that a row begins with `#`.
-pub(crate) const MARKED: &str = "this row begins with `#`, and comments stand above the head: remove it, or quote \
+pub(crate) const MARKED: &str = "this row begins with `#`, but comments must be above the head: remove it, or quote \
                                  its first cell";
 
 #[cfg(test)]

@@ -614,7 +614,7 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
     }
     let expect = |scalar: &Scalar, number: f64| match numbers::fits(*scalar, number) {
         true => Ok(meant((scalar, number))),
-        false => Err(format!("{number} is no {}, and the result is one", scalar.wgsl())),
+        false => Err(format!("{number} isn't of type {}, like the result", scalar.wgsl())),
     };
     if let Some(number) = number(value) {
         return scalars.iter().map(|scalar| expect(scalar, number)).collect();

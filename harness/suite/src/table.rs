@@ -65,7 +65,9 @@ pub(crate) fn read(
             let cell = &record[*column];
             let word = numbers::argument(*scalar, cell);
             words.push(
-                word.ok_or_else(|| wrong(*column, &format!("is no {}", type_name(*scalar))))?,
+                word.ok_or_else(|| {
+                    wrong(*column, &format!("isn't of type {}", type_name(*scalar)))
+                })?,
             );
         }
         let mut lanes = Vec::with_capacity(results.len());
@@ -78,12 +80,12 @@ pub(crate) fn read(
         if let Some(other) = expected.insert(words.clone(), lanes.clone())
             && other != lanes
         {
-            return Err(at("the same arguments had another result above".to_owned()));
+            return Err(at("a row above has the same arguments and another result".to_owned()));
         }
         rows.push(words);
     }
     if rows.is_empty() {
-        return Err(format!("`{name}` has no row, so nothing would be compared").into());
+        return Err(format!("`{name}` has no rows, so Karat would compare nothing").into());
     }
     Ok(Table { rows, expected })
 }
@@ -105,8 +107,7 @@ pub(crate) fn elements(
     let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?;
     if head.iter().ne(wanted.iter().map(String::as_str)) {
         let (wanted, there) = (wanted.join(","), head.iter().collect::<Vec<_>>().join(","));
-        let message =
-            format!("the first line of `{name}` has to be `{wanted}`, and it is `{there}`");
+        let message = format!("the first line of `{name}` must be `{wanted}`, but it is `{there}`");
         return Err(Misdeclared::at_line(file, 1, message));
     }
     let (scalars, mut all) = (element.lanes(), Vec::new());
@@ -196,7 +197,7 @@ mod tests {
         ] {
             let error = of(&format!("{head}\n1,2,3,4,5\n")).expect_err("another type");
             assert!(
-                error.contains(&format!("has a column `{column}`, which is no part of")),
+                error.contains(&format!("has a column `{column}`, which isn't part of")),
                 "{error}"
             );
         }
@@ -248,10 +249,13 @@ mod tests {
             ("a,v.x,v.y,result\n", "has no row"),
             ("a,v.x,v.y\n1,2,3\n", "has no column `result`"),
             ("a,v.x,v.y,resul\n1,2,3,4\n", "has no column `result` (did you mean `resul`?)"),
-            ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` is no f32"),
+            ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` isn't of type f32"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "t.csv:2:1"),
-            ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and nothing else"),
-            ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "the same arguments had another result above"),
+            ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` isn't a finite number, and Karat compares"),
+            (
+                "a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n",
+                "a row above has the same arguments and another result",
+            ),
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
             ("a,v.x,v.y,result\n\n1,2,3\n", "t.csv:3:1"),
             ("a,v.x,v.y,result,result\n1,2,3,4,5\n", "two columns `result`"),

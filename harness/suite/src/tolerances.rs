@@ -26,7 +26,7 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
         }
         match rest.strip_prefix("or ") {
             Some(otherwise) => Ok(Some(base.or(tolerance(otherwise)?))),
-            None => Err(format!("`{text}`: behind `{first}` comes `or` or `needing`")),
+            None => Err(format!("`{text}`: after `{first}`, write `or` or `needing`")),
         }
     };
     let trimmed = text.trim();
@@ -48,9 +48,7 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
 pub fn tolerance(text: &str) -> Result<Tolerance, String> {
     let (words, or): (Vec<&str>, bool) = match (text.contains(" or "), text.contains(" and ")) {
         (true, true) => {
-            return Err(format!(
-                "`{text}` mixes `or` with `and`, so it isn't clear what it bounds"
-            ));
+            return Err(format!("`{text}` mixes `or` with `and`, so the bound isn't clear"));
         }
         (_, and) => (text.split(if and { " and " } else { " or " }).collect(), !and),
     };
@@ -63,7 +61,7 @@ fn bound(text: &str) -> Result<Tolerance, String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     if let [granted @ ("spec" | "device"), ..] = &*words {
         return Err(format!(
-            "`{granted}` is no number, and one is needed here: `4 ulp`, `rel 1e-4`, `abs 1e-6` or \
+            "`{granted}` isn't a number, and a tolerance needs one: `4 ulp`, `rel 1e-4`, `abs 1e-6` or \
              `exact`"
         ));
     }
@@ -75,7 +73,7 @@ fn bound(text: &str) -> Result<Tolerance, String> {
     };
     let number: f64 = number.parse().map_err(|_| unknown(text))?;
     if !(number.is_finite() && number >= 0.0) {
-        return Err(format!("`{text}` bounds nothing: the number is finite and at least 0"));
+        return Err(format!("`{text}` bounds nothing: write a finite number that is at least 0"));
     }
     let bound: Tolerance = match unit {
         "ulp" => Ulp(number).into(),
@@ -93,7 +91,7 @@ fn bound(text: &str) -> Result<Tolerance, String> {
 }
 
 fn unknown(text: &str) -> String {
-    format!("`{text}` is no tolerance: write `4 ulp`, `rel 1e-4`, `abs 1e-6` or `exact`")
+    format!("`{text}` isn't a tolerance: write `4 ulp`, `rel 1e-4`, `abs 1e-6` or `exact`")
 }
 
 #[cfg(test)]

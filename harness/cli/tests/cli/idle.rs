@@ -24,8 +24,8 @@ fn checks_that_can_not_fail_are_refused_at_their_key() {
             "m.test.toml:3:1",
             "no result passes this check, or every result does",
         ),
-        ("function = \"count\"\nequals = 5.5\n", "m.test.toml:3:1", "5.5 is no u32"),
-        ("function = \"count\"\nequals = -1\n", "m.test.toml:3:1", "-1 is no u32"),
+        ("function = \"count\"\nequals = 5.5\n", "m.test.toml:3:1", "5.5 isn't of type u32"),
+        ("function = \"count\"\nequals = -1\n", "m.test.toml:3:1", "-1 isn't of type u32"),
         (
             "function = \"half\"\nequals = 1\ntolerance = \"rel 1e300\"\n",
             "m.test.toml:4:1",

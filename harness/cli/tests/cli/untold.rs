@@ -108,7 +108,7 @@ fn declared_tests_have_places_of_their_own() {
         (
             format!("{f}finite = true\nover = {{ x = \"0,,1\" }}\n"),
             "4:1",
-            "is no domain of a number",
+            "isn't a domain of a number",
         ),
         (format!("{f}finite = true\ncases = 0\n"), "4:1", "has 0 cases"),
         (
@@ -134,7 +134,7 @@ fn declared_tests_have_places_of_their_own() {
             "4:1",
             "can't name a golden",
         ),
-        (format!("{f}in_range = [0, 1, 2]\n"), "3:12", "a list of two is wanted"),
+        (format!("{f}in_range = [0, 1, 2]\n"), "3:12", "the list must have two numbers"),
         (format!("{f}symmetric_in = [\"a\", \"b\", \"c\"]\n"), "3:16", "and this one has 3"),
         (
             format!("{f}golden = \"f\"\n"),
