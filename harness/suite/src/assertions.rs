@@ -185,7 +185,7 @@ pub(crate) fn idle_key(
     let there: Vec<&str> = takers.iter().filter(is_there).copied().collect();
     let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
     let error = format!(
-        "`{key}` does nothing here: {} doesn't allow this key. Remove it, or use an assertion that allows it: {}",
+        "`{key}` does nothing here: {} can't have this key. Remove it, or use an assertion that can: {}",
         own.join(", "),
         there.join(", ")
     );

@@ -168,9 +168,9 @@ fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
         | HazardKind::Saturated
         | HazardKind::EdgesReversed => Ok(()),
         HazardKind::LostDigits | HazardKind::Unbounded | HazardKind::Endless => {
-            wrong("passes aren't looked through for this kind")
+            wrong("Karat doesn't check passes for this kind")
         }
-        _ => wrong("each [[compute]] is looked through for this kind: leave it out"),
+        _ => wrong("Karat checks every [[compute]] for this kind: remove it from the list"),
     }
 }
 
@@ -203,7 +203,7 @@ impl Expected {
         all.extend(switched("written", self.written, What::Written)?);
         if all.is_empty() {
             return Err(Misdeclared::from(format!(
-                "nothing is asserted of `{variable}`: equals, table, golden, agrees_with, sorted, sum_of, \
+                "no assertion about `{variable}`: write equals, table, golden, agrees_with, sorted, sum_of, \
                  permutation_of, unchanged, written, in_range or finite"
             )));
         }
@@ -233,17 +233,15 @@ impl Declared {
         };
         match (&self.entry, self.workgroups, &*self.passes) {
             (Some(entry), Some(Workgroups(groups)), []) => Ok(vec![(path(entry), groups)]),
-            (Some(entry), None, []) => Err(format!(
-                "`{entry}` is dispatched over no workgroups: add workgroups = 1, or [2, 2, 1]"
-            )),
+            (Some(entry), None, []) => {
+                Err(format!("`{entry}` has no workgroups: add workgroups = 1, or [2, 2, 1]"))
+            }
             (None, None, [_, ..]) => {
                 Ok(self.passes.iter().map(|one| (path(&one.entry), one.workgroups.0)).collect())
             }
-            _ => {
-                Err("either `entry` and `workgroups` are written, or `passes = [{ entry = \"a\", \
+            _ => Err("write either `entry` and `workgroups`, or `passes = [{ entry = \"a\", \
                       workgroups = 1 }]`"
-                    .to_owned())
-            }
+                .to_owned()),
         }
     }
 
@@ -297,7 +295,7 @@ impl Declared {
         }
         match all.is_empty() {
             true => Err(Misdeclared::from(format!(
-                "nothing is asserted of `{last}`: say what it leaves in [compute.after.NAME], or \
+                "no assertion about `{last}`: write the expected results in [compute.after.NAME], or \
                  no_hazards = true"
             ))),
             false => Ok(all),
@@ -555,7 +553,7 @@ impl Assertion {
                 let content = self.content(compute)?;
                 let scalar = only_scalar(&content, "sorted")?;
                 if content.lanes.len() == 1 {
-                    let one = "`sorted` holds for one number, so it can't fail".to_owned();
+                    let one = "`sorted` can't fail, because there is only one number".to_owned();
                     return Err(Misdeclared::of("sorted")(one).into());
                 }
                 let text = if *descending { "its elements fall" } else { "its elements rise" };
@@ -594,7 +592,7 @@ impl Assertion {
                 let (content, input_content) = (self.content(compute)?, before(input)?);
                 if content.element() != input_content.element() {
                     return Err(format!(
-                        "`{}` is {}, and `{input}` is {}: no permutation of each other",
+                        "`{}` is {}, but `{input}` is {}: they can't be permutations of each other",
                         self.variable, content.shape, input_content.shape
                     )
                     .into());
@@ -623,7 +621,7 @@ impl Assertion {
                 };
                 if content.shape.lanes().iter().all(all) {
                     return Err(format!(
-                        "every {} would be in range, so it can't fail",
+                        "every {} is in this range, so the assertion can't fail",
                         content.shape
                     )
                     .into());
@@ -636,7 +634,7 @@ impl Assertion {
                 let content = self.content(compute)?;
                 if !content.shape.lanes().iter().any(|scalar| scalar.is_float()) {
                     return Err(format!(
-                        "`finite` holds for every {}, so it can't fail",
+                        "`finite` holds for every {}, so the assertion can't fail",
                         content.shape
                     )
                     .into());
@@ -749,7 +747,7 @@ fn values(content: &Content) -> Vec<f64> {
 fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     match content.element() {
         Shape::Scalar(scalar) => Ok(*scalar),
-        other => Err(format!("`{key}` is for numbers, and an element is a {other}")),
+        other => Err(format!("`{key}` needs numbers, but an element is a {other}")),
     }
 }
 
@@ -758,7 +756,7 @@ fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     let scalars = content.shape.lanes();
     match scalars.first() {
         Some(first) if scalars.iter().all(|scalar| scalar == first) => Ok(*first),
-        _ => Err(format!("`{key}` is for numbers of one type, and this is {}", content.shape)),
+        _ => Err(format!("`{key}` needs numbers of one type, but this is {}", content.shape)),
     }
 }
 

@@ -218,7 +218,7 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
 
     fn try_from(list: Vec<T>) -> Result<Self, String> {
         list.try_into().map(Self).map_err(|list: Vec<T>| {
-            format!("the list must have two numbers, but has {}", list.len())
+            format!("the list must have two entries, but has {}", list.len())
         })
     }
 }
@@ -248,9 +248,7 @@ impl TryFrom<Value> for NoHazards {
                 let kinds = kinds.into_iter().map(kind).collect::<Result<_, _>>()?;
                 Ok(Self(Some(kinds)))
             }
-            other => {
-                Err(format!("`true`, or a list such as [\"nan\"], is wanted, and not {other}"))
-            }
+            other => Err(format!("write `true`, or a list such as [\"nan\"], and not {other}")),
         }
     }
 }
@@ -398,11 +396,12 @@ impl Frame {
                 Ok(vec![draws::Declared::covering(vertex.clone(), fragment.clone())])
             }
             (_, None, []) => {
-                Err("it draws nothing: name a `fragment` function, or write `draws`".to_owned())
+                Err("the frame draws nothing: name a `fragment` function, or write `draws`"
+                    .to_owned())
             }
             (None, None, all) => Ok(all.to_vec()),
             _ => Err(
-                "each of `draws` names its functions: write no `vertex` and `fragment` beside it"
+                "each of `draws` names its own functions: remove `vertex` and `fragment` beside it"
                     .to_owned(),
             ),
         }
@@ -479,7 +478,8 @@ impl Assertion {
         let exact = is_exact.then_some("exact");
         let takes_spec =
             matches!(self.what, What::AgreesWith(_) | What::Table(_) | What::Equals(_));
-        let spec = if takes_spec { "; the first time `spec` says what WGSL allows" } else { "" };
+        let spec =
+            if takes_spec { "; to begin, use `spec`, the error that WGSL allows" } else { "" };
         let missing = || format!("a tolerance is missing, such as tolerance = \"4 ulp\"{spec}");
         self.test.tolerance.as_deref().or(exact).ok_or_else(missing)
     }
@@ -596,8 +596,10 @@ pub(crate) fn read(
         frame.folder.clone_from(&folder);
         frame.keys = frame_keys.next().unwrap_or_default();
         if goldens.contains(&frame.golden_file()) {
-            let twice =
-                format!("another frame is called `{}`, and they would share a golden", frame.name);
+            let twice = format!(
+                "another frame has the name `{}`, and both would share a golden",
+                frame.name
+            );
             wrong.push(Diagnostic::new(twice).at(span, ""));
             continue;
         }
@@ -730,7 +732,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
         && test.integral.is_none()
     {
         return Err(Misdeclared::of("over")(format!(
-            "`{argument}` in `over` does nothing: the limit says what it is. Leave it out"
+            "`{argument}` in `over` does nothing: the limit sets its value. Remove it"
         )));
     }
     all.extend(limit);
@@ -738,7 +740,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
         match (&integral.equals, &integral.at_most) {
             (Some(_), None) if integral.slack.is_some() => {
                 return Err(Misdeclared::of("integral.slack")(
-                    "`slack` does nothing beside `equals`, which has a `tolerance`: leave it out"
+                    "`slack` does nothing beside `equals`, which has a `tolerance`: remove it"
                         .to_owned(),
                 ));
             }
@@ -882,8 +884,8 @@ mod tests {
             ),
             ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
             ("[[test]\n", "brdf.test.toml:1"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "the list must have two"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "but has 1"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: remove the key"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = []\n", "asserts nothing: name kinds"),
@@ -895,7 +897,10 @@ mod tests {
             ),
             ("[[test]]\nfunction = \"f\"\nin_range = \"0...1\"\n", "write [0, 1], or \"0..<1\""),
             ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` isn't a range"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n", "is a number, and this is"),
+            (
+                "[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n",
+                "must be a number, but this is",
+            ),
             (
                 "[[test]]\nfunction = \"f\"\nin_range = [0, 1]\ntolerance = \"4 ulp\"\n",
                 "brdf.test.toml:4:1",
@@ -903,7 +908,7 @@ mod tests {
             (
                 "[[test]]\nfunction = \"f\"\nfinite = true\nno_hazards = true\n\
                  tolerance_on = { gl = \"4 ulp\" }\n",
-                "`tolerance_on` does nothing here: `finite`, `no_hazards` takes none",
+                "`tolerance_on` does nothing here: `finite`, `no_hazards` can't have this key",
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\n\
@@ -912,7 +917,7 @@ mod tests {
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\ncases = 9\n",
-                "`cases` does nothing here: `table` takes none",
+                "`cases` does nothing here: `table` can't have this key",
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\nseed = 9\n",
@@ -921,7 +926,7 @@ mod tests {
             (
                 "[[test]]\nfunction = \"f\"\ntolerance = \"4 ulp\"\n\
                  integral = { over = \"sphere\", at_most = 1, slack = 0 }\n",
-                "`integral at_most` takes none",
+                "`integral at_most` can't have this key",
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntolerance = \"4 ulp\"\n\

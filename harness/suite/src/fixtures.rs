@@ -614,7 +614,7 @@ fn drawn(
     };
     let Some(range) = table.get("range") else {
         return match table.contains_key("seed") {
-            true => Err("`seed` does nothing without a `range`: leave it out".to_owned()),
+            true => Err("`seed` does nothing without a `range`: remove it".to_owned()),
             false => Ok(None),
         };
     };

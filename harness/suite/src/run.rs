@@ -290,7 +290,7 @@ fn unbound(failure: &Failure) -> Option<String> {
     let FixtureError::Missing { variable, kind } = error else { return None };
     let name = variable.rsplit("::").next().unwrap_or(variable);
     Some(format!(
-        "`{name}` ({kind}) is read by this test, and a test in WGSL binds nothing: declare a test in \
+        "this test reads `{name}` ({kind}), but a test in WGSL can't bind variables: declare a test in \
          `*.test.toml`, with `with = {{ {name} = ... }}`"
     ))
 }
@@ -341,7 +341,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     // If the arguments don't vary, each derivative is 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
-            return Err("it takes derivatives, and directions of an integral don't vary".into());
+            return Err("the function takes derivatives, but the directions of an integral don't vary between pixels".into());
         }
         _ => probed.with_varying(),
     };
@@ -399,7 +399,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             match parts.first_mut() {
                 Some(first) => first.push(table.part(&shapes)),
                 None => {
-                    return Err("a function without arguments has no table: `equals`".into());
+                    return Err(
+                        "a function without arguments can't have a table: use `equals`".into()
+                    );
                 }
             }
             let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), assertion)?;
@@ -425,7 +427,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Finite => {
             if !result.lanes().iter().any(|lane| lane.is_float()) {
-                return Err("`finite` can't fail: it returns no float".into());
+                return Err("`finite` can't fail: the function returns no float".into());
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_is_finite())
         }
@@ -443,7 +445,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let range = range.checked()?;
             if result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
                 return Err(
-                    format!("`in_range` is for numbers, and the result is a {result}").into()
+                    format!("`in_range` needs numbers, but the result is a {result}").into()
                 );
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
@@ -453,7 +455,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let [first, second] = [first, second].map(|name| place(&parameters, name));
             let (first, second) = (first?, second?);
             if first.0 == second.0 {
-                return Err("it swaps a parameter with itself, which changes nothing".into());
+                return Err("a parameter can't be swapped with itself: name two parameters".into());
             }
             if parameters[first.0].1 != parameters[second.0].1 {
                 return Err("the two parameters have different types".into());
@@ -487,7 +489,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             place(&parameters, argument)?;
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
-                let wrong = format!("`{text}` names `{argument}`, and the limit says what it is");
+                let wrong = format!(
+                    "`{text}` must not name `{argument}`, because the limit sets its value"
+                );
                 return Err(Misdeclared::of("where")(wrong));
             }
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
@@ -506,7 +510,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Integral(Integral { over, equals: is, at_most, slack, rings }) => {
             if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
-                return Err("an integral is over the last parameter, a vec3f".into());
+                return Err("an integral needs a vec3f as the last parameter".into());
             }
             if *rings == Some(0) {
                 return Err("an integral with 0 rings has no node".into());
@@ -519,7 +523,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let directions = rings.map_or(directions, |rings| directions.rings(rings));
             let last = parameters.last().map_or("", |(name, _)| name);
             if test.over.contains_key(last) {
-                let wrong = format!("`{last}` is what is integrated over: leave it out");
+                let wrong = format!("the integral sets `{last}`: remove it from `over`");
                 return Err(Misdeclared::of("over")(wrong));
             }
             let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), assertion)?;
@@ -532,7 +536,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                     Ok(check.try_integrates_to(directions, &expect, tolerance))
                 }
                 None => {
-                    let slack = slack.ok_or("at_most needs `slack`, what rounding may add")?;
+                    let slack =
+                        slack.ok_or("`at_most` needs `slack`, the error that rounding may add")?;
                     Ok(check.try_integrates_to_at_most(directions, &expect, slack))
                 }
             }
@@ -610,7 +615,7 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
         one => is_switch(one),
     };
     if switches && !scalars.contains(&Scalar::Bool) {
-        return Err(format!("{value} isn't a number, and the result is one"));
+        return Err(format!("{value} isn't a number, but the result is"));
     }
     let expect = |scalar: &Scalar, number: f64| match numbers::fits(*scalar, number) {
         true => Ok(meant((scalar, number))),
@@ -643,7 +648,7 @@ fn bound(
         let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
         let Some(binding) = bindings.iter().find(is_it) else {
             let message = match bindings {
-                [] => format!("it reads no variable, so `{name}` binds nothing"),
+                [] => format!("the function reads no variable, so `{name}` binds nothing"),
                 _ => no_such("variable", name, known()),
             };
             return Err(Misdeclared::of_resource(name)(message));
@@ -746,7 +751,7 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
     match (declared.target, declared.depth) {
         (Some(_), true) => {
             return Err(Misdeclared::of("depth")(
-                "it compares `target` or `depth`, not both".to_owned(),
+                "a frame compares `target` or `depth`, not both".to_owned(),
             ));
         }
         (Some(target), false) => frame = frame.target(target),

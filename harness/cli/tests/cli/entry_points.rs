@@ -542,12 +542,12 @@ fn wrong_passes_fail_with_the_element() {
             ["`inputs`", "m.test.toml:4:1"],
         ),
         ("reverse", input, "[compute.after.kyes]\nsorted = true", ["kyes", "m.test.toml:5:"]),
-        ("reverse", input, "", ["nothing is asserted", "m.test.toml:1:1"]),
+        ("reverse", input, "", ["no assertion about", "m.test.toml:1:1"]),
         (
             "reverse",
             input,
             "[compute.after.keys]\n",
-            ["nothing is asserted of `keys`", "m.test.toml:5:16"],
+            ["no assertion about `keys`", "m.test.toml:5:16"],
         ),
         ("reverse", input, "[compute.after.keys]\nsortd = true", ["sortd", "m.test.toml:6:1"]),
         (
@@ -609,7 +609,7 @@ fn wrong_passes_fail_with_the_element() {
             "root",
             root,
             "no_hazards = [\"race\"]",
-            ["race: each [[compute]] is looked through for this kind", "m.test.toml:5:1"],
+            ["race: Karat checks every [[compute]] for this kind", "m.test.toml:5:1"],
         ),
     ] {
         let said = of(entry, with, after);

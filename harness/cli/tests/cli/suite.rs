@@ -381,7 +381,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "brdf.test.toml",
             "[[test]]\nfunction = \"is_odd\"\nin_range = [0, 1]\n",
-            "`in_range` is for numbers",
+            "`in_range` needs numbers",
         ),
         (
             "brdf.test.toml",
@@ -392,7 +392,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
             "t.wgsl",
             "import karat::expect_true;\n@group(0) @binding(0) var<uniform> u: vec4f;\n\
              @test fn t() { expect_true(u.x > 0.0); }\n",
-            "`u` (uniform buffer) is read by this test, and a test in WGSL binds nothing",
+            "this test reads `u` (uniform buffer), but a test in WGSL can't bind variables",
         ),
         (
             "brdf.test.toml",
@@ -794,7 +794,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
         ("", "`override` in a test's file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
-        ("target = 1\ndepth = true", "it compares `target` or `depth`, not both"),
+        ("target = 1\ndepth = true", "a frame compares `target` or `depth`, not both"),
     ] {
         let ran = declare(&[&format!("name = \"a\"\n{more}")]);
         assert!(ran.code == Some(1) && ran.out.contains(part), "no `{part}` in {ran:?}");
