@@ -1,4 +1,4 @@
-//! Compute passes that a file declares: `[[compute]]`, whose keys [`declared`](crate::declared) lists.
+//! Compute passes that a file declares as `[[compute]]`. [`declared`](crate::declared) lists the keys.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -24,55 +24,55 @@ use crate::table;
 use crate::tolerances::tolerance;
 use crate::wrong::Misdeclared;
 
-/// A `[[compute]]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
-    /// The test's own name, in place of the last entry point's.
+    /// A name for the test, in place of the last entry point's name.
     pub(crate) name: Option<String>,
-    /// The compute entry point, of the file's own module, or `other::sort`.
+    /// The compute entry point: a name in the file's own module, or `other::sort`.
     entry: Option<String>,
-    /// Workgroups in each direction: `4`, `[4, 2]` or `[4, 2, 1]`.
+    /// The number of workgroups in each direction: `4`, `[4, 2]` or `[4, 2, 1]`.
     workgroups: Option<Workgroups>,
-    /// Passes one after the other, each `{ entry = .., workgroups = .. }`, in place of these two.
+    /// A list of passes that run one after the other, in place of `entry` and `workgroups`: `{ entry = .., workgroups =
+    /// .. }`.
     #[serde(default)]
     passes: Vec<Pass>,
-    /// Textures, samplers and buffers, by the names of the variables.
+    /// The textures, samplers and buffers to bind, by the names of the variables.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
-    /// Values of `override`s, by their names or numbers.
+    /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     overrides: BTreeMap<String, OverrideValue>,
-    /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
+    /// The paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
-    /// Paths that can't run it, each with the reason. They must refuse it.
+    /// The paths that can't run the test and must refuse it, each with the reason.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// Variables with accepted races, each with the reason.
+    /// The variables with accepted races, each with the reason.
     #[serde(default)]
     accept_race: BTreeMap<String, String>,
-    /// Variables into which several invocations may write the same value, each with the reason.
+    /// The variables into which several invocations may write the same value, each with the reason.
     #[serde(default)]
     accept_equal_writes: BTreeMap<String, String>,
-    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`; the keys stand below.
+    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. The keys are listed
+    /// below.
     #[serde(default)]
     after: BTreeMap<String, Expected>,
-    /// Nothing that the passes compute has a hazard: `true`, or a list of kinds.
+    /// `true`, or a list of kinds: no operation of the passes has a hazard of these kinds.
     no_hazards: Option<NoHazards>,
 }
 
-/// One of several passes.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Pass {
     /// The compute entry point.
     entry: String,
-    /// Workgroups in each direction.
+    /// The number of workgroups in each direction.
     workgroups: Workgroups,
 }
 
-/// Workgroups in each direction: `4`, `[4]`, `[4, 2]` or `[4, 2, 1]`.
+/// The number of workgroups in each direction: `4`, `[4]`, `[4, 2]` or `[4, 2, 1]`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 struct Workgroups([u32; 3]);
@@ -100,48 +100,48 @@ impl TryFrom<Value> for Workgroups {
     }
 }
 
-/// The expected content of a resource.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Expected {
-    /// It holds this value; one number stands for each component.
+    /// The value of the resource. A single number stands for each component.
     equals: Option<Value>,
-    /// Each element is a row of this CSV file, of the columns `x,y,z`, or `value`.
+    /// A CSV file with one row for each element, in the columns `x,y,z` or `value`.
     table: Option<PathBuf>,
-    /// It holds what was accepted as `golden/NAME.csv`.
+    /// The name of a golden: the content must equal the accepted `golden/NAME.csv`.
     golden: Option<String>,
-    /// Another entry point in place of the last one leaves the same, over as many workgroups and in Karat's engine.
+    /// Another entry point that must compute the same content. Karat's engine dispatches it in place of the last entry
+    /// point, with the same workgroups.
     agrees_with: Option<String>,
-    /// Its elements rise: `true`; or they fall: `"descending"`.
+    /// `true` if the elements rise, `"descending"` if they fall.
     sorted: Option<Value>,
-    /// Its numbers add up to those that this buffer holds before the passes.
+    /// The name of a buffer. The resource's numbers must have the same sum as this buffer's numbers before the passes.
     sum_of: Option<String>,
-    /// Its elements are those that this buffer holds before the passes, in any order.
+    /// The name of a buffer. The resource must have this buffer's elements from before the passes, in any order.
     permutation_of: Option<String>,
-    /// It holds what it held before: `true`.
+    /// `true` if the passes must not change the content.
     unchanged: Option<bool>,
-    /// Some invocation writes each element of the buffer or texel of the texture, the last ones included: `true`.
+    /// `true` if some invocation must write each element of the buffer, or each texel of the texture, including the
+    /// last ones.
     written: Option<bool>,
-    /// Each component lies in this range.
+    /// The range that must contain each component.
     in_range: Option<Range>,
-    /// No component is NaN or infinite: `true`.
+    /// `true` if no component may be NaN or infinite.
     finite: Option<bool>,
-    /// Elements are compared in any order, beside `equals`, `table` or `agrees_with`: `true`.
+    /// `true` to compare elements in any order, with `equals`, `table` or `agrees_with`.
     up_to_order: Option<bool>,
-    /// Rows and columns of the elements, `[19, 13]`: a failure names row and column.
+    /// The number of rows and columns of the elements, `[19, 13]`. A failure then names the row and the column.
     shape: Option<[usize; 2]>,
-    /// The largest error that passes, as for functions; without it numbers are exact.
+    /// The largest error that passes, as for functions. Without it, numbers are compared exactly.
     tolerance: Option<String>,
-    /// Tolerances of single paths.
+    /// The tolerances of certain paths.
     #[serde(default)]
     tolerance_on: BTreeMap<String, String>,
 }
 
-/// An assertion of a `[[compute]]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Assertion {
     pub(crate) declared: Declared,
-    /// The entry points with their modules, and the workgroups.
+    /// The entry points with their modules, and the numbers of workgroups.
     passes: Vec<(String, [u32; 3])>,
     /// The resource; empty for an assertion about the passes.
     variable: String,
@@ -150,14 +150,14 @@ pub(crate) struct Assertion {
     pub(crate) tolerance_on: BTreeMap<String, String>,
     /// `true` to ignore the order of elements.
     up_to_order: bool,
-    /// Rows and columns of the elements.
+    /// The number of rows and columns of the elements.
     shape: Option<[usize; 2]>,
-    /// The folder that paths of tables and images are relative to.
+    /// The folder to which the paths of tables and images are relative.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
 }
 
-/// Refuses a kind of hazard that Karat doesn't check in passes: the test could never fail.
+/// Refuses a kind of hazard that Karat doesn't check in passes, because the test could never fail.
 fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
     let wrong = |why: &str| Err(Misdeclared::of("no_hazards")(format!("{}: {why}", kind.name())));
     match kind {
@@ -225,7 +225,7 @@ impl Expected {
 }
 
 impl Declared {
-    /// The passes in their order, with the module of the file.
+    /// Returns the passes in order; `module` is the file's module.
     fn all_passes(&self, module: &str) -> Result<Vec<(String, [u32; 3])>, String> {
         let path = |entry: &str| match (module, entry.contains("::")) {
             ("", _) | (_, true) => entry.to_owned(),
@@ -333,7 +333,6 @@ impl Assertion {
 
     /// The place of a key.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&karat::unstable::diagnostic::Span> {
-        // A key of the assertion, or one of the pass.
         let keys = key.into_iter().flat_map(|key| [self.own(key), key.to_owned()]);
         let mut named = keys.filter_map(|key| self.keys.exactly(&key));
         named.next().or_else(|| self.keys.place_of(&self.check()))

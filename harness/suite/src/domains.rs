@@ -8,8 +8,8 @@
 //! | a struct | a table of its members |
 //! | what varies from pixel to pixel, where the function takes derivatives | any of these; or `{ value = "0..1", dx = 0.1, dy = 0 }` |
 //!
-//! Arguments without a domain here get one from `[inputs]` of `karat.toml`, or from name and type, as in `karat
-//! hazards`: `n` is a unit vector, `roughness` is from 0 to 1.
+//! Arguments without a domain in the test get one from `[inputs]` in `karat.toml`. Otherwise their name and type
+//! suggest a domain, as in `karat hazards`: `n` is a unit vector, `roughness` is from 0 to 1.
 
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::domain::Part;
@@ -19,7 +19,7 @@ use toml::Value;
 
 use crate::relations;
 
-/// The parts of a parameter. `name` gives the domain of members that the text leaves out.
+/// Parses the domain of a parameter into parts. `name` gives the domain of members that the text doesn't mention.
 pub(crate) fn parts(
     name: &str,
     shape: &Shape,
@@ -95,8 +95,8 @@ pub(crate) fn parts(
     }
 }
 
-/// The parts of a value that varies from pixel to pixel: a domain of its value, or `{ value = "0..1", dx = 0.1, dy = 0
-/// }`. Karat generates the parts that the text leaves out.
+/// Parses a value that varies from pixel to pixel: a domain, or `{ value = "0..1", dx = 0.1, dy = 0 }`. Karat generates
+/// the parts that the text doesn't mention.
 fn varying(
     name: &str,
     shape: &Shape,
@@ -131,7 +131,7 @@ fn varying(
     Ok(all)
 }
 
-/// The named domain of a vector; `None` if the text is another domain.
+/// Parses the named domain of a vector; `None` if the text isn't such a name.
 fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
     let size = match shape {
         Shape::Vector { size, scalar: Scalar::F32 } => *size,
@@ -176,7 +176,6 @@ fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
     }
 }
 
-/// The part of a single number.
 fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
     match value {
         Value::Array(list) => {
@@ -218,14 +217,14 @@ fn name(scalar: Scalar) -> String {
     Shape::Scalar(scalar).to_string()
 }
 
-/// One number, exactly as the shader receives it.
+/// Parses one number, exactly as the shader receives it.
 fn lane(scalar: Scalar, value: &Value) -> Result<u32, String> {
     let wrong = || format!("`{value}` isn't of type {}", name(scalar));
     #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
     match (scalar, value) {
         (Scalar::F32 | Scalar::F16, Value::Float(number)) => {
             let single = *number as f32;
-            // An infinity is written `inf`. Digits that overflow are a mistake.
+            // An author writes infinity as `inf`. Digits that overflow are a mistake.
             match single.is_infinite() && number.is_finite() {
                 true => Err(format!("`{value}` is too large for {}", name(scalar))),
                 false => Ok(single.to_bits()),
@@ -246,7 +245,7 @@ pub(crate) fn is_number(value: &Value) -> bool {
     matches!(value, Value::Float(_) | Value::Integer(_) | Value::Boolean(_))
 }
 
-/// The lanes of a whole value. A single number sets each component of a vector.
+/// Parses a whole value into lanes. A single number sets each component of a vector.
 pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
     match (shape, value) {
         (Shape::Scalar(scalar), value) => Ok(vec![lane(*scalar, value)?]),
@@ -263,7 +262,7 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
             }
             Ok(all)
         }
-        // A number sets each component of each element, as in one vector or matrix.
+        // A number sets each component of an element, as it does for a single vector or matrix.
         (Shape::Array { element, length }, Value::Array(list))
             if list.iter().all(is_number) && !matches!(**element, Shape::Scalar(_)) =>
         {
@@ -315,7 +314,7 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
     }
 }
 
-/// The message about an unknown name, with the nearest known one.
+/// Formats the message about an unknown name, with the most similar known name.
 pub(crate) fn no_such<'a>(
     what: &str,
     unknown: &str,
@@ -330,7 +329,7 @@ pub(crate) fn no_such<'a>(
     }
 }
 
-/// The domain in a `@over` of a WGSL test.
+/// Parses the domain in an `@over` of a test in WGSL.
 pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Part>, String> {
     let number = |word: &String| {
         let plain = word.trim_end_matches(['f', 'u', 'i', 'h']);

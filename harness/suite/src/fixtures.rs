@@ -1,4 +1,4 @@
-//! Fixtures that a declared test or a command binds: images, samplers, and values of buffers.
+//! Parses the fixtures that a declared test or a command binds: images, samplers, and values of buffers.
 //!
 //! | for | is |
 //! |---|---|
@@ -9,10 +9,10 @@
 //! | an array without a length | `{ size = 256 }`, of zeros (the last line of a run counts checks whose passes read such elements before they write them); `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
 //! | a buffer | its value: numbers, lists, or tables of members, the last of which may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
-//! The red channel of an image gives the texels of a depth texture. A PNG holds colours in sRGB, which become linear,
-//! as in textures with an sRGB format; `"normals.png linear"` takes them as stored. Depths and integers are always
-//! taken as stored. A value for all texels makes a texture of 16 x 16; an image keeps its size, and loads outside it
-//! give zeros.
+//! A depth texture takes the red channel of an image. A PNG has colours in sRGB, which Karat converts to linear values,
+//! like textures with an sRGB format. `"normals.png linear"` uses the stored values. Depths and integers are always the
+//! stored values. A value for all texels makes a texture of 16 x 16. An image keeps its size, and loads outside of it
+//! return zeros.
 
 use std::path::Path;
 
@@ -28,16 +28,16 @@ use toml::Value;
 
 use crate::domains::{is_number, lanes, no_such, parts};
 
-/// The texels along an edge of a cube map's face that is made from an image.
+/// The width of a cube map's face that is made from an image, in texels.
 const FACE: u32 = 64;
 
-/// The texels along a side of a texture with equal texels.
+/// The width and height of a texture with equal texels.
 const SIDE: u32 = 16;
 
-/// The samples of a texel of a multisampled texture, all equal.
+/// The number of samples of each texel in a multisampled texture. All samples are equal.
 const SAMPLES: u32 = 4;
 
-/// The fixture of a variable. Files are relative to the folder.
+/// Parses the fixture of a variable. Paths of files are relative to the folder.
 ///
 /// # Errors
 /// If the value doesn't fit the variable's kind, or a file can't be read.
@@ -127,7 +127,7 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
     }
 }
 
-/// The file name of an image, and the colour space after it: `linear` or `srgb`.
+/// Splits an image's file name from the colour space after it: `linear` or `srgb`.
 pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
     match file.rsplit_once(' ') {
         Some((name, space @ ("linear" | "srgb"))) => (name.trim(), Some(space)),
@@ -135,7 +135,7 @@ pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// An image. Its texels are colours, unless its name or its texture says that they are data.
+/// Reads an image. The texels are colours, unless the name or the texture's type says that they are data.
 fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     let (name, space) = name_and_space(file);
     if name.is_empty() {
@@ -163,17 +163,17 @@ fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     Ok(image)
 }
 
-/// The largest value of a PNG's samples; 1 for other images.
+/// Returns the largest possible sample of a PNG; 1 for other images.
 fn largest_sample(bytes: &[u8]) -> f32 {
     match (bytes.starts_with(b"\x89PNG"), bytes.get(24)) {
         (true, Some(16)) => 65535.0,
-        // The reader widens samples with fewer bits.
+        // The image reader widens samples with fewer bits.
         (true, _) => 255.0,
         _ => 1.0,
     }
 }
 
-/// The texel for a value: a number for all colours, or four numbers. `f64` can hold all integers and floats of
+/// Parses a texel: one number for all channels, or four numbers. `f64` can represent all integers and floats of
 /// textures.
 fn texel(value: &Value) -> Option<[f64; 4]> {
     let number = |value: &Value| match value {
@@ -192,7 +192,6 @@ fn texel(value: &Value) -> Option<[f64; 4]> {
     }
 }
 
-/// A layer, slice or face.
 struct Layer {
     width: u32,
     height: u32,
@@ -217,10 +216,11 @@ impl Layer {
     }
 }
 
-/// The most texels of a texture that a file declares without an image: 4096 x 4096.
+/// The most texels of a texture that is declared without an image: 4096 x 4096.
 const MOST_TEXELS: u64 = 1 << 24;
 
-/// Layers of a given size, `{ size = [50, 5] }`: zeros, the `value` for all texels, or samples from a `range`.
+/// Makes layers of a given size, `{ size = [50, 5] }`, with zeros, with the `value` in all texels, or with samples from
+/// a `range`.
 fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer>, String> {
     let known = ["size", "value", "range", "seed"];
     if let Some(other) = table.keys().find(|key| !known.contains(&key.as_str())) {
@@ -301,7 +301,6 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     }
     let several = kind.arrayed || kind.dimension != Dimension::D2;
     let layers = match (texel(value), value) {
-        // The same value for all texels.
         (Some(texel), _) => {
             let count = if kind.dimension == Dimension::Cube { 6 } else { 1 };
             let height = if kind.dimension == Dimension::D1 { 1 } else { SIDE };
@@ -334,7 +333,6 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     of_layers(kind, &layers).map(Fixture::from)
 }
 
-/// A texture with these layers, slices or faces.
 fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
     let first = layers.first().ok_or("a texture needs an image")?;
     let (width, height) = (first.width, first.height);
@@ -377,7 +375,7 @@ fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
     }
 }
 
-/// A texture of a kind, from a value for each layer, column and row.
+/// Makes a texture of a kind, with a value for each layer, column and row.
 fn shaped<T: karat::Shareable>(
     kind: TextureKind,
     layers: usize,
@@ -483,7 +481,6 @@ fn buffer(
                 false => karat::unstable::fixture::blank(bytes.len()).into(),
             });
         }
-        // `{ count = 0, items = { size = 150 } }`
         (Shape::Struct { members, .. }, Value::Table(table)) => {
             if let Some((name, Shape::Array { element, length: 0 })) = members.last()
                 && let Some(Value::Table(own)) = table.get(name)
@@ -496,7 +493,7 @@ fn buffer(
         }
         _ => {}
     }
-    // A runtime-sized array has as many elements as the list. In a structure it is the last member.
+    // A runtime-sized array has as many elements as the list. In a structure, this array is the last member.
     let elements = match (&plain, value) {
         (Shape::Struct { members, .. }, Value::Table(table)) => {
             let last = members.last().filter(|(_, shape)| is_list(shape));
@@ -521,7 +518,7 @@ fn buffer(
     Ok(Buffer::from_bytes(bytes).into())
 }
 
-/// The number of elements of a list, which may have a number for each of their components.
+/// Counts the elements of a list, which may have a number for each component of each element.
 fn listed(element: &Shape, list: &[Value]) -> usize {
     match list.iter().all(is_number) {
         true => list.len().div_ceil(element.lanes().len().max(1)),
@@ -529,7 +526,7 @@ fn listed(element: &Shape, list: &[Value]) -> usize {
     }
 }
 
-/// Returns `true` if a runtime-sized array, which is the whole value or its last member, is left empty.
+/// Checks if a runtime-sized array is empty. The array may be the whole value or its last member.
 fn is_left_empty(shape: &Shape) -> bool {
     match shape {
         Shape::Array { length, .. } => *length == 0,
@@ -540,7 +537,7 @@ fn is_left_empty(shape: &Shape) -> bool {
     }
 }
 
-/// The lanes of elements as a list, as an author would write it.
+/// Formats the lanes of elements as a list, as an author would write it.
 fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
     let scalars = element.lanes();
     let one = |(word, scalar): (&u32, &Scalar)| match scalar {
@@ -552,14 +549,15 @@ fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
     Value::Array(lanes.iter().zip(scalars.iter().cycle()).map(one).collect())
 }
 
-/// The lanes of an array with its size, unless the shader gives that, and the domain of its elements: `{ size = 256,
-/// range = "0..1" }`; or the value of each: `{ size = 256, value = 1 }`. Without either they are 0.
+/// Makes the lanes of an array. The table has the array's `size`, unless the shader gives a length, and the domain of
+/// the elements: `{ size = 256, range = "0..1" }`. Or it has the value of each element: `{ size = 256, value = 1 }`.
+/// Without a range and a value, the elements are 0.
 fn spread(
     name: &str,
     (element, length): (&Shape, u32),
     table: &toml::Table,
 ) -> Result<Vec<u32>, String> {
-    /// The most words of a buffer that each device supports: 128 MiB.
+    /// The most words of a buffer that every device supports: 128 MiB.
     const MOST: usize = 1 << 25;
     let fixed = Some(length as usize).filter(|length| *length > 0);
     let known = ["size", "value", "range", "seed"];
@@ -600,7 +598,7 @@ fn spread(
     }
 }
 
-/// The lanes of so many elements, sampled from the table's `range` with its `seed`. `None` without a range.
+/// Samples the lanes of `size` elements from the table's `range` with its `seed`; `None` without a range.
 fn drawn(
     name: &str,
     element: &Shape,
@@ -621,7 +619,7 @@ fn drawn(
     let parameter = (name.to_owned(), element.clone());
     let parts = parts(&parameter.0, element, Some(range), &Ranges::default())?;
     let domain = Dynamic::new(&[parameter], vec![parts]);
-    // Few values are sampled, too: all of them in order would be sorted, for any seed.
+    // A range with few values is sampled, too. All of its values in order would be sorted, for any seed.
     let numbering = Numbering::of(&domain, seed, size as u64, 0);
     let mut rows = Vec::new();
     let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
@@ -705,7 +703,7 @@ mod tests {
         }
     }
 
-    /// A counter and the list that it counts, for passes that append.
+    /// A counter, and the list that it counts, for passes that append elements.
     #[test]
     fn the_last_array_of_a_structure_has_a_size() {
         let text = "struct All { count: u32, items: array<vec2f> }
@@ -748,7 +746,7 @@ mod tests {
         assert!(words.iter().all(|word| *word <= 99));
     }
 
-    /// Each texel has its own sample, with as many channels as the format.
+    /// Each texel has its own sample, with as many channels as the texture's format.
     #[test]
     fn texels_are_drawn() {
         let float = TextureKind {

@@ -1,7 +1,7 @@
 //! Rows of tables, the columns in their heads, and the comments above them.
 //!
-//! Comments are the lines above a table's head that begin with `#`. Below the head such a line might be a row, and a
-//! comment there would hide it from the comparison. So it is an error.
+//! Comments are lines above a table's head that begin with `#`. Below the head, such a line could be a row, and as a
+//! comment would be missing from the comparison. So a line with `#` below the head is an error.
 
 use karat::unstable::diagnostic::nearest;
 
@@ -12,7 +12,7 @@ pub struct Places {
     pub arguments: Vec<usize>,
     /// The columns of the expected values.
     pub expected: Vec<usize>,
-    /// The other columns, which are notes, by name.
+    /// The names and columns of notes, that is, of all other columns.
     pub others: Vec<(String, usize)>,
 }
 
@@ -20,8 +20,8 @@ impl Places {
     /// Reads a head, which names the columns in any order.
     ///
     /// # Errors
-    /// A column that is missing, that occurs twice, or that looks like a part of a value but isn't one, because the
-    /// type has changed. The text is the end of a sentence about the table.
+    /// If a column is missing or occurs twice. Also if a column looks like a component that the function doesn't have,
+    /// for example because a type changed. The text is the end of a sentence about the table.
     pub fn of_head(head: &[&str], arguments: &[&str], expected: &[&str]) -> Result<Self, String> {
         let twice = |(at, column): &(usize, &&str)| head[..*at].contains(column);
         if let Some((_, column)) = head.iter().enumerate().find(twice) {
@@ -56,7 +56,8 @@ impl Places {
     }
 }
 
-/// The line of a record, counted from 1, by the byte position of its reader before it. Skips empty lines.
+/// Returns the line of a record, counted from 1. `begins` is the reader's byte position before the record. Skips empty
+/// lines.
 #[must_use]
 pub fn line_of(text: &[u8], begins: usize) -> usize {
     let (before, rest) = text.split_at(begins.min(text.len()));
@@ -65,14 +66,14 @@ pub fn line_of(text: &[u8], begins: usize) -> usize {
     1 + before.iter().filter(|byte| **byte == b'\n').count() + skipped.count()
 }
 
-/// The byte at which a table's head begins, after comments and blank lines.
+/// Returns the byte at which a table's head begins, after comments and blank lines.
 #[must_use]
 pub fn head_of(text: &[u8]) -> usize {
     let is_above = |line: &&[u8]| line.starts_with(b"#") || line.trim_ascii().is_empty();
     text.split_inclusive(|byte| *byte == b'\n').take_while(is_above).map(<[u8]>::len).sum()
 }
 
-/// Returns `true` if the row after byte `at` begins with `#`. Blank lines may come first.
+/// Checks if the row after byte `at` begins with `#`. Blank lines may come first.
 #[must_use]
 pub fn begins_with_mark(text: &[u8], at: usize) -> bool {
     let rest = text.get(at..).unwrap_or_default();
@@ -80,7 +81,6 @@ pub fn begins_with_mark(text: &[u8], at: usize) -> bool {
     rest.iter().find(|byte| !is_blank(byte)) == Some(&b'#')
 }
 
-/// The message that a row begins with `#`.
 pub(crate) const MARKED: &str = "this row begins with `#`, but comments must be above the head: remove it, or quote \
                                  its first cell";
 

@@ -35,10 +35,10 @@ use crate::wrong::{Fault, Misdeclared, blamed};
 use crate::{Broken, Kind, Suite, Test, Wrong};
 
 impl Suite {
-    /// Runs a test, in a thread with its name: seeds and records depend on that name.
+    /// Runs a test, in a thread with the test's name, because seeds and records depend on the thread's name.
     ///
     /// # Errors
-    /// The error, as a message with its place.
+    /// If the test fails. The error is a message with its place.
     ///
     /// # Panics
     /// If a thread can't be started.
@@ -46,7 +46,7 @@ impl Suite {
         self.run_with(test, &Groups::default())
     }
 
-    /// Does the same as [`run`](Self::run), with the other tests of its group.
+    /// Does the same as [`run`](Self::run), together with the other tests of its group.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -57,8 +57,8 @@ impl Suite {
         Self::on_a_thread(test, || self.verdict(test, groups))
     }
 
-    /// Does the same as [`run`](Self::run) for shaders that differ from the saved files: the verdict is neither
-    /// recorded nor remembered. Also returns the values that its checks saw.
+    /// Does the same as [`run`](Self::run) for shaders that differ from the saved files. The verdict is neither
+    /// recorded nor stored. Also returns the values that the checks compared.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -85,7 +85,7 @@ impl Suite {
             };
             thread.spawn_scoped(scope, run).expect("a thread can be started").join()
         });
-        // A panic is a bug of Karat, or of a driver.
+        // A panic here is a bug of Karat or of a driver.
         verdict.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().cloned();
             let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
@@ -93,7 +93,8 @@ impl Suite {
         })
     }
 
-    /// The tests that can run, and the errors of the others. An error that several tests share is reported once.
+    /// Separates the tests that can run from the errors of the others. An error that several tests share is reported
+    /// once.
     #[must_use]
     pub fn sound<'t>(&self, tests: Vec<&'t Test>) -> (Vec<&'t Test>, Vec<Broken>) {
         let wrong = |test: &&Test| match &test.kind {
@@ -101,7 +102,7 @@ impl Suite {
             Kind::Function(_) | Kind::Frame(_) | Kind::Compute(_) => None,
         };
         let wrong: Vec<Option<Wrong>> = match &*tests {
-            // Starting threads takes time, which shows with a single test.
+            // Starting threads takes a noticeable time for a single test.
             [test] => vec![wrong(test)],
             tests => std::thread::scope(|scope| {
                 let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -131,7 +132,7 @@ impl Suite {
         (sound, broken.into_iter().map(named).collect())
     }
 
-    /// Adds broken tests to the record of the run, since no check does.
+    /// Adds a broken test to the record of the run, because no check adds it.
     ///
     /// # Panics
     /// If a thread can't be started.
@@ -147,7 +148,7 @@ impl Suite {
         });
     }
 
-    /// The subject of a record that isn't about a function of the package.
+    /// Builds the subject of a record that isn't about a function of the package.
     fn unbegun(&self, name: &str, check: &str, location: Option<&str>) -> Subject {
         Subject::Function {
             package: self.package.root().display().to_string(),
@@ -160,8 +161,8 @@ impl Suite {
         }
     }
 
-    /// The tests that share a kernel, among those that are about to run. On the path `cpu` alone there is nothing to
-    /// compile, and so no group.
+    /// Groups the tests that share a kernel, among the tests that are about to run. If the only path is `cpu`, nothing
+    /// is compiled, so there are no groups.
     #[must_use]
     pub fn groups(tests: &[&Test]) -> Groups {
         let drivers = karat::unstable::path::selected()
@@ -248,14 +249,14 @@ impl Suite {
     }
 }
 
-/// The violations of passes, whatever the test asserts.
+/// Returns the violations of passes, for any assertion.
 fn violations_of(error: &ComputeError) -> Option<String> {
     let ComputeError::Violations(found) = error else { return None };
     let headlines = found.all.iter().map(|one| one.headline.as_str());
     Some(headlines.collect::<Vec<_>>().join("\n"))
 }
 
-/// The place of the table row of the worst case.
+/// Returns the place of the table row with the worst case.
 fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -> Option<String> {
     let What::Table(file) = what else { return None };
     let found = match failure {
@@ -266,7 +267,7 @@ fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -
         })?,
         _ => return None,
     };
-    // The case number is the row number, unless a test sets another number of cases.
+    // The case number is the row number, unless the test sets another number of cases.
     let worst =
         &found.paths.first().filter(|path| test.cases.is_none() && !path.worst.remembered)?.worst;
     table::told("worst case", &folder.join(file), worst.case)
@@ -280,7 +281,7 @@ fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<Wrong>) -> Vec<Opti
     tests.iter().map(wrong).collect()
 }
 
-/// The message that a test in WGSL reads a variable that isn't bound.
+/// Builds the message that a test in WGSL reads a variable that isn't bound.
 fn unbound(failure: &Failure) -> Option<String> {
     let Failure::Probe(ProbeError::Fixture(error)) = failure else { return None };
     let error = match error {
@@ -295,7 +296,7 @@ fn unbound(failure: &Failure) -> Option<String> {
     ))
 }
 
-/// The conclusion of a check, or the reason why it couldn't begin.
+/// The verdict of a check, or the reason why the check couldn't begin.
 type Judged<E> = Result<Result<Agreement, Failure>, E>;
 
 fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdeclared> {
@@ -315,7 +316,7 @@ fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdecla
     Ok(check.cases(test.cases.unwrap_or(CASES)).try_expects())
 }
 
-/// The cases of a WGSL test with parameters and without a number of its own. Each case carries a report.
+/// The number of cases of a WGSL test that has parameters and sets no number. Each case returns a report.
 const CASES: u64 = 4096;
 
 fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
@@ -334,11 +335,11 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
             let kind = kind.wgsl();
-            let wrong = format!("`{name}` is {kind}, and {on} isn't one: write a number");
+            let wrong = format!("`{name}` is {kind}, but {on} isn't: write a number");
             return Err(Misdeclared::of("override")(wrong));
         }
     }
-    // If the arguments don't vary, each derivative is 0.
+    // With constant arguments, each derivative would be 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
             return Err("the function takes derivatives, but the directions of an integral don't vary between pixels".into());
@@ -394,7 +395,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         What::Table(file) => {
             let criterion = wanted()?;
             let table = table::read(&folder.join(file), &parameters, &result, near)?;
-            // The rows unchanged: values of one parameter aren't combined with other rows.
+            // Keep the rows unchanged: don't combine values of one parameter with other rows.
             let mut parts: Vec<Vec<Part>> = shapes.iter().map(|_| Vec::new()).collect();
             match parts.first_mut() {
                 Some(first) => first.push(table.part(&shapes)),
@@ -629,7 +630,6 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
     if let Some(list) = list.filter(|list| list.len() == scalars.len()) {
         return scalars.iter().zip(list).map(|(scalar, number)| expect(scalar, number)).collect();
     }
-    // Structs, arrays and matrices: the values that the shader would have.
     let words = lanes(shape, value)?;
     Ok(scalars.iter().zip(words).map(|(scalar, word)| scalar.decode(word)).collect())
 }

@@ -1,4 +1,4 @@
-//! Tables of expected values: CSV files with columns for components of arguments and of the result.
+//! Tables of expected values: CSV files with a column for each component of the arguments and of the result.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -11,19 +11,17 @@ use crate::numbers::{self, Wanted};
 use crate::rows::{MARKED, Places, begins_with_mark, head_of, line_of};
 use crate::wrong::Misdeclared;
 
-/// Arguments with their expected results.
 #[derive(Debug)]
 pub(crate) struct Table {
-    /// The words of the arguments of each row.
+    /// The words of the arguments, by row.
     pub(crate) rows: Vec<Vec<u32>>,
-    /// The expected lanes, by arguments.
+    /// The expected lanes, by the words of the arguments.
     pub(crate) expected: HashMap<Vec<u32>, Vec<f64>>,
 }
 
-/// The name of the columns for expected results.
+/// The name of the columns with expected results.
 const RESULT: &str = "result";
 
-/// Reads a table for a function.
 pub(crate) fn read(
     file: &Path,
     parameters: &[(String, Shape)],
@@ -90,7 +88,8 @@ pub(crate) fn read(
     Ok(Table { rows, expected })
 }
 
-/// Reads a table with the expected elements of a resource: a row each, with the columns `x,y,z` or `value`.
+/// Reads a table with the expected elements of a resource, one row for each element. The columns are `x,y,z` or
+/// `value`.
 pub(crate) fn elements(
     file: &Path,
     element: &Shape,
@@ -123,20 +122,20 @@ pub(crate) fn elements(
 }
 
 impl Table {
-    /// The rows, each once, as the arguments of a function.
+    /// Returns the rows, without repetitions, as arguments of a function.
     pub(crate) fn part(&self, shapes: &[Shape]) -> Part {
         let scalars = shapes.iter().flat_map(Shape::lanes).collect();
         Part::listed(scalars, self.rows.clone())
     }
 }
 
-/// `v.x`, `v.y` for a vector; the plain name for a number.
+/// Names the columns of a value: `v.x`, `v.y` for a vector, the plain name for a number.
 fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
     let lanes = shape.lane_names().into_iter().zip(shape.lanes());
     lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
 }
 
-/// The place of a row, counted from 0, in a readable table: the end of a message.
+/// Formats the place of a row, counted from 0, as the end of a message. The table must be readable.
 pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     let text = read_file(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
@@ -144,7 +143,7 @@ pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     Some(format!("  row of the {what}: {}:{line}:1\n", shown(file)))
 }
 
-/// Each record with the position of its reader before it.
+/// Returns each record, with the reader's position before the record.
 fn placed_rows<'r>(
     reader: &'r mut csv::Reader<&[u8]>,
     text: &'r [u8],
@@ -158,13 +157,13 @@ fn placed_rows<'r>(
     })
 }
 
-/// The position of a reader before a record.
+/// Returns the reader's byte position before a record.
 fn begins(text: &[u8], position: Option<&csv::Position>) -> usize {
     let below = usize::try_from(position.map_or(0, csv::Position::byte)).unwrap_or(0);
     (head_of(text) + below).min(text.len())
 }
 
-/// A reader of the text below the comments. A golden has its facts in comments.
+/// Reads the text below the comments. In a golden, the comments are facts.
 fn reader(text: &[u8]) -> csv::Reader<&[u8]> {
     csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[head_of(text)..])
 }

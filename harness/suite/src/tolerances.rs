@@ -3,7 +3,7 @@
 use karat::unstable::tolerance::{Criterion, SpecTolerance};
 use karat::{Abs, DeviceSpec, Rel, Spec, Tolerance, Ulp};
 
-/// A tolerance, or the errors that a specification allows.
+/// Parses a tolerance, or the errors that a specification allows.
 pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
     let granting = |first: &str, rest: &str| -> Result<Option<SpecTolerance>, String> {
         let base = match first {
@@ -41,7 +41,7 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
     }
 }
 
-/// A tolerance: bounds joined by `or`, or by `and`.
+/// Parses a tolerance: bounds joined by `or`, or by `and`.
 ///
 /// # Errors
 /// If the text isn't a tolerance.
@@ -116,7 +116,7 @@ mod tests {
         for text in ["", "4", "ulp", "4 ulps", "nan ulp", "-1 abs", "inf rel", "spec 4 ulp"] {
             assert!(criterion(text).is_err(), "{text}");
         }
-        // No result could exceed these.
+        // No result could exceed these tolerances.
         for text in ["rel 1e300", "abs 1e39", "1e10 ulp", "spec or rel 1e300", "4 ulp or abs 1e300"]
         {
             assert!(criterion(text).expect_err(text).contains("bounds nothing"), "{text}");

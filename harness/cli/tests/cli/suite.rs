@@ -173,7 +173,7 @@ fn a_switch_is_no_number() {
     };
     declared("2").good();
     let wrong = declared("true");
-    let part = "override: `N` is u32, and true isn't one: write a number";
+    let part = "override: `N` is u32, but true isn't: write a number";
     assert!(wrong.code != Some(0) && wrong.out.contains(part), "{wrong:?}");
 }
 
