@@ -245,7 +245,7 @@ impl Declared {
         }
     }
 
-    /// The tests that it declares, by name.
+    /// Returns the tests that this `[[compute]]` declares.
     pub(crate) fn tests(
         self,
         module: &str,
@@ -304,12 +304,12 @@ impl Declared {
 }
 
 impl Assertion {
-    /// The entry points, in the order of their dispatch.
+    /// Returns the entry points, in the order of their dispatch.
     pub(crate) fn entries(&self) -> impl Iterator<Item = &str> {
         self.passes.iter().map(|(name, _)| name.as_str())
     }
 
-    /// The entry point after which the subject is named.
+    /// Returns the entry point that names the subject.
     pub(crate) fn last(&self) -> &str {
         self.passes.last().map_or("", |(name, _)| name)
     }
@@ -318,12 +318,11 @@ impl Assertion {
         self.what.key()
     }
 
-    /// The name of the check in records.
     pub(crate) fn check(&self) -> String {
         self.own(self.key())
     }
 
-    /// A key of an assertion, as the file has it below `[[compute]]`.
+    /// Returns the key of an assertion, with its path below `[[compute]]`.
     fn own(&self, key: &str) -> String {
         match self.variable.is_empty() {
             true => key.to_owned(),
@@ -331,14 +330,14 @@ impl Assertion {
         }
     }
 
-    /// The place of a key.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&karat::unstable::diagnostic::Span> {
+        // The key belongs to the assertion or to the pass.
         let keys = key.into_iter().flat_map(|key| [self.own(key), key.to_owned()]);
         let mut named = keys.filter_map(|key| self.keys.exactly(&key));
         named.next().or_else(|| self.keys.place_of(&self.check()))
     }
 
-    /// The files that it is compared with.
+    /// Returns the files that the assertion reads.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         match &self.what {
             What::Table(file) => vec![self.folder.join(file)],
@@ -347,7 +346,7 @@ impl Assertion {
         }
     }
 
-    /// Everything that the verdict depends on, except files.
+    /// Returns everything that the verdict depends on, except files.
     pub(crate) fn normalized_text(&self, package: &Package) -> Option<String> {
         let mut text = format!("{:?} {} {:?}", self.declared, self.variable, self.what);
         let reference = if let What::AgreesWith(entry) = &self.what {
@@ -362,7 +361,7 @@ impl Assertion {
         Some(text)
     }
 
-    /// The key that names an entry point.
+    /// Returns the key that names an entry point.
     pub(crate) fn key_of_entry(&self, entry: &str) -> String {
         let number = self.passes.iter().position(|(name, _)| name == entry);
         match (&self.what, number) {
@@ -376,7 +375,7 @@ impl Assertion {
         }
     }
 
-    /// An entry point in the last pass's module, or in another one.
+    /// Adds the last pass's module to an entry point without a module.
     fn of_module(&self, entry: &str) -> String {
         match (entry.contains("::"), self.last().rsplit_once("::")) {
             (false, Some((module, _))) => format!("{module}::{entry}"),
@@ -384,7 +383,7 @@ impl Assertion {
         }
     }
 
-    /// The place of the first row of a table that differs.
+    /// Returns the place of the first table row that differs.
     pub(crate) fn row_of(&self, error: &ComputeError) -> Option<String> {
         let (What::Table(file), ComputeError::Differs(found)) = (&self.what, error) else {
             return None;
@@ -398,13 +397,13 @@ impl Assertion {
         }
     }
 
-    /// The tolerance; exact if none is needed.
+    /// Returns the tolerance; exact if the test has none.
     fn tolerance(&self) -> Result<Tolerance, Misdeclared> {
         let text = self.tolerance.as_deref().unwrap_or("exact");
         tolerance(text).map_err(Misdeclared::of("tolerance"))
     }
 
-    /// The passes over the bound resources. `last` may replace the last pass.
+    /// Builds the passes over the bound resources. `last` may replace the last pass.
     fn compute<'p>(
         &self,
         package: &'p Package,
@@ -421,7 +420,8 @@ impl Assertion {
             let name = last.filter(|_| index + 1 == count).unwrap_or(name);
             compute = compute.dispatch(name, *groups);
             let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
-            // The dispatch reports an entry point that is missing or invalid. The rest of its module may be invalid.
+            // The dispatch reports a missing or invalid entry point. The rest of the entry point's module may be
+            // invalid.
             let program = Program::of_items(package, module, &[own]).ok();
             let bindings = program.as_ref().and_then(|program| {
                 Some((program, program.entry_point_bindings(Stage::Compute, own)?))
@@ -444,7 +444,7 @@ impl Assertion {
         }
         if let Some((idle, _)) = bound.iter().find(|(_, is_bound)| !**is_bound)
             && !unread
-            // A reference may leave some resources unused.
+            // A reference may use fewer resources.
             && last.is_none()
         {
             let known = known.iter().map(String::as_str);
@@ -472,7 +472,6 @@ impl Assertion {
         Ok(compute)
     }
 
-    /// Dispatches and judges.
     pub(crate) fn passes<'p>(&self, package: &'p Package) -> Result<Compute<'p>, Misdeclared> {
         self.compute(package, None)
     }
@@ -486,7 +485,7 @@ impl Assertion {
         if let What::NoHazards(kinds) = &self.what {
             let mut found = untyped::hazards(compute)?;
             found.retain(|(kind, ..)| kinds.as_ref().is_none_or(|kinds| kinds.contains(kind)));
-            // The passes are the subject, represented by the first resource that they write.
+            // The record's subject is the first resource that the passes write.
             let left = untyped::left(compute, Route::CPU)?;
             let variable = left.first().ok_or("the passes write nothing")?.name.clone();
             let first = found.first().map(|(_, place, what)| Element {
@@ -654,7 +653,7 @@ impl Assertion {
         }
     }
 
-    /// The asserted resource before the passes.
+    /// Returns the asserted resource's content before the passes.
     fn content(&self, compute: &Compute<'_>) -> Result<Content, Stop> {
         match untyped::before(compute, &self.variable) {
             Ok(content) => Ok(content),
@@ -662,7 +661,7 @@ impl Assertion {
                 let key = format!("after.{}", self.variable);
                 Err(Misdeclared::from(error.to_string()).below(&key).into())
             }
-            // A texture isn't a buffer, and its content before the passes can't be read.
+            // The resource is a texture. Its content before the passes can't be read.
             Err(_) => {
                 let left = untyped::left(compute, Route::CPU)?;
                 let names: Vec<String> = left.iter().map(|one| one.name.clone()).collect();
@@ -678,15 +677,13 @@ impl Assertion {
     }
 }
 
-/// The reason why there is no agreement.
 pub(crate) enum Stop {
     Misdeclared(Misdeclared),
-    /// No check began, so none is recorded.
+    /// No check began, so no check is recorded.
     Unbegun(Box<ComputeError>),
     Failed(Box<ComputeError>),
 }
 
-/// The verdict of a check.
 fn concluded(verdict: Result<ComputeAgreement, ComputeError>) -> Result<ComputeAgreement, Stop> {
     verdict.map_err(|error| Stop::Failed(Box::new(error)))
 }
@@ -715,8 +712,8 @@ impl From<&str> for Stop {
     }
 }
 
-/// The content of a resource, or of a member of it, among all resources after the passes. A variable's name may include
-/// its module.
+/// Returns the content of a resource, or of a member of a resource, after the passes. A variable's name may include its
+/// module.
 fn of_variable(left: Vec<Content>, variable: &str) -> Option<Content> {
     let (name, member) = variable.split_once('.').unwrap_or((variable, ""));
     left.into_iter().find(|one| is_called(&one.name, name))?.member(member)
@@ -736,13 +733,13 @@ fn named_whole(actual: String, expected: String) -> Element {
     Element { place, actual, expected, error: String::new() }
 }
 
-/// The numbers of a resource.
+/// Returns the numbers of a resource.
 fn values(content: &Content) -> Vec<f64> {
     let scalars = content.shape.lanes();
     scalars.iter().zip(&content.lanes).map(|(scalar, word)| scalar.decode(*word)).collect()
 }
 
-/// The scalar type of each element.
+/// Returns the scalar type of each element.
 fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     match content.element() {
         Shape::Scalar(scalar) => Ok(*scalar),
@@ -750,7 +747,7 @@ fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     }
 }
 
-/// The scalar type of all numbers.
+/// Returns the scalar type of all numbers.
 fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     let scalars = content.shape.lanes();
     match scalars.first() {
@@ -759,7 +756,7 @@ fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     }
 }
 
-/// The first element that differs.
+/// Finds the first element that differs.
 fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let pairs = was.chunks(width).zip(is.chunks(width)).enumerate();
@@ -769,7 +766,7 @@ fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     Some(Broken { failures: wrong.len(), first: Some(first) })
 }
 
-/// The first element that the other list has less often.
+/// Finds the first element that occurs less often in the other list.
 fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let mut left: HashMap<&[u32], i64> = HashMap::new();

@@ -335,7 +335,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
             let kind = kind.wgsl();
-            let wrong = format!("`{name}` is {kind}, but {on} isn't: write a number");
+            let wrong = format!("`{name}` is {kind}, and {on} isn't one: write a number");
             return Err(Misdeclared::of("override")(wrong));
         }
     }
@@ -408,7 +408,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), assertion)?;
             let expect = |words: &[u32], lanes: &mut Vec<f64>| match table.expected.get(words) {
                 Some(expected) => lanes.extend(expected),
-                // An argument that was flushed or simplified has no row.
+                // A flushed or simplified argument has no row in the table.
                 None => lanes.extend(vec![f64::NAN; result.lanes().len()]),
             };
             Ok(check.try_agrees_with(&expect, criterion))
@@ -558,7 +558,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     }
 }
 
-/// A check with the settings that a test has for all of its assertions.
+/// Builds a check with the settings that all assertions of a test share.
 fn settled<'p>(
     mut check: Check<'p, Calls<Words>>,
     Assertion { test, what, .. }: &Assertion,
@@ -569,7 +569,7 @@ fn settled<'p>(
     if let Some(seed) = test.seed {
         check = check.seed(seed);
     }
-    // Another assertion of the test may take it.
+    // Another assertion of the test may have the `tolerance_on`.
     if what.takes("tolerance_on") {
         for (on, text) in &test.tolerance_on {
             let own: Tolerance = tolerance(text).map_err(Misdeclared::of("tolerance_on"))?;
@@ -590,7 +590,7 @@ fn settled<'p>(
     Ok(check)
 }
 
-/// The position of a parameter, and its first lane.
+/// Returns the position of a parameter and of its first lane.
 fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), String> {
     let known = || parameters.iter().map(|(name, _)| &**name);
     let Some(at) = known().position(|known| known == name) else {
@@ -599,7 +599,7 @@ fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), S
     Ok((at, parameters[..at].iter().map(|(_, shape)| shape.lanes().len()).sum()))
 }
 
-/// The lanes of an expected value in `f64`. A single number sets each component.
+/// Parses an expected value into lanes in `f64`. A single number sets each component.
 pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f64>, String> {
     let scalars = shape.lanes();
     let meant = |(scalar, value): (&Scalar, f64)| numbers::meant(*scalar, value, wanted);
@@ -630,11 +630,11 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
     if let Some(list) = list.filter(|list| list.len() == scalars.len()) {
         return scalars.iter().zip(list).map(|(scalar, number)| expect(scalar, number)).collect();
     }
+    // Structs, arrays and matrices become the values that the shader would have.
     let words = lanes(shape, value)?;
     Ok(scalars.iter().zip(words).map(|(scalar, word)| scalar.decode(word)).collect())
 }
 
-/// The fixtures of a test.
 fn bound(
     program: &Program,
     bindings: &[Binding],
@@ -644,7 +644,7 @@ fn bound(
     let known = || bindings.iter().map(Binding::name);
     let mut all = Vec::new();
     for (name, value) in with {
-        // By the name in its module, or the path in messages.
+        // A variable has a name in its module, and a path in messages. Accept both.
         let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
         let Some(binding) = bindings.iter().find(is_it) else {
             let message = match bindings {
@@ -660,14 +660,14 @@ fn bound(
     Ok(all)
 }
 
-/// A frame, and the key of a function that doesn't exist.
+/// A frame, and the key that names a missing function.
 type Drawn<'p> = (Option<String>, Result<karat::Frame<'p>, FrameError>);
 
 impl Suite {
-    /// The frame of a `[[frame]]` by name; `None` if there is none.
+    /// Builds the frame of a `[[frame]]` by name; `None` if there is no such frame.
     ///
     /// # Errors
-    /// If its declaration is wrong.
+    /// If the frame's declaration is wrong.
     #[must_use]
     pub fn frame(&self, name: &str) -> Option<Result<karat::Frame<'_>, Wrong>> {
         let mut tests = self.tests.iter();
@@ -683,11 +683,11 @@ impl Suite {
         })
     }
 
-    /// The passes of a `[[compute]]` whose last entry point has this name, with or without its module; `None` if there
-    /// are none.
+    /// Builds the passes of the `[[compute]]` whose last entry point has this name, with or without its module; `None`
+    /// if there is no such `[[compute]]`.
     ///
     /// # Errors
-    /// If their declaration is wrong.
+    /// If the declaration is wrong.
     #[must_use]
     pub fn compute(&self, name: &str) -> Option<Result<karat::compute::Compute<'_>, Wrong>> {
         let is_it = |path: &str| path == name || path.rsplit("::").next() == Some(name);
@@ -762,13 +762,13 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
         frame = frame.with_override(name, value.number());
     }
     for (number, draw) in draws.iter().enumerate() {
-        // If a function doesn't exist, drawing reports it.
+        // Drawing reports a missing function.
         let drawn = draw.draw(&program, &declared.folder, unknown.is_some());
         let drawn = drawn.map_err(|wrong| wrong.below(&format!("draws.{number}")))?;
         frame = frame.draw(drawn);
     }
     frame = frame.declared_at(&at.to_string());
-    // The inputs of a function that doesn't exist are unknown; drawing reports it.
+    // The inputs of a missing function are unknown. Drawing reports the missing function.
     if unknown.is_none() {
         let all = bound(&program, &bindings, &declared.with, &declared.folder);
         for (name, fixture) in all? {
