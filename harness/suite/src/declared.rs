@@ -2,9 +2,9 @@
 //!
 //! ```toml
 //! [[test]]
-//! function = "schlick"                          # of this module; "other::f" of another
-//! over = { f0 = "0..1", v_dot_h = "0..1" }      # what isn't named comes from its name and type
-//! where = "f0 <= v_dot_h"                       # keeps the arguments for which this holds, in WGSL
+//! function = "schlick"                          # in this module; or "other::f"
+//! over = { f0 = "0..1", v_dot_h = "0..1" }      # other domains follow from names and types
+//! where = "f0 <= v_dot_h"                       # uses only arguments for which this WGSL is true
 //! in_range = [0, 1]                             # each assertion is a test
 //! monotone = { v_dot_h = "decreasing" }
 //! agrees_with = "reference::schlick"            # another function, in f64
@@ -22,20 +22,20 @@
 //! size = [64, 64]                               # compared with golden/gradient.exr
 //! ```
 //!
-//! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle; or by `draws`, each with
-//! its functions, a `mesh` (a table of corners) or a number of `vertices`, and state (`depth_compare`, `blend`). It may
-//! set `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), the compared target
-//! (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `refused_on`, `module`,
-//! and the folder of its `golden`.
+//! The `fragment` function draws a frame, alone or together with a `vertex` function that makes a triangle. Or a frame
+//! has `draws`: each has its functions, a `mesh` (a table of vertices) or a number of `vertices`, and state
+//! (`depth_compare`, `blend`). A frame may set `samples`, `formats` (one for each location, such as `"float"` and
+//! `"rgba8unorm-srgb"`), the compared target (`target = 1`, or `depth = true`), `tolerance` (a relative difference,
+//! `1e-3`), `fails_on`, `refused_on`, `module`, and the folder of its `golden`.
 //!
-//! A test binds the variables that its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and sets
-//! overrides by `override = { GAIN = 2 }`.
+//! `with = { exposure = 2, albedo = "wood.png" }` binds the variables that a test's function reads. `override = { GAIN
+//! = 2 }` sets overrides.
 //!
 //! | assertion | holds if |
 //! |---|---|
-//! | `agrees_with = "f"` | another function, which Karat's engine executes in `f64`, returns the same |
-//! | `table = "file.csv"` | each row's result is the one in the row |
-//! | `golden = "name"` | each result equals the one when `golden/name.csv` was accepted |
+//! | `agrees_with = "f"` | another function, which Karat's engine executes in `f64`, returns the same value |
+//! | `table = "file.csv"` | the result for each row is the row's expected result |
+//! | `golden = "name"` | each result equals the accepted result in `golden/name.csv` |
 //! | `equals = 1.0` | each result is this value |
 //! | `finite = true` | no component is NaN or infinite |
 //! | `unit = true` | each result is a vector of length 1 |
@@ -45,38 +45,41 @@
 //! | `symmetric_in = ["v", "l"]` | swapping the two arguments doesn't change the result |
 //! | `monotone = { x = "increasing" }` | the result never falls as `x` rises |
 //! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
-//! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction; `at_most` in place of `equals` |
-//! | `no_hazards = true` | nothing inside becomes NaN or infinite, or loses half its digits |
-//! | `no_hazards = ["nan", "out_of_range"]` | nothing inside has a hazard of these kinds |
+//! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction, is this
+//! value; with `at_most` in place of `equals`, it isn't larger |
+//! | `no_hazards = true` | no operation inside becomes NaN or infinite, or loses half of its digits |
+//! | `no_hazards = ["nan", "out_of_range"]` | no operation inside has a hazard of these kinds |
 //!
-//! An entry point is a function, too: `function = "fs_main"`, over its inputs. Compute passes are dispatched:
+//! An entry point is a function, too: `function = "fs_main"` calls it with its inputs. Compute passes are dispatched:
 //!
 //! ```toml
 //! [[compute]]
-//! entry = "sort"                                # of this module; several: passes = [{ entry = "..", workgroups = 4 }]
+//! entry = "sort"                                # in this module; several: passes = [{ entry = "..", workgroups = 4 }]
 //! workgroups = [4, 1, 1]                        # or 4
 //! with = { keys = { size = 256, range = "0..99" } }
-//! accept_equal_writes = { flag = "any of them sets it" }   # a race that is meant; or accept_race
-//! [compute.after.keys]                          # what it holds afterwards
+//! accept_equal_writes = { flag = "any of them sets it" }   # an accepted race; or accept_race
+//! [compute.after.keys]                          # assertions about the buffer after the passes
 //! sorted = true                                 # or "descending"
-//! permutation_of = "keys"                       # of what that buffer holds before
+//! permutation_of = "keys"                       # of the buffer's content before the passes
 //! ```
 //!
 //! | assertion of a resource | holds if |
 //! |---|---|
-//! | `equals = [1, 2]` | it holds this value; a single number is the value of each component |
-//! | `table = "file.csv"` | each element is a row, of the columns `x,y,z` or `value` |
-//! | `golden = "name"` | its content equals that when `golden/name.csv` was accepted |
-//! | `agrees_with = "entry"` | with another entry point in place of the last one, dispatched in Karat's engine, the content is the same |
-//! | `sorted = true` | its elements rise; `"descending"`: they fall |
-//! | `sum_of = "input"` | its numbers have the same sum as those of a buffer before the passes |
-//! | `permutation_of = "input"` | its elements are those of a buffer before the passes, in any order |
-//! | `unchanged = true` | its content doesn't change |
-//! | `written = true` | some invocation writes each element of the buffer, or texel of the texture, the last ones included |
+//! | `equals = [1, 2]` | the content is this value; a single number stands for each component |
+//! | `table = "file.csv"` | each element equals a row with the columns `x,y,z` or `value` |
+//! | `golden = "name"` | the content equals the accepted content in `golden/name.csv` |
+//! | `agrees_with = "entry"` | another entry point in place of the last one, dispatched in Karat's engine, computes the
+//! same content |
+//! | `sorted = true` | the elements rise; with `"descending"` they fall |
+//! | `sum_of = "input"` | the numbers have the same sum as the numbers of a buffer before the passes |
+//! | `permutation_of = "input"` | the elements are those of a buffer before the passes, in any order |
+//! | `unchanged = true` | the passes don't change the content |
+//! | `written = true` | some invocation writes each element of the buffer, or each texel of the texture, including the
+//! last ones |
 //! | `in_range = [0, 1]`, `finite = true` | as for functions |
 //!
-//! `no_hazards = true`, or a list of kinds, beside `entry` asserts that nothing inside the passes becomes NaN or
-//! infinite, or divides by 0. Without a `tolerance` numbers are compared exactly. The sanitizer checks the passes of
+//! `no_hazards = true`, or a list of kinds, beside `entry` asserts that no operation of the passes becomes NaN or
+//! infinite, or divides by 0. Without a `tolerance`, numbers are compared exactly. The sanitizer checks the passes of
 //! each test.
 
 use std::collections::BTreeMap;
@@ -101,7 +104,6 @@ use crate::range::Range;
 use crate::wrong::Misdeclared;
 use crate::{Kind, Test};
 
-/// A file, as written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -113,72 +115,73 @@ struct File {
     compute: Vec<Spanned<compute::Declared>>,
 }
 
-/// A `[[test]]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
-    /// The test's own name, in place of the function's.
+    /// A name for the test, in place of the function's name.
     name: Option<String>,
-    /// The function that the test calls: `schlick`, of the module that the file is named after, or `brdf::schlick`.
+    /// The function that the test calls: `schlick` in the module that the file is named after, or `brdf::schlick`.
     pub(crate) function: String,
     /// The domain of each argument: `{ x = "0..1", n = "unit_vector" }`.
     #[serde(default)]
     pub(crate) over: BTreeMap<String, Value>,
-    /// Keeps the arguments for which this expression of WGSL holds: `"a < b"`.
+    /// An expression in WGSL, such as `"a < b"`: the test uses only arguments for which it is true.
     #[serde(rename = "where")]
     pub(crate) filter: Option<String>,
-    /// The number of cases; 65536 without it, and of an integral fewer.
+    /// The number of cases; by default 65536, for an integral fewer.
     pub(crate) cases: Option<u64>,
-    /// The seed of the cases; without it the test's name gives one.
+    /// The seed of the cases; by default, the test's name determines it.
     pub(crate) seed: Option<u64>,
-    /// The largest error that passes: `"4 ulp"`, `"rel 1e-4"`, `"abs 1e-6"`, `"exact"`, `"spec"`, or several by `or`.
+    /// The largest error that passes: `"4 ulp"`, `"rel 1e-4"`, `"abs 1e-6"`, `"exact"`, `"spec"`, or several joined by
+    /// `or`.
     pub(crate) tolerance: Option<String>,
-    /// Tolerances of single paths: `{ gl = "abs 1e-3" }`.
+    /// The tolerances of certain paths: `{ gl = "abs 1e-3" }`.
     #[serde(default)]
     pub(crate) tolerance_on: BTreeMap<String, String>,
-    /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
+    /// The paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
-    /// Paths that can't run it, each with the reason. They must refuse it.
+    /// The paths that can't run the test and must refuse it, each with the reason.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// Textures, samplers and buffers, by the names of the variables.
+    /// The textures, samplers and buffers to bind, by the names of the variables.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
-    /// Values of `override`s, by their names or numbers.
+    /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// Another WGSL function, which Karat executes in `f64`, returns the same.
+    /// Another WGSL function that must return the same value. Karat executes it in `f64`.
     agrees_with: Option<String>,
-    /// Each row's result is what the row of this CSV file says.
+    /// A CSV file with an expected result in each row.
     table: Option<PathBuf>,
-    /// Results are those that were accepted: `golden/NAME.csv`, which `karat accept` writes.
+    /// The name of a golden: results must equal those in `golden/NAME.csv`, which `karat accept` writes.
     golden: Option<String>,
-    /// Each result is this value.
+    /// The value that each result must have.
     equals: Option<Value>,
-    /// No component is NaN or infinite: `true`.
+    /// `true` if no component may be NaN or infinite.
     finite: Option<bool>,
-    /// Each result is a vector of length 1: `true`.
+    /// `true` if each result must be a vector of length 1.
     unit: Option<bool>,
-    /// Each result is a vector at right angles to this argument. Zeros have no angle, and fail.
+    /// The name of an argument: each result must be a vector at right angles to it. A zero vector fails, because it has
+    /// no angle.
     perpendicular_to: Option<String>,
-    /// Each result is three unit vectors at right angles, the third the cross product of the first two, as columns of
-    /// a `mat3x3f` or members of a structure: `true`.
+    /// `true` if each result must be three unit vectors at right angles, as columns of a `mat3x3f` or members of a
+    /// structure. The third vector must be the cross product of the first two.
     right_handed_frame: Option<bool>,
-    /// Each component lies in this range: `"0..1"`, `[0, 1]`, or `"0..<1"` without its end.
+    /// The range that must contain each component: `"0..1"`, `[0, 1]`, or `"0..<1"` without the upper end.
     in_range: Option<Range>,
-    /// Swapping these two arguments changes nothing.
+    /// The names of two arguments: swapping them must not change the result.
     symmetric_in: Option<Pair<String>>,
-    /// The result only rises, or only falls, with an argument: `{ x = "increasing" }`.
+    /// The direction in which the result changes as an argument rises: `{ x = "increasing" }`.
     monotone: Option<BTreeMap<String, Direction>>,
-    /// The result approaches a value: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
+    /// The value that the result approaches: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
     limit: Option<BTreeMap<String, Value>>,
-    /// The integral over the last argument, a direction; its keys stand below.
+    /// The integral over the last argument, a direction. The keys are listed below.
     integral: Option<Integral>,
-    /// No operation inside has a hazard: `true`, or a list of kinds: `["nan", "out_of_range"]`. Not for functions
-    /// that write storage.
+    /// `true`, or a list of kinds: no operation inside may have a hazard of these kinds, such as `["nan",
+    /// "out_of_range"]`. Not for functions that write storage.
     no_hazards: Option<NoHazards>,
-    /// Hazards of `no_hazards` that are meant, each operation with the reason.
+    /// The operations that may have a hazard in spite of `no_hazards`, each with the reason.
     #[serde(default)]
     pub(crate) accept_hazard: BTreeMap<String, String>,
 }
@@ -208,7 +211,7 @@ impl TryFrom<Value> for Relative {
     }
 }
 
-/// A list of exactly two: serde would silently ignore the rest of a longer one.
+/// A list of exactly two entries, because serde would silently ignore the rest of a longer list.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Vec<T>")]
 pub(crate) struct Pair<T>(pub(crate) [T; 2]);
@@ -223,7 +226,7 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
     }
 }
 
-/// `true` for any kind; or a list of kinds.
+/// `true` for any kind, or a list of kinds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct NoHazards(pub(crate) Option<Vec<HazardKind>>);
@@ -253,7 +256,7 @@ impl TryFrom<Value> for NoHazards {
     }
 }
 
-/// A number, or `true` and `false`.
+/// A number, `true` or `false`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(untagged, expecting = "an override's value is a number, `true` or `false`, without quotes")]
 pub(crate) enum OverrideValue {
@@ -277,20 +280,19 @@ pub(crate) enum Direction {
     Decreasing,
 }
 
-/// An integral over directions.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Integral {
     /// The region: `"sphere"`, `"hemisphere"` or `"projected_hemisphere"`, which weights by the cosine.
     pub(crate) over: Region,
-    /// The integral, of each component or of all.
+    /// The expected integral: one number for all components, or one for each component.
     #[serde(alias = "is")]
     pub(crate) equals: Option<Value>,
-    /// A bound of the integral.
+    /// The largest value that the integral may have.
     pub(crate) at_most: Option<Value>,
-    /// The absolute difference by which rounding may exceed the bound.
+    /// The absolute error by which rounding may make the integral exceed `at_most`.
     pub(crate) slack: Option<f64>,
-    /// The rings of directions that the quadrature takes.
+    /// The number of rings of directions in the quadrature.
     pub(crate) rings: Option<u16>,
 }
 
@@ -302,58 +304,57 @@ pub(crate) enum Region {
     ProjectedHemisphere,
 }
 
-/// A `[[frame]]`: draws that are compared with a golden.
+/// A `[[frame]]`: draws whose image is compared with a golden.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Frame {
-    /// The frame's name, and its golden's.
+    /// The name of the frame and of its golden.
     pub(crate) name: String,
-    /// The module of its functions; without it the file's own.
+    /// The module of the frame's functions; by default, the file's own module.
     pub(crate) module: Option<String>,
-    /// The vertex function; without one the fragment function covers the frame.
+    /// The vertex function; without it, the fragment function covers the frame.
     vertex: Option<String>,
     /// The fragment function.
     fragment: Option<String>,
-    /// Draws one after the other, in place of `vertex` and `fragment`; their keys stand below.
+    /// A list of draws, in order, in place of `vertex` and `fragment`. The keys are listed below.
     #[serde(default)]
     draws: Vec<draws::Declared>,
-    /// Samples of a pixel: 1 or 4.
+    /// The number of samples of each pixel: 1 or 4.
     pub(crate) samples: Option<u32>,
-    /// Its width and height in pixels: `[256, 256]`.
+    /// The frame's width and height in pixels: `[256, 256]`.
     pub(crate) size: Pair<u32>,
-    /// The format of each location: `["float", "rgba8unorm-srgb", "r32uint"]`; without it floats.
+    /// The format of each location: `["float", "rgba8unorm-srgb", "r32uint"]`; by default floats.
     #[serde(default)]
     pub(crate) formats: Vec<String>,
-    /// The location that is compared, from 0.
+    /// The number of the compared location, from 0.
     pub(crate) target: Option<usize>,
-    /// Depth is compared in place of colours: `true`.
+    /// `true` to compare the depth in place of colours.
     #[serde(default)]
     pub(crate) depth: bool,
-    /// Textures, samplers and buffers, by the names of the variables.
+    /// The textures, samplers and buffers to bind, by the names of the variables.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
-    /// Values of `override`s, by their names or numbers.
+    /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// The largest relative difference of a pixel that passes: `1e-3`. Without it HDR-FLIP may pass a pixel that is
-    /// further off.
+    /// The largest relative difference of a pixel that passes: `1e-3`. Without it, HDR-FLIP may pass a pixel with a
+    /// larger difference.
     pub(crate) tolerance: Option<Relative>,
-    /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
+    /// The paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
-    /// Paths that can't run it, each with the reason. They must refuse it.
+    /// The paths that can't run the test and must refuse it, each with the reason.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// The folder of its golden, relative to this file.
+    /// The folder of the frame's golden, relative to this file.
     pub(crate) golden: Option<PathBuf>,
     #[serde(skip)]
     pub(crate) folder: PathBuf,
-    /// The places of its keys.
     #[serde(skip)]
     pub(crate) keys: Keys,
 }
 
-/// The places of a test's keys. They aren't part of `Debug`: moving a test doesn't change it.
+/// The places of a test's keys. `Debug` doesn't show them, because moving a test doesn't change it.
 #[derive(Clone, Default)]
 pub(crate) struct Keys(BTreeMap<String, Span>);
 
@@ -364,32 +365,30 @@ impl fmt::Debug for Keys {
 }
 
 impl Keys {
-    /// The place of a key, if the file has it.
     pub(crate) fn exactly(&self, key: &str) -> Option<&Span> {
         self.0.get(key)
     }
 
-    /// The place of a key, or otherwise of the innermost key around it: `draws.1.blend` is in `draws.1`, and that in
-    /// `draws`.
+    /// Returns the place of a key, or else of the innermost key around it: `draws.1.blend` is inside `draws.1`, which
+    /// is inside `draws`.
     pub(crate) fn place_of(&self, key: &str) -> Option<&Span> {
         self.0.get(key).or_else(|| self.place_of(key.rsplit_once('.')?.0))
     }
 }
 
-/// An assertion of a `[[test]]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Assertion {
     pub(crate) test: Declared,
     /// `brdf::schlick`
     pub(crate) function: String,
     pub(crate) what: What,
-    /// The folder of the file, which paths of tables and images are relative to.
+    /// The folder of the file. Paths of tables and images are relative to this folder.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
 }
 
 impl Frame {
-    /// Its draws, in order.
+    /// Returns the draws in order.
     pub(crate) fn draws(&self) -> Result<Vec<draws::Declared>, String> {
         match (&self.vertex, &self.fragment, &*self.draws) {
             (vertex, Some(fragment), []) => {
@@ -407,17 +406,17 @@ impl Frame {
         }
     }
 
-    /// The tables of its meshes.
+    /// Returns the paths of the draws' meshes.
     pub(crate) fn meshes(&self) -> impl Iterator<Item = PathBuf> {
         self.draws.iter().filter_map(|draw| draw.mesh_file(&self.folder))
     }
 
-    /// Its golden.
+    /// Returns the path of the frame's golden.
     pub(crate) fn golden_file(&self) -> PathBuf {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
-    /// Its entry points, with their modules.
+    /// Returns the frame's entry points, with their modules.
     pub(crate) fn entries(&self) -> Vec<String> {
         let module = self.module.as_deref().filter(|module| !module.is_empty());
         let named = |name: String| match module {
@@ -433,7 +432,7 @@ impl Frame {
             .collect()
     }
 
-    /// The subject of its record if it couldn't begin.
+    /// Returns the subject of the record of a frame that couldn't begin.
     pub(crate) fn subject(&self, location: Option<&str>) -> Subject {
         Subject::Frame {
             golden: self.name.clone(),
@@ -442,17 +441,17 @@ impl Frame {
         }
     }
 
-    /// The folder of its golden.
+    /// Returns the folder of the frame's golden.
     pub(crate) fn golden_folder(&self) -> PathBuf {
         self.folder.join(self.golden.as_deref().unwrap_or(Path::new(GOLDEN)))
     }
 }
 
-/// The folder of goldens beside a file that declares tests.
+/// The name of the folder for goldens, beside a file that declares tests.
 pub(crate) const GOLDEN: &str = "golden";
 
 impl Assertion {
-    /// A function in the tested function's module, or in another one.
+    /// Adds the tested function's module to a name without a module.
     pub(crate) fn of_module(&self, name: &str) -> String {
         match (name.contains("::"), self.function.rsplit_once("::")) {
             (false, Some((module, _))) => format!("{module}::{name}"),
@@ -460,19 +459,19 @@ impl Assertion {
         }
     }
 
-    /// The golden of its values, if it has one.
+    /// Returns the path of the golden with the test's values, if the test has one.
     pub(crate) fn golden_file(&self) -> Option<PathBuf> {
         let What::Golden(name) = &self.what else { return None };
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// The place of a key, or of the assertion.
+    /// Returns the place of a key, or of the assertion.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&Span> {
         let named = key.and_then(|key| self.keys.place_of(key));
         named.or_else(|| self.keys.place_of(self.what.key()))
     }
 
-    /// The tolerance, if one is needed. Integers and booleans are exact by default.
+    /// Returns the tolerance, or an error if a tolerance is missing. Integers and booleans are exact by default.
     pub(crate) fn tolerance(&self, result: &Shape) -> Result<&str, String> {
         let is_exact = result.lanes().iter().all(|lane| !lane.is_float());
         let exact = is_exact.then_some("exact");
@@ -485,13 +484,13 @@ impl Assertion {
     }
 }
 
-/// The parser's message about an unknown name, with the nearest known name.
+/// Improves the parser's message about an unknown name: adds the most similar known name.
 fn with_nearest(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
     let unknown = names.next().filter(|_| message.starts_with("unknown "));
     match unknown.and_then(|unknown| nearest(unknown, names)) {
         Some(_) if message.contains("did you mean") => message.to_owned(),
-        // In place of all that are known.
+        // Replace the list of all known names.
         Some(near) => {
             let unknown = message.split(", expected").next().unwrap_or(message);
             format!("{unknown}; did you mean `{near}`?")
@@ -500,8 +499,8 @@ fn with_nearest(message: &str) -> String {
     }
 }
 
-/// Reads a file of declared tests, and reports all tables with errors. `unsaved` replaces the file's text, `root` is
-/// the package.
+/// Reads a file of declared tests, and reports every table with an error. `unsaved` replaces the file's text; `root` is
+/// the package's path.
 pub(crate) fn read(
     file: &Path,
     unsaved: Option<String>,
@@ -514,7 +513,7 @@ pub(crate) fn read(
         String::from_utf8(bytes).map_err(|error| unread(&error))
     };
     let text = unsaved.map_or_else(saved, Ok)?;
-    // Windows editors write a byte order mark first.
+    // Editors on Windows may write a byte order mark first.
     let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
     let source = Arc::new(SourceFile::new(name, text));
     let at = |range: ops::Range<usize>| Span { file: Arc::clone(&source), range };
@@ -535,7 +534,7 @@ pub(crate) fn read(
             message => with_nearest(message),
         };
         wrong.push(Diagnostic::new(message).at(at(range), ""));
-        // Blank it out, and read the other tables.
+        // Blank out the table with the error, and read the other tables.
         let blank = |c: char| if c == '\n' { "\n".to_owned() } else { " ".repeat(c.len_utf8()) };
         let blank: String = text[table.clone()].chars().map(blank).collect();
         text.replace_range(table, &blank);
@@ -626,12 +625,12 @@ pub(crate) fn read(
     Ok((tests, wrong))
 }
 
-/// The kinds of tables that are tests.
+/// The names of the tables that declare tests.
 const TABLES: [&str; 3] = ["test", "frame", "compute"];
 
-/// The tables of a file, each with its subtables, after the text before the first table.
+/// Splits a file into its tables, each with its subtables. The first part is the text before the first table.
 fn blocks(text: &str) -> Vec<ops::Range<usize>> {
-    // The header of a table outside these: `[compute.after.keys]` is part of a test.
+    // The header of another table, such as `[compute.after.keys]`, is part of a test.
     let begins = |line: &str| {
         let inner = line.trim_start().strip_prefix('[').map(|line| line.trim_start_matches('['));
         let name = inner.map(|line| line.split([']', '#', '\n']).next().unwrap_or_default().trim());
@@ -647,8 +646,8 @@ fn blocks(text: &str) -> Vec<ops::Range<usize>> {
     heads.windows(2).map(|pair| pair[0]..pair[1]).filter(|one| !one.is_empty()).collect()
 }
 
-/// The first table that can't be read on its own, the place in the text, and the message. An unclosed bracket shows at
-/// the end of its table.
+/// Finds the first table that can't be read on its own: its range, the place of the error, and the message. The error
+/// of an unclosed bracket is at the end of the table.
 fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)> {
     blocks(text).into_iter().find_map(|block| {
         let error = toml::from_str::<File>(&text[block.clone()]).err()?;
@@ -658,7 +657,7 @@ fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)
     })
 }
 
-/// The places of the keys of each `[[test]]`, or `[[frame]]`.
+/// Returns the places of the keys in each table of one kind, such as `[[test]]`.
 fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
     let Ok(table) = DeTable::parse(text) else { return Vec::new() };
     let table = table.into_inner();
@@ -673,7 +672,7 @@ fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
     tests.iter().map(keys).collect()
 }
 
-/// Notes the places of the keys below a key; those of a list by number.
+/// Stores the places of the keys below a key. The keys of a list are numbers.
 fn note_keys(source: &Arc<SourceFile>, above: &str, value: &DeValue<'_>, keys: &mut Keys) {
     let mut note = |name: &str, range, value: &Spanned<DeValue<'_>>| {
         let key = if above.is_empty() { name.to_owned() } else { format!("{above}.{name}") };
@@ -696,7 +695,7 @@ fn own(module: &str, name: &str) -> String {
     if module.is_empty() { name.to_owned() } else { format!("{module}::{name}") }
 }
 
-/// The module beside a file: `sub::brdf` for `sub/brdf.test.toml`; `""` in a package of one file.
+/// Returns the module for a file: `sub::brdf` for `sub/brdf.test.toml`; `""` in a package of one file.
 pub(crate) fn module_of(file: &Path, root: &Path) -> String {
     if root.is_file() {
         return String::new();
@@ -707,7 +706,7 @@ pub(crate) fn module_of(file: &Path, root: &Path) -> String {
     stem.split(['/', '\\']).filter(|part| !part.is_empty()).collect::<Vec<_>>().join("::")
 }
 
-/// The assertions of a test: at least one.
+/// Returns the assertions of a test; an error if there are none.
 fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
     let shared = Shared {
         agrees_with: &test.agrees_with,
@@ -762,7 +761,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
     Ok(all)
 }
 
-/// `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`
+/// Parses a limit: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
 fn limit(table: &BTreeMap<String, Value>) -> Result<What, String> {
     // `is` is the old name of `equals`.
     const OWN: [&str; 3] = ["through", "equals", "is"];
@@ -806,7 +805,7 @@ mod tests {
         }
     }
 
-    /// A table with an unknown key, a wrong value, or a TOML error doesn't hide the others.
+    /// A table with an unknown key, a wrong value, or a TOML error doesn't hide the other tables.
     #[test]
     fn a_wrong_table_hides_no_other() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -832,7 +831,7 @@ mod tests {
             assert_eq!((tests, places.len()), (2, 1), "{wrong}: {places:?}");
             assert!(places[0].contains(&format!("m.test.toml:{line}:")), "{wrong}: {places:?}");
         }
-        // Text outside any test, and headers with typos.
+        // Text outside of any test, and headers with typos.
         for (first, line) in [
             ("[inputs]\nx = 1\n", 1),
             ("x = 1\n", 1),
