@@ -335,7 +335,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
             let kind = kind.wgsl();
-            let wrong = format!("`{name}` is {kind}, and {on} isn't one: write a number");
+            let wrong = format!("`{name}` is {kind}, but {on} isn't: write a number");
             return Err(Misdeclared::of("override")(wrong));
         }
     }

@@ -785,17 +785,17 @@ depth_write = false
             "`vs` takes `position` at @location(0), but vertices without a mesh have no attributes",
         ),
         ("vertex = \"vs\"", "vertex = \"vx\"", "no vertex entry point `vx`"),
-        ("vertex = \"vs\"", "vertex = \"corner\"", "no position at `@location(0)`"),
-        ("fragment = \"ground\"", "", "a draw has a `fragment` function"),
         (
-            "size = [16, 16]",
-            "size = [16, 16]\nfragment = \"fs\"",
-            "write no `vertex` and `fragment`",
+            "vertex = \"vs\"",
+            "vertex = \"corner\"",
+            "must read the mesh's position at `@location(0)`",
         ),
+        ("fragment = \"ground\"", "", "a draw needs a `fragment`"),
+        ("size = [16, 16]", "size = [16, 16]\nfragment = \"fs\"", "remove `vertex` and `fragment`"),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1, 7]", "the index 7 is beyond"),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1]", "aren't whole triangles"),
         ("vertices = 3", "vertices = 3\ninstances = 0", "0 instances draw nothing"),
-        ("vertices = 3", "indices = [0, 1, 2]", "`indices` are of a `mesh`"),
+        ("vertices = 3", "indices = [0, 1, 2]", "`indices` need a `mesh`"),
         ("blend = \"add\"", "blend = \"plus\"", "there is no blending `plus`"),
     ] {
         let text = declared.replace(from, to);

@@ -326,7 +326,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "t.wgsl",
             "import karat::expect_true;\n@test fn t(@over(unit) x: f32) { expect_true(true); }\n",
-            "no domain of a number",
+            "isn't a domain of a number",
         ),
         (
             "t.wgsl",
@@ -801,7 +801,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     }
     let twice = declare(&["name = \"a\"", "name = \"a\""]);
     assert!(
-        twice.code == Some(1) && twice.out.contains("another frame is called `a`"),
+        twice.code == Some(1) && twice.out.contains("another frame has the name `a`"),
         "{twice:?}"
     );
     let all = |gain: u32| {
