@@ -219,7 +219,7 @@ fn honest_programs_conform() {
         for (name, answer) in &answers {
             match unasked.contains(&&**name) {
                 true => {
-                    assert_eq!(answer["why"], "its greeting has no `frames`", "{path}: {name}")
+                    assert_eq!(answer["why"], "the greeting has no `frames`", "{path}: {name}")
                 }
                 false => assert_eq!(answer["answer"], "right", "{path}: {name}"),
             }

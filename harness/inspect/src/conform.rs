@@ -61,7 +61,7 @@ pub struct Answered {
     pub why: String,
 }
 
-/// The result of a question.
+/// The kind of answer to a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
@@ -103,7 +103,7 @@ pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, Pa
             let name = serde_json::to_value(ability).expect("an ability serializes to JSON");
             format!("its greeting has no `{}`", name.as_str().unwrap_or_default())
         });
-        let over = (hung >= MOST_HUNG).then(|| format!("it hung {hung} times"));
+        let over = (hung >= MOST_HUNG).then(|| format!("the program hung {hung} times"));
         let (answer, why) = match lacks.or(over) {
             Some(why) => (Answer::NotAsked, why),
             None => {
@@ -175,7 +175,7 @@ const QUESTIONS: [Question; 21] = [
     (
         "immediates",
         Some(Ability::Immediates),
-        "`var<immediate>` has the resource whose `at` is null",
+        "the resource with a null `at` goes into `var<immediate>`",
         immediates,
     ),
     (
@@ -412,7 +412,7 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
         _ => {
             return Err(format!(
                 "the second pass isn't valid: answer `refused` with a message, \"pass\": 1 and, if they are known, \
-                 bytes of that pass's text; its reply is {}",
+                 bytes of that pass's text; the program's reply is {}",
                 shown(&reply)
             )
             .into());
@@ -489,7 +489,7 @@ fn stored(executor: &dyn Executor) -> Result<(), Stop> {
         Reply::Refused(problem) => Err(Stop::Refused(problem.message)),
         reply => {
             let wanted = shown(&Reply::Done(vec![vec![90, 90, 90, 90, 1, 2, 3, 4]]));
-            Err(format!("its reply is {}, not {wanted}", shown(&reply)).into())
+            Err(format!("the program's reply is {}, not {wanted}", shown(&reply)).into())
         }
     }
 }

@@ -74,7 +74,7 @@ pub(crate) fn switched(
 ) -> Result<Option<What>, Misdeclared> {
     match value {
         Some(false) => {
-            Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: leave it out")))
+            Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: remove the key")))
         }
         on => Ok(on.map(|_| what)),
     }

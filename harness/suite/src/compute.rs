@@ -40,7 +40,7 @@ pub(crate) struct Declared {
     /// Textures, samplers and buffers, each under its variable's name.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
-    /// Values of `override`s, by their names or numbers.
+    /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     overrides: BTreeMap<String, OverrideValue>,
     /// Paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
@@ -49,10 +49,10 @@ pub(crate) struct Declared {
     /// Paths that can't run the test, each with the reason. These paths must refuse the test.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// Variables with accepted races, each with the reason.
+    /// The variables with accepted races, each with the reason.
     #[serde(default)]
     accept_race: BTreeMap<String, String>,
-    /// Variables into which several invocations may write the same value, each with the reason.
+    /// The variables into which several invocations may write the same value, each with the reason.
     #[serde(default)]
     accept_equal_writes: BTreeMap<String, String>,
     /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. A table below has the
@@ -207,7 +207,7 @@ impl Expected {
             )));
         }
         if self.up_to_order == Some(false) {
-            let off = "`up_to_order = false` asserts nothing: leave it out".to_owned();
+            let off = "`up_to_order = false` asserts nothing: remove the key".to_owned();
             return Err(Misdeclared::of("up_to_order")(off));
         }
         let written = |key: &str| match key {
@@ -238,11 +238,9 @@ impl Declared {
             (None, None, [_, ..]) => {
                 Ok(self.passes.iter().map(|one| (path(&one.entry), one.workgroups.0)).collect())
             }
-            _ => {
-                Err("either `entry` and `workgroups` are written, or `passes = [{ entry = \"a\", \
+            _ => Err("write either `entry` and `workgroups`, or `passes = [{ entry = \"a\", \
                       workgroups = 1 }]`"
-                    .to_owned())
-            }
+                .to_owned()),
         }
     }
 
@@ -621,7 +619,7 @@ impl Assertion {
                 };
                 if content.shape.lanes().iter().all(all) {
                     return Err(format!(
-                        "every {} would be in range, so it can't fail",
+                        "every {} is in this range, so the assertion can't fail",
                         content.shape
                     )
                     .into());
@@ -634,7 +632,7 @@ impl Assertion {
                 let content = self.content(compute)?;
                 if !content.shape.lanes().iter().any(|scalar| scalar.is_float()) {
                     return Err(format!(
-                        "`finite` holds for every {}, so it can't fail",
+                        "`finite` holds for every {}, so the assertion can't fail",
                         content.shape
                     )
                     .into());
@@ -742,7 +740,7 @@ fn values(content: &Content) -> Vec<f64> {
 fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     match content.element() {
         Shape::Scalar(scalar) => Ok(*scalar),
-        other => Err(format!("`{key}` is for numbers, and an element is a {other}")),
+        other => Err(format!("`{key}` needs numbers, but an element is a {other}")),
     }
 }
 
@@ -751,7 +749,7 @@ fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     let scalars = content.shape.lanes();
     match scalars.first() {
         Some(first) if scalars.iter().all(|scalar| scalar == first) => Ok(*first),
-        _ => Err(format!("`{key}` is for numbers of one type, and this is {}", content.shape)),
+        _ => Err(format!("`{key}` needs numbers of one type, but this is {}", content.shape)),
     }
 }
 

@@ -49,7 +49,7 @@
 //! | `no_hazards = true` | no value in the function becomes NaN or infinite, or loses half of its digits |
 //! | `no_hazards = ["nan", "out_of_range"]` | no operation in the function has a hazard of these kinds |
 //!
-//! An entry point is a function, too: `function = "fs_main"`, over its inputs. Compute passes are dispatched:
+//! An entry point is a function, too: `function = "fs_main"` calls it with its inputs. Compute passes are dispatched:
 //!
 //! ```toml
 //! [[compute]]
@@ -145,7 +145,7 @@ pub(crate) struct Declared {
     /// Textures, samplers and buffers, each under its variable's name.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
-    /// Values of `override`s, by their names or numbers.
+    /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
     /// Asserts that another WGSL function, which Karat executes in `f64`, returns the same result.
@@ -219,12 +219,12 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
 
     fn try_from(list: Vec<T>) -> Result<Self, String> {
         list.try_into().map(Self).map_err(|list: Vec<T>| {
-            format!("a list of two is wanted, and this one has {}", list.len())
+            format!("the list must have two entries, but has {}", list.len())
         })
     }
 }
 
-/// `true` for any kind; or a list of kinds.
+/// `true` for any kind, or a list of kinds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct NoHazards(pub(crate) Option<Vec<HazardKind>>);
@@ -236,7 +236,7 @@ impl TryFrom<Value> for NoHazards {
         match value {
             Value::Boolean(true) => Ok(Self(None)),
             Value::Boolean(false) => {
-                Err("`no_hazards = false` asserts nothing: leave it out".to_owned())
+                Err("`no_hazards = false` asserts nothing: remove the key".to_owned())
             }
             Value::Array(kinds) if kinds.is_empty() => {
                 Err("`no_hazards = []` asserts nothing: name kinds, or write `true`".to_owned())
@@ -332,7 +332,7 @@ pub(crate) struct Frame {
     /// Textures, samplers and buffers, each under its variable's name.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
-    /// Values of `override`s, by their names or numbers.
+    /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
     /// The largest relative difference that a pixel may have: `1e-3`. By default, HDR-FLIP may pass a pixel with a
@@ -394,11 +394,12 @@ impl Frame {
                 Ok(vec![draws::Declared::covering(vertex.clone(), fragment.clone())])
             }
             (_, None, []) => {
-                Err("it draws nothing: name a `fragment` function, or write `draws`".to_owned())
+                Err("the frame draws nothing: name a `fragment` function, or write `draws`"
+                    .to_owned())
             }
             (None, None, all) => Ok(all.to_vec()),
             _ => Err(
-                "each of `draws` names its functions: write no `vertex` and `fragment` beside it"
+                "each of `draws` names its own functions: remove `vertex` and `fragment` beside it"
                     .to_owned(),
             ),
         }
@@ -732,7 +733,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
         match (&integral.equals, &integral.at_most) {
             (Some(_), None) if integral.slack.is_some() => {
                 return Err(Misdeclared::of("integral.slack")(
-                    "`slack` does nothing beside `equals`, which has a `tolerance`: leave it out"
+                    "`slack` does nothing beside `equals`, which has a `tolerance`: remove it"
                         .to_owned(),
                 ));
             }
@@ -876,9 +877,9 @@ mod tests {
             ),
             ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
             ("[[test]\n", "brdf.test.toml:1"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
-            ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: leave it out"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "the list must have two"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "but has 1"),
+            ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: remove the key"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = []\n", "asserts nothing: name kinds"),
             ("[compute]\nentry = \"f\"\n", "begins with double brackets"),
@@ -897,7 +898,7 @@ mod tests {
             (
                 "[[test]]\nfunction = \"f\"\nfinite = true\nno_hazards = true\n\
                  tolerance_on = { gl = \"4 ulp\" }\n",
-                "`tolerance_on` does nothing here: `finite`, `no_hazards` takes none",
+                "`tolerance_on` does nothing here: `finite`, `no_hazards` can't have this key",
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\n\
@@ -906,7 +907,7 @@ mod tests {
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\ncases = 9\n",
-                "`cases` does nothing here: `table` takes none",
+                "`cases` does nothing here: `table` can't have this key",
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\nseed = 9\n",
@@ -915,7 +916,7 @@ mod tests {
             (
                 "[[test]]\nfunction = \"f\"\ntolerance = \"4 ulp\"\n\
                  integral = { over = \"sphere\", at_most = 1, slack = 0 }\n",
-                "`integral at_most` takes none",
+                "`integral at_most` can't have this key",
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntolerance = \"4 ulp\"\n\

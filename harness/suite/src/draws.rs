@@ -116,7 +116,7 @@ impl Declared {
                 return Err(wrong("`mesh` and `vertices` need a `vertex` function: name one"));
             }
             (None, None, ..) => {
-                return Err(wrong("a draw has a `fragment` function, or a `vertex` one"));
+                return Err(wrong("a draw needs a `fragment` or a `vertex` function"));
             }
             (None, Some(fragment), None, None) => Draw::fragment(fragment),
             (Some(vertex), None, Some(_), None) => {
@@ -195,7 +195,7 @@ impl Declared {
         }
         if let Some(beyond) = indices.iter().find(|index| **index as usize >= count) {
             return Err(wrong(format!(
-                "the index {beyond} is beyond the {count} rows of the mesh"
+                "the index {beyond} is too large: the mesh has {count} rows"
             )));
         }
         // The index of an input's first lane among the lanes of all inputs.

@@ -49,7 +49,7 @@ impl TryFrom<toml::Value> for Range {
         #[expect(clippy::cast_precision_loss, reason = "ends of 2^53 and above are rounded")]
         let number = |value: &toml::Value| {
             let number = value.as_float().or_else(|| value.as_integer().map(|one| one as f64));
-            number.ok_or_else(|| format!("an end of a range is a number, and this is {value}"))
+            number.ok_or_else(|| format!("an end of a range must be a number, but this is {value}"))
         };
         match &value {
             toml::Value::Array(list) => match &**list {
@@ -74,7 +74,7 @@ impl TryFrom<toml::Value> for Range {
                     half_open: end.is_some(),
                 })
             }
-            other => Err(format!("a range is [0, 1] or \"0..<1\", and this is {other}")),
+            other => Err(format!("a range is [0, 1] or \"0..<1\", but this is {other}")),
         }
     }
 }

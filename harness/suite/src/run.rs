@@ -332,7 +332,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
             let kind = kind.wgsl();
-            let wrong = format!("`{name}` is {kind}, and {on} isn't one: write a number");
+            let wrong = format!("`{name}` is {kind}, but {on} isn't: write a number");
             return Err(Misdeclared::of("override")(wrong));
         }
     }
@@ -441,7 +441,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let range = range.checked()?;
             if result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
                 return Err(
-                    format!("`in_range` is for numbers, and the result is a {result}").into()
+                    format!("`in_range` needs numbers, but the result is a {result}").into()
                 );
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
@@ -451,7 +451,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let [first, second] = [first, second].map(|name| place(&parameters, name));
             let (first, second) = (first?, second?);
             if first.0 == second.0 {
-                return Err("it swaps a parameter with itself, which changes nothing".into());
+                return Err("a parameter can't be swapped with itself: name two parameters".into());
             }
             if parameters[first.0].1 != parameters[second.0].1 {
                 return Err("the two parameters have different types".into());

@@ -126,7 +126,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
             "argument `m`: `f0`: a vec3<f32> has 3 components, the list has 2",
         ),
         (json.replace("0.5", "\"a\""), "argument `m`: `roughness`: "),
-        (json.replace("[1, 2]", "[1, -2]"), "argument `m`: `layers`: `-2` is no u32"),
+        (json.replace("[1, 2]", "[1, -2]"), "argument `m`: `layers`: `-2` isn't of type u32"),
         (json.replace("0.5", "0.5, \"roughness\": 1"), "argument `m`: `roughness` is given twice"),
         (json.replace("0.5", "null"), "argument `m`: `null` isn't a WGSL value"),
         (json.replace('}', ""), "argument `m`: EOF while parsing an object"),
@@ -252,7 +252,7 @@ fn values_of_textures_and_buffers_are_exact() {
     );
     told(
         &["t::face", "1,0,0", "--bind", "sky=1", "--bind", "filtering=linear clamp repeat"],
-        "can't both be",
+        "use `clamp` or `repeat`, not both",
     );
 }
 
@@ -314,7 +314,7 @@ fn wrong_arguments_of_a_call_are_errors() {
     let expect = ["--expect", "cube", "--tolerance", "exact"];
     told(&[&["lit::cubic", "--table", "cases.csv"][..], &expect].concat(), "no column `cube.x`");
     write(folder.path(), "cases.csv", "t,up,cube.x,cube.y\n0.5,true,nan,1\n");
-    told(&[&["lit::cubic", "--table", "cases.csv"][..], &expect].concat(), "is no finite number");
+    told(&[&["lit::cubic", "--table", "cases.csv"][..], &expect].concat(), "isn't a finite number");
 }
 
 #[test]

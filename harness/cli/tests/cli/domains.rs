@@ -99,7 +99,7 @@ fn wrong_frames_and_domains_are_reported_at_their_place() {
         (
             "function = \"cosines\"\nfinite = true\nover = { t = { perpendicular_to = \"t\" } }",
             "f.test.toml:4:1",
-            "`t`: no unit vector is perpendicular to itself",
+            "`t`: a unit vector can't be perpendicular to itself",
         ),
         (
             "function = \"turn\"\nover = { v = \"ball 3\" }\nperpendicular_to = \"v\"",

@@ -648,7 +648,7 @@ fn a_misspelt_later_pass_is_named() {
     assert!(differs.out.contains("  row of the first element: wrong.csv:5:1"), "{}", differs.out);
     assert!(differs.out.contains("after.other.agrees_with"), "{}", differs.out);
     let half = ran("second", "half.csv");
-    assert!(half.out.contains("`0.5` is no u32, so nothing equals it"), "{}", half.out);
+    assert!(half.out.contains("`0.5` isn't of type u32, so no result equals it"), "{}", half.out);
     assert!(half.out.contains("half.csv:4:1"), "{}", half.out);
 }
 
@@ -793,10 +793,12 @@ depth_write = false
         ),
         ("fragment = \"ground\"", "", "a draw has a `fragment` function"),
         (
-            "size = [16, 16]",
-            "size = [16, 16]\nfragment = \"fs\"",
-            "write no `vertex` and `fragment`",
+            "vertex = \"vs\"",
+            "vertex = \"corner\"",
+            "must read the mesh's position at `@location(0)`",
         ),
+        ("fragment = \"ground\"", "", "a draw needs a `fragment`"),
+        ("size = [16, 16]", "size = [16, 16]\nfragment = \"fs\"", "remove `vertex` and `fragment`"),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1, 7]", "the index 7 is beyond"),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1]", "aren't whole triangles"),
         ("vertices = 3", "vertices = 3\ninstances = 0", "0 instances draw nothing"),

@@ -173,7 +173,7 @@ fn a_boolean_is_no_value_of_a_u32_override() {
     };
     declared("2").good();
     let wrong = declared("true");
-    let part = "override: `N` is u32, and true isn't one: write a number";
+    let part = "override: `N` is u32, but true isn't: write a number";
     assert!(wrong.code != Some(0) && wrong.out.contains(part), "{wrong:?}");
 }
 
@@ -380,7 +380,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "brdf.test.toml",
             "[[test]]\nfunction = \"is_odd\"\nin_range = [0, 1]\n",
-            "`in_range` is for numbers",
+            "`in_range` needs numbers",
         ),
         (
             "brdf.test.toml",

@@ -124,7 +124,7 @@ fn declared_tests_have_places_of_their_own() {
         (
             format!("{f}symmetric_in = [\"x\", \"x\"]\ntolerance = \"exact\"\n"),
             "3:1",
-            "swaps a parameter with itself",
+            "a parameter can't be swapped with itself",
         ),
         (format!("{f}equals = 1\ntolerance = \"abs nan\"\n"), "4:1", "bounds nothing"),
         (format!("{f}tolerance = \"4 ulp\"\nequals = nan\n"), "4:1", "returned NaN"),
