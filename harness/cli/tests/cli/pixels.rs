@@ -198,7 +198,7 @@ fn an_unknown_value_or_place_is_an_error() {
         (&["tap", "disc", "uv.x"], "matches 2 values: choose one\n  shaders/m.wgsl:9:23"),
         (&["tap", "disc", "near", "--round", "0"], "0 is not in"),
         (&["tap", "disc", "near", "--at", "8,0"], "but no pixel (8, 0)"),
-        (&["tap", "disc", "near", "--at", "8"], "`8` is no pixel"),
+        (&["tap", "disc", "near", "--at", "8"], "`8` isn't a pixel"),
         (&["tap", "disc", "near", "--size", "4x4"], "remove `--size`"),
         (&["trace", "disc", "8,0"], "8 x 4 pixels, counted from (0, 0) at the upper left"),
         (&["trace", "disc", "1"], "`1` isn't a pixel: write its column and its row"),
