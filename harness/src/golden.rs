@@ -235,7 +235,7 @@ impl Goldens {
     /// assert!(GOLDENS.folder().ends_with("golden"));
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         use std::borrow::Cow;
@@ -264,7 +264,7 @@ impl Goldens {
     /// assert!(Goldens::open("golden".as_ref()).folder().ends_with("golden"));
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn folder(&self) -> PathBuf {
         Path::new(self.base.as_ref()).join(self.folder.as_ref())
@@ -307,7 +307,7 @@ impl Goldens {
     /// }
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn compared(&self, pending: &Pending) -> PathBuf {
         if pending.is_table() {
@@ -337,7 +337,7 @@ impl Goldens {
     /// # Errors
     /// If the image differs from the golden, or there is no golden.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn check_image(
         &self,
         case: &str,

@@ -163,7 +163,7 @@ impl Package {
     /// assert_eq!(SHADERS.name(), "shaders");
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         Self::of_origin(Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) })
@@ -203,7 +203,7 @@ impl Package {
     /// println!("{:?}", VELLO.modules());
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub const fn from_crate_in(base: &'static str, name: &'static str, root: &'static str) -> Self {
         let (base, name) = (Cow::Borrowed(base), Cow::Borrowed(name));
@@ -234,7 +234,7 @@ impl Package {
     /// # Errors
     /// If the crate doesn't exist, or if it has no shaders.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn open_crate(base: &Path, name: &str, root: Option<&str>) -> Result<Self, PackageError> {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
@@ -253,7 +253,7 @@ impl Package {
     /// # Errors
     /// If the package isn't a crate, or if it can't import from a crate of this name with shaders in this folder.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
         let package = self.found()?.into_owned();
         let Origin::Found(found) = &package.origin else {
@@ -370,7 +370,7 @@ impl Package {
     /// assert!(package.module_features("light", &["shadows"]).try_is_valid().is_ok());
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn module_features(&self, module: &str, features: &[&str]) -> Self {
         let mut own = self.clone();
@@ -409,7 +409,7 @@ impl Package {
     /// assert_eq!(Package::from_source("m", "fn f() {}").name(), "m");
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn name(&self) -> String {
         match &self.origin {
@@ -435,7 +435,7 @@ impl Package {
     /// assert!(package.root().ends_with("examples/shaders"));
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn root(&self) -> PathBuf {
         match &self.origin {
@@ -492,7 +492,7 @@ impl Package {
     /// # Errors
     /// If the folder is missing or unreadable, or if it has no modules.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn modules(&self) -> Result<Vec<String>, PackageError> {
         self.check_exists()?;
         let mut modules = match &self.origin {
@@ -534,7 +534,7 @@ impl Package {
     /// # Errors
     /// If a folder can't be read, or if a file has the name of a module but can't be a module.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
         let root = self.root();
         let mut files = match &self.origin {

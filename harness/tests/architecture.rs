@@ -326,7 +326,7 @@ struct PublicItems {
 }
 
 /// The line in the documentation of an unstable method of a promised type.
-const UNSTABLE: &str = "*Unstable*: for programs around tests.";
+const UNSTABLE: &str = "*Unstable*: may change in any release. Programs that run or report tests use it.";
 
 impl PublicItems {
     fn of(text: &str) -> Vec<Item> {

@@ -378,7 +378,7 @@ impl Tolerance {
     /// assert_eq!(Tolerance::per_lane([Ulp(4.0).into(), Abs(0.1).into()]).lanes(), Some(2));
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn lanes(&self) -> Option<usize> {
         match self {
@@ -422,7 +422,7 @@ impl Tolerance {
     /// assert!((error.ratio - 0.5).abs() < 1e-6); // half of the bound
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> LaneError {
         self.measure_sum(lane, f64::from(actual), expected)
@@ -444,7 +444,7 @@ impl Tolerance {
     /// # Panics
     /// If there are fewer words, or fewer expected numbers, than scalar types.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn measure_words(
         &self,

@@ -58,7 +58,7 @@ impl Package {
     /// # Errors
     /// If Karat can't read the package. If Karat can't read a module, the result for that module is an error.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn tests_in(
         &self,
         modules: &[String],

@@ -226,7 +226,7 @@ impl Goldens {
     ///
     /// After an error, the golden is unchanged.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn accept(
         &self,
         pending: &Pending,

@@ -212,7 +212,7 @@ impl FrameTolerance {
     /// # Errors
     /// If the images differ by more than the tolerance, or can't be compared.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn compare(
         &self,
         golden: &Image,

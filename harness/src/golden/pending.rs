@@ -189,7 +189,7 @@ impl Goldens {
 
     /// All pending frames in the folder and the folders below it.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let mut found = PendingFrames::default();
@@ -209,7 +209,7 @@ impl Goldens {
     /// # Errors
     /// If no pending frame or unusable file has this name.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
         self.select_by(name, |_| false)
     }
@@ -219,7 +219,7 @@ impl Goldens {
     /// # Errors
     /// If no pending frame or unusable file has such a name.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn select_by(
         &self,
         pattern: &str,
@@ -243,7 +243,7 @@ impl Goldens {
 
     /// The name of a pending file from its path in this folder. The file's metadata may have another name.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn name_of(&self, path: &Path) -> String {
         let path = path.strip_prefix(self.folder()).unwrap_or(path);
@@ -256,7 +256,7 @@ impl Goldens {
     /// # Errors
     /// If the file can't be deleted.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn reject(&self, pending: &Pending) -> Result<(), AcceptError> {
         self.tidy();
         self.remove(pending)

@@ -47,7 +47,7 @@ impl Goldens {
     /// assert_eq!(goldens.cargo_package(), env!("CARGO_PKG_NAME"));
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn cargo_package(&self) -> String {
         let Some(folder) = resolved(&self.folder()) else { return String::new() };
@@ -70,7 +70,7 @@ impl Goldens {
     /// assert!(goldens.project().is_some_and(|project| goldens.folder().starts_with(project)));
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn project(&self) -> Option<PathBuf> {
         root(&resolved(&self.folder())?).map(Path::to_path_buf)
@@ -108,7 +108,7 @@ impl Goldens {
     /// karat::Goldens::open("golden".as_ref()).tidy();
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn tidy(&self) {
         tidy(&self.folder());
     }

@@ -68,7 +68,7 @@ impl FrameTolerance {
     /// # let _ = tolerance;
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn metric(metric: impl Metric + 'static, bound: f64) -> Self {
         Self::Metric(Arc::new(metric), bound)

@@ -17,7 +17,7 @@ pub struct Moved;
 impl Package {
     /// This method moved to the crate `karat-inspect`.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[deprecated(
         note = "add karat-inspect to [dev-dependencies], and write `karat_inspect::hazards(&package)`"
     )]
@@ -28,7 +28,7 @@ impl Package {
 
     /// This method moved to the crate `karat-inspect`.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[deprecated(
         note = "add karat-inspect to [dev-dependencies], and write `karat_inspect::matrix(&package)`"
     )]

@@ -391,7 +391,7 @@ impl Package {
     /// # Ok::<(), karat::package::PackageError>(())
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn places(&self) -> Vec<PathBuf> {
         let Ok(library) = Library::open(self) else { return vec![self.root()] };

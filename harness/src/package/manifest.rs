@@ -152,7 +152,7 @@ impl Package {
     /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn is_printed(&self) -> bool {
         Manifest::of(self).is_ok_and(|manifest| !manifest.preprocess.is_empty())

@@ -165,7 +165,7 @@ impl Package {
     /// # Ok::<(), karat::package::PackageError>(())
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn unsaved(&self, file: &Path, text: &str) -> Self {
         let mut own = self.clone();

@@ -45,7 +45,7 @@ impl Image {
     /// # Errors
     /// The same as for [`read`](Self::read).
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn read_stored(path: &Path) -> Result<Self, ImageError> {
         Self::read_as(path, Samples::Data)
     }

@@ -126,7 +126,7 @@ impl Flip {
     /// # Errors
     /// If FLIP ignores the difference, or can't compute the errors.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.errors)
     }
@@ -151,7 +151,7 @@ impl Flip {
     /// # Errors
     /// The same as for [`map`](Self::map).
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn exposures(&self, pair: &Pair<'_>) -> Result<ExposureMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.exposures)
     }
@@ -204,7 +204,7 @@ impl Flip {
     /// # Errors
     /// If FLIP can't compute the errors.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn whole(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let whole = Rect::new(0, 0, pair.golden().width(), pair.golden().height());
         let found = self.part(pair, whole, pair.exposures())?;

@@ -29,7 +29,7 @@ impl Flip {
     /// # Errors
     /// If FLIP can't compute the errors.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn displayed(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let failed = |error: FlipError| FlipFailure::Parameters(error.to_string());
         let Some(bounds) = bounds(pair) else {
