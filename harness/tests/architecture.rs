@@ -326,7 +326,8 @@ struct PublicItems {
 }
 
 /// The line in the documentation of an unstable method of a promised type.
-const UNSTABLE: &str = "*Unstable*: may change in any release. Programs that run or report tests use it.";
+const UNSTABLE: &str =
+    "*Unstable*: may change in any release. Programs that run or report tests use it.";
 
 impl PublicItems {
     fn of(text: &str) -> Vec<Item> {
