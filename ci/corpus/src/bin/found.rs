@@ -80,8 +80,8 @@ const FOUND: [Found; 9] = [
         krate: "bevy_render@0.20.1",
         function: "color_operations::rgb_to_hsv",
         says: "For every grey the function returns the hue NaN: red, green and blue are equal, so the function divides \
-               0 by 0. A later line prevents this division only for the saturation. Bevy's tone mapping changes hues \
-               with this function.",
+               0 by 0. A later line avoids a division by 0 for the saturation, but no line avoids it for the hue. \
+               Bevy's tone mapping changes hues with this function.",
         check: |package| hue_of_grey(package).into(),
         change: [
             "(swizzle.x - swizzle.y) / c + swizzle.z",
