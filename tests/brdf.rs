@@ -1,15 +1,15 @@
-//! Tests whole reflectances: against the formulas of the papers, for reciprocity, and that they never return more light
-//! than they get.
+//! Tests whole reflectances. They agree with the formulas of the papers, they are reciprocal, and they never return
+//! more light than arrives.
 
 use glam::{DVec3, Vec2, Vec3};
 use karat::check::Failure;
 use karat::prelude::*;
 use shaders::{PBR, brdf};
 
-/// Widths of the distribution, from the smallest that the library accepts to the widest.
+/// Widths of the distribution, from the smallest width that the library accepts to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// The exponents of these widths.
+/// The exponents that belong to the widths in [`ALPHA`].
 fn exponent() -> impl Domain<Value = f32> {
     ALPHA.map(exponent_of)
 }
@@ -18,8 +18,8 @@ fn exponent_of(alpha: f32) -> f32 {
     2.0 * (1.0 - alpha) * (1.0 + alpha) / (alpha * alpha)
 }
 
-/// A width, and directions of view and light: anywhere in the hemisphere, within a few widths of each other's mirror
-/// direction, equal, or opposite along the horizon.
+/// A width with a view and a light direction. The light lies anywhere in the hemisphere, within a few widths of the
+/// view's mirror direction, equal to the view, or opposite to the view along the horizon.
 fn lobes() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     (ALPHA, Hemisphere, Hemisphere, 0.0..=1.0_f32).map(|(alpha, v, l, choice)| {
         let at_slope = |slope: Vec3| mirrored(v, (slope + Vec3::Z).normalize());
@@ -34,37 +34,36 @@ fn lobes() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     })
 }
 
-/// `v` mirrored at `h`, as a unit vector of f32.
 fn mirrored(v: Vec3, h: Vec3) -> Vec3 {
     let (v, h) = (v.as_dvec3(), h.as_dvec3());
     (2.0 * v.dot(h) * h - v).normalize().as_vec3()
 }
 
-/// Reflectances from that of ice upwards. Below it, near normal incidence, F is the fifth power of a difference that
-/// cancels: exact enough beside other light, but not on its own.
+/// Reflectances from the reflectance of ice upwards. For smaller reflectances near normal incidence, F is the fifth
+/// power of a difference that cancels. Its error is small beside other light, but large relative to F.
 fn reflectance() -> impl Domain<Value = Vec3> {
     UnitRgb.map(|c| (0.02 + 0.98 * c).min(Vec3::ONE))
 }
 
-/// Two numbers in 0..=1, the second below 1.
+/// Two numbers in 0..=1. The second number is below 1.
 fn square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32.next_down()).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// Not within 1e-4 of the horizon. There the lobes' exponentials, which WGSL may flush below 1e-38, meet factors of up
-/// to 1e20.
+/// Leaves out directions within 1e-4 of the horizon. There, factors of up to 1e20 multiply the lobes' exponentials,
+/// which WGSL may flush below 1e-38.
 fn apart_from_the_horizon((_, v, l): &(f32, Vec3, Vec3)) -> bool {
     v.z.min(l.z) > 1e-4 || v.z.min(l.z) <= 0.0
 }
 
-/// The part of a lobe that may be flushed: 1e-38 times its peak, 3e7, divided by 4e-8 = 4 N.V N.L.
+/// The largest part of a lobe that WGSL may flush: 1e-38 times the lobe's peak (3e7), divided by 4 N.V N.L = 4e-8.
 const VANISHED: Abs = Abs(1e-20);
 
-/// As in `distribution`: 640 ulp of the exponential, and 87 times the error of the exponent. Here tan^2 consists of two
-/// sums, a root and three quotients, of which 12 ulp count.
+/// The error is 640 ulp of the exponential, as in `distribution`, and 87 times the error of the exponent. In the
+/// exponent, tan^2 consists of two sums, a root and three quotients, which add 12 ulp.
 const EXPONENTIAL: Rel = Rel(2e-4);
 
-/// One quotient.
+/// The function computes one quotient.
 #[test]
 fn lambert_eval() {
     PBR.function("brdf::lambert_eval")
@@ -72,7 +71,7 @@ fn lambert_eval() {
         .agrees_with(brdf::lambert_eval, Ulp(3.0));
 }
 
-/// WGSL promises 2^-11 for sin and cos.
+/// WGSL allows sin and cos an error of 2^-11.
 #[test]
 fn lambert_sample() {
     PBR.function("brdf::lambert_sample")
@@ -85,8 +84,8 @@ fn lambert_pdf() {
     PBR.function("brdf::lambert_pdf").over(UnitVector).agrees_with(brdf::lambert_pdf, Ulp(3.0));
 }
 
-/// D is a squared quotient of sums of positive terms (24 ulp), G / (4 N.L N.V) takes 16 ulp and F 12 ulp. The error of
-/// V.H, 4 ulp, counts at most fivefold, where F is at most f0 = 0.02.
+/// D is a squared quotient of sums of positive terms (24 ulp). G / (4 N.L N.V) takes 16 ulp and F 12 ulp. The error of
+/// V.H (4 ulp) counts at most five times, where F is at most f0 = 0.02.
 // Lesson 15: `eval`
 #[test]
 fn microfacet_eval() {
@@ -95,7 +94,7 @@ fn microfacet_eval() {
         .agrees_with(brdf::microfacet_eval, Ulp(64.0));
 }
 
-/// Holds for any f0, with the same error relative to the reflection for a white one.
+/// The function agrees for any f0. The error is relative to the reflection of a surface with f0 = 1.
 #[test]
 fn microfacet_eval_with_little_reflectance() {
     PBR.function("brdf::microfacet_eval")
@@ -109,9 +108,9 @@ fn microfacet_eval_with_little_reflectance() {
         });
 }
 
-/// The mirrored direction turns by twice the error of the normal. That error is at most 2^-11 divided by the length of
-/// the halfway vector that it comes from (`sampling::ggx_visible_normal`), because of WGSL's sin and cos. Leaves out
-/// the one in 64 normals for which that length is below 1/4.
+/// The mirrored direction turns by twice the error of the normal. WGSL's sin and cos give the normal an error of at
+/// most 2^-11 divided by the length of its halfway vector (`sampling::ggx_visible_normal`). The test leaves out one
+/// normal in 64, for which that length is below 1/4.
 #[test]
 fn microfacet_sample() {
     let domain = (ALPHA, Hemisphere, square()).filter(|(alpha, v, u)| {
@@ -126,13 +125,13 @@ fn microfacet_sample() {
         .agrees_with(brdf::microfacet_sample, Abs(4e-3));
 }
 
-/// D and G1: 24 and 10 ulp.
+/// D takes 24 ulp and G1 10 ulp.
 #[test]
 fn microfacet_pdf() {
     PBR.function("brdf::microfacet_pdf").over(lobes()).agrees_with(brdf::microfacet_pdf, Ulp(40.0));
 }
 
-/// Compares the shader's form with f cos / pdf, for each light, sampled or not.
+/// Compares the shader's formula with f cos / pdf for each light, including lights that no sample reaches.
 #[test]
 fn microfacet_weight() {
     PBR.function("brdf::microfacet_weight")
@@ -140,7 +139,7 @@ fn microfacet_weight() {
         .agrees_with(brdf::microfacet_weight, Ulp(40.0));
 }
 
-/// G2 <= G1.
+/// The weight is at most F, because G2 <= G1.
 #[test]
 fn microfacet_weight_is_at_most_fresnel() {
     PBR.function("brdf::microfacet_weight")
@@ -150,7 +149,7 @@ fn microfacet_weight_is_at_most_fresnel() {
         });
 }
 
-/// A sample below the horizon has weight 0; one above has at most 1.
+/// A sample below the horizon has weight 0. A sample above the horizon has a weight of at most 1.
 #[test]
 fn microfacet_samples_weigh_at_most_one() {
     PBR.function("brdf::microfacet_sample").over((ALPHA, Hemisphere, square())).satisfies(
@@ -174,8 +173,8 @@ fn cook_torrance_eval() {
         .agrees_with(brdf::cook_torrance_eval, EXPONENTIAL.or(VANISHED));
 }
 
-/// A normal with the error of WGSL's sin and cos, mirrored: twice 2^-11, and the error of V.H from it in each term. V.H
-/// and the normal have length 1 at most.
+/// A normal with the error of WGSL's sin and cos is mirrored, so the direction has twice 2^-11. Each term also has the
+/// error of V.H. V.H and the length of the normal are at most 1.
 #[test]
 fn cook_torrance_sample() {
     PBR.function("brdf::cook_torrance_sample")
@@ -200,10 +199,10 @@ fn tri_ace_eval() {
         .agrees_with(brdf::tri_ace_eval, EXPONENTIAL.or(VANISHED));
 }
 
-/// Below 1/2: a quotient (2.5 ulp) of 1 and a part of at most 1/12, so that its errors hardly count. From 1/2 on,
-/// exp(-2 x) is at most 0.37, with an error of 3 + 4 x of its ulps: 1.5e-7 at 1/2, and it shrinks faster than its error
-/// grows. It counts 1 / 0.63 times in the difference and 1 / 1.37 times in the sum: 3.5e-7. The roundings of both and
-/// the division add 4.2e-7.
+/// Below 1/2, the function divides x (2.5 ulp) by 1 plus a term of at most 1/12, so the errors of this term hardly count.
+/// From 1/2 on, exp(-2 x) is at most 0.37, with an error of 3 + 4 x ulp: 1.5e-7 at 1/2. The exponential shrinks faster
+/// than its error grows. Its error counts 1 / 0.63 times in the difference and 1 / 1.37 times in the sum: 3.5e-7. The
+/// roundings of the difference and of the sum and the division add 4.2e-7.
 // Lesson 32
 #[test]
 fn tanh_of() {
@@ -213,7 +212,7 @@ fn tanh_of() {
     function().over(Just(0.0)).agrees_with(|x: f64| x, Ulp(0.0));
 }
 
-/// As for the others. log near 1 is a series; elsewhere WGSL allows 2^-21, which is less.
+/// The errors are those of the other lobes. Near 1, log is a series. Elsewhere WGSL allows log 2^-21, which is smaller.
 #[test]
 fn tri_ace_sample() {
     PBR.function("brdf::tri_ace_sample")
@@ -221,8 +220,8 @@ fn tri_ace_sample() {
         .agrees_with(brdf::tri_ace_sample, Abs(2.5e-3));
 }
 
-/// Measures narrow lobes by the distance of a sample from the mirror direction: within 1 % of it, or of the lobe's
-/// width, and the rounding of directions.
+/// Measures narrow lobes by the distance of a sample from the mirror direction. The error is at most 1 % of this
+/// distance or of the lobe's width, plus the rounding of directions.
 #[test]
 fn narrow_lobes_keep_their_width() {
     let near = |alpha: f32, v: Vec3, l: Vec3, expected: DVec3| {
@@ -255,7 +254,7 @@ fn tri_ace_pdf() {
         .agrees_with(brdf::tri_ace_pdf, EXPONENTIAL.or(VANISHED));
 }
 
-/// Down to the horizon, V = -L included, there is no 0 / 0 and no pole beyond f32.
+/// Down to the horizon, including V = -L, the function never computes 0 / 0 and never exceeds f32.
 #[test]
 fn reflectances_are_finite_and_not_negative() {
     for function in ["brdf::microfacet_eval", "brdf::cook_torrance_eval"] {
@@ -270,9 +269,9 @@ fn reflectances_are_finite_and_not_negative() {
         .satisfies("is not negative", |_, f: Vec3| f.min_element() >= 0.0);
 }
 
-/// One cosine goes down to 1e-18, the other to the least normal f32, so that their product is far below any f32. The
-/// part of D that may be flushed, exp(-87) in its numerator, is multiplied by 1 / (4 N.V N.L), at most 1 / the larger
-/// cosine squared. Leaves out results that exceed f32.
+/// One cosine goes down to 1e-18, and the other to the least normal f32, so their product is far below any f32. WGSL
+/// may flush the numerator of D, exp(-87). The factor 1 / (4 N.V N.L), at most 1 / the square of the larger cosine,
+/// multiplies the flushed part. The test leaves out results that exceed f32.
 // Lesson 31
 #[test]
 fn cook_torrance_eval_at_the_horizon() {
@@ -288,7 +287,7 @@ fn cook_torrance_eval_at_the_horizon() {
             };
             let v = at(10.0_f32.powf(above), 0.0);
             let l = at(10.0_f32.powf(low), std::f32::consts::PI * turn);
-            // Also exactly opposite, where the half vector is the normal.
+            // Exactly opposite directions occur, too. Then the half vector is the normal.
             let l = if opposite < 0.3 { Vec3::new(-v.x, -v.y, l.z.min(v.z)) } else { l };
             (Vec3::ONE, alpha, v, l)
         })
@@ -332,8 +331,8 @@ fn nothing_happens_below_the_horizon() {
         .satisfies("is 0", |_, f: Vec3| f == Vec3::ZERO);
 }
 
-/// Helmholtz: the two directions can be exchanged. The only operation that isn't symmetric is a sum of two products,
-/// which a compiler may contract on one side.
+/// The function is reciprocal: the two directions can be exchanged (Helmholtz). Only a sum of two products isn't
+/// symmetric in f32, because a compiler may contract one of the products.
 #[test]
 fn reflectances_are_reciprocal() {
     for function in ["brdf::microfacet_eval", "brdf::cook_torrance_eval"] {
@@ -350,7 +349,7 @@ fn reflectances_are_reciprocal() {
         .invariant_under(|(albedo, f0, n, v, l)| (albedo, f0, n, l, v), Ulp(4.0));
 }
 
-/// tri-Ace's diffuse part depends on N.L but not on N.V: from above to grazing and the reverse, black against 1 / pi.
+/// tri-Ace's diffuse part depends on N.L but not on N.V. From above to grazing it gives black, and in reverse 1 / pi.
 #[test]
 fn tri_ace_is_not_reciprocal() {
     let swapped = PBR
@@ -377,7 +376,7 @@ fn tri_ace_is_not_reciprocal() {
     narrow(Vec3::Z, low).agrees_with(expected, Ulp(16.0)); // 0.302
 }
 
-/// Widths and views for integrals: 8 x 8, up to 89 degrees.
+/// Widths and views for integrals, 8 x 8, with views up to 89 degrees.
 fn views() -> impl Domain<Value = (f32, Vec3)> {
     (Grid::linear(0.01..=1.0, 8), Grid::linear(0.0..=89.0, 8))
         .map(|(alpha, degrees)| (alpha, view(degrees)))
@@ -388,20 +387,20 @@ fn view(degrees: f32) -> Vec3 {
     DVec3::new(0.6 * sin, -0.8 * sin, cos).as_vec3()
 }
 
-/// Directions for light and their weights, which include the cosine for irradiated surfaces.
+/// Directions of light with their weights. For irradiated surfaces, the weights include the cosine.
 fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
     brdf::half_vector_rule(f64::from(alpha), v.as_dvec3(), 32, 32)
         .into_iter()
         .map(|(l, weight)| (l.as_vec3(), weight))
 }
 
-/// The integral in f64, by a finer rule.
+/// Computes the integral in f64 with more nodes.
 fn integral((alpha, v): (f32, Vec3), f: impl Fn(f64, DVec3, DVec3) -> f64) -> f64 {
     let (alpha, v) = (f64::from(alpha), v.as_dvec3());
     brdf::integral(alpha, v, |l| f(alpha, v, l))
 }
 
-/// A white surface in white light returns it.
+/// A white surface in white light returns all light.
 #[test]
 fn lambert_in_a_furnace() {
     PBR.function("brdf::lambert_eval")
@@ -411,8 +410,8 @@ fn lambert_in_a_furnace() {
         .agrees_with(|_| DVec3::ONE, Abs(1e-4));
 }
 
-/// Single scattering loses light and never creates any. The rule is off by 2e-5 at 89 degrees. Rounding the nodes to
-/// f32 moves a lobe of width 0.01 by 1e-5 of its width.
+/// Single scattering loses light and never adds light. At 89 degrees, the error of the quadrature is 2e-5. Rounding the
+/// nodes to f32 moves a lobe of width 0.01 by 1e-5 of its width.
 #[test]
 fn microfacets_in_a_furnace() {
     let furnace = || {
@@ -430,7 +429,7 @@ fn microfacets_in_a_furnace() {
     );
 }
 
-/// alpha = 1 from above: 1 - ln 2.
+/// At alpha = 1, seen from above, the result is 1 - ln 2.
 #[test]
 fn widest_microfacets_in_a_furnace() {
     PBR.function("brdf::microfacet_eval")
@@ -440,7 +439,8 @@ fn widest_microfacets_in_a_furnace() {
         .agrees_with(|_| DVec3::splat(1.0 - std::f64::consts::LN_2), Abs(1e-6));
 }
 
-/// G of the V-cavity has edges. There a rule of high order is only as good as its nodes are dense: up to 8e-4.
+/// G of the V-cavity has edges. At edges, a quadrature of high order is only as exact as its nodes are dense: its error
+/// is up to 8e-4.
 #[test]
 fn cook_torrance_in_a_furnace() {
     let furnace = || {
@@ -458,7 +458,7 @@ fn cook_torrance_in_a_furnace() {
     );
 }
 
-/// (exponent, f0, view): from the narrowest lobes to none, with the least and the largest Fresnel.
+/// Exponent, f0 and view: from the narrowest lobes to no lobe, with the smallest and the largest Fresnel reflectance.
 fn tri_ace_views() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     let exponents = vec![0.0_f32, 1.0, 10.0, 100.0, 1e4, 1e6];
     let angles = vec![0.0_f32, 30.0, 60.0, 75.0, 80.4, 85.0, 89.0];
@@ -467,17 +467,17 @@ fn tri_ace_views() -> impl Domain<Value = (f32, Vec3, Vec3)> {
         .map(|(exponent, f0, degrees)| (exponent, Vec3::splat(f0), view(degrees)))
 }
 
-/// albedo, f0, exponent, v, l
+/// Albedo, f0, exponent, v and l.
 type TriAce = (Vec3, Vec3, f32, Vec3, Vec3);
 
-/// The nodes of `tri_ace_eval` over white.
+/// The nodes for an integral of `tri_ace_eval` with a white albedo.
 fn tri_ace_nodes(&(exponent, f0, v): &(f32, Vec3, Vec3)) -> Vec<(TriAce, f64)> {
     let alpha = (2.0 / (exponent + 2.0)).sqrt();
     lights(alpha, v).map(|(l, w)| ((Vec3::ONE, f0, exponent, v, l), w * f64::from(l.z))).collect()
 }
 
-/// "Basically follows" the conservation of energy: the bound 20/21 + 5^5 / 6^6 = 1.0194 from the test of the twin is
-/// reached, and never exceeded.
+/// The paper says that the model "basically follows" the conservation of energy. The reflectance reaches the bound of
+/// the twin's test, 20/21 + 5^5 / 6^6 = 1.0194, and never exceeds it.
 #[test]
 fn tri_ace_in_a_furnace() {
     let furnace = || PBR.function("brdf::tri_ace_eval").integral(tri_ace_views(), tri_ace_nodes);
@@ -489,7 +489,7 @@ fn tri_ace_in_a_furnace() {
         .agrees_with(|_| DVec3::splat(1.0190), Abs(2e-4));
 }
 
-/// 1, minus the part below the horizon. At alpha = 1 the closed form is 1 / (1 + N.V).
+/// The integral is 1 minus the part of the lobe below the horizon. At alpha = 1, it is 1 / (1 + N.V) in closed form.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn densities_integrate_to_what_stays_above() {
@@ -521,7 +521,7 @@ fn densities_integrate_to_what_stays_above() {
         .agrees_with(|_| 1.0, Abs(1e-4));
 }
 
-/// An estimate by each sampler of the library: f cos / pdf, or 0 for samples below the horizon.
+/// An estimate with each sampler of the library: f cos / pdf, or 0 for samples below the horizon.
 fn estimators() -> Package {
     let names = ["lambert", "microfacet", "cook_torrance", "tri_ace"];
     let import =
@@ -547,9 +547,9 @@ fn estimators() -> Package {
     Package::from_modules("estimators", [("estimators", text)]).depends_on("library", &PBR)
 }
 
-/// No sample counts for more than twice its light: G2 / G1 is at most 1, and G of the V-cavity is at most 2 N.H N.V /
-/// V.H, so the weight F G V.H / (N.H N.V) is at most 2 F. The exponentials of eval and pdf have the same errors, which
-/// cancel. If pdf is denormal, its digits may be, too.
+/// No sample has a weight above 2. G2 / G1 is at most 1. G of the V-cavity is at most 2 N.H N.V / V.H, so the weight F
+/// G V.H / (N.H N.V) is at most 2 F. The exponentials of eval and pdf have equal errors, which cancel. If pdf is
+/// denormal, it may have lost digits.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn samples_have_bounded_weights() {
@@ -565,10 +565,10 @@ fn samples_have_bounded_weights() {
 }
 
 /// Sampler, density and reflectance fit together: the mean of the weights over the unit square is the albedo that the
-/// quadrature over directions finds. The midpoint rule ignores the edge at which samples go below the horizon, which
-/// crosses up to twice 128 of the 16384 cells. Weights there differ from 0 by up to 2, or not at all if G vanishes with
-/// N.L. With random signs that is 2 sqrt(256) / 16384 = 2e-3, and twice that if the edge runs along the grid. Lambert
-/// has no edge, and so no such error.
+/// quadrature over directions finds. The samples go below the horizon at an edge in the square, which crosses up to
+/// twice 128 of the 16384 cells. The midpoint rule ignores this edge. Weights at the edge jump by up to 2, or
+/// continuously reach 0 if G vanishes with N.L. With random signs the error is 2 sqrt(256) / 16384 = 2e-3, and twice
+/// that if the edge runs along the grid. Lambert has no edge, and so no such error.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn the_mean_weight_of_samples_is_the_albedo() {
@@ -595,7 +595,7 @@ fn the_mean_weight_of_samples_is_the_albedo() {
     });
 }
 
-/// A white Lambertian returns all light, and its density is one.
+/// A white Lambertian returns all light, and its density integrates to 1.
 #[test]
 fn lambert_is_a_density() {
     PBR.function("brdf::lambert_pdf").over(()).integrates_to(
@@ -608,12 +608,12 @@ fn lambert_is_a_density() {
         .integrates_to(
             Directions::projected_hemisphere(),
             |(albedo, _)| albedo.as_dvec3(),
-            // If albedo / pi is below the least normal f32, it may be flushed in all directions.
+            // If albedo / pi is below the least normal f32, WGSL may flush it in all directions.
             Rel(1e-6).or(Abs(std::f64::consts::PI * f64::from(f32::MIN_POSITIVE))),
         );
 }
 
-/// No rough metal returns more light than it gets. Between 64 rings nothing wider than 0.3 is lost.
+/// No rough metal returns more light than arrives. A quadrature with 64 rings misses no lobe wider than 0.3.
 #[test]
 fn rough_microfacets_return_no_more_than_they_receive() {
     PBR.function("brdf::microfacet_eval")
@@ -622,8 +622,8 @@ fn rough_microfacets_return_no_more_than_they_receive() {
         .integrates_to_at_most(Directions::projected_hemisphere().rings(96), |_| 1.0, 1e-3);
 }
 
-/// Widths and views for samples: from the narrowest that f32 resolves well to the widest, from above to half a degree
-/// above the horizon.
+/// Widths and views for samples. The widths go from the narrowest width that f32 resolves well to the widest. The views
+/// go from straight above to half a degree above the horizon.
 fn sampled_views() -> impl Domain<Value = (f32, Vec3)> {
     (OneOf(vec![0.01, 0.3, 1.0]), OneOf(vec![0.0, 60.0, 89.5]))
         .map(|(alpha, degrees)| (alpha, view(degrees)))

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3, Mat4, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, camera, scene};
 
-/// The rows of the matrix serve as its inverse. Directions agree up to their length.
+/// The rows of the matrix also serve as its inverse. The directions agree, but not their lengths.
 #[test]
 fn view_direction() {
     let cameras = (0.5..=3.0_f32, -1.0..=1.0_f32, -1.0..=1.0_f32)
@@ -18,9 +18,9 @@ fn view_direction() {
     );
 }
 
-/// Cameras at any place that look anywhere but straight up or down, so that no axis of the world is an axis of the
-/// view. The matrix is rounded to 6e-8 of its elements, so its rows are orthogonal only to a few times that, while the
-/// shader assumes that they are exactly.
+/// Cameras at any position that look in any direction except straight up or down, so no axis of the scene is an axis of
+/// the view. The matrix is rounded to 6e-8 of its elements, so its rows are orthogonal only within a few times 6e-8.
+/// The shader assumes exactly orthogonal rows.
 // Lesson 32
 #[test]
 fn view_direction_along_any_axis() {
@@ -47,7 +47,7 @@ fn view_direction_along_any_axis() {
     );
 }
 
-/// Small integers: exact.
+/// The inputs are small integers, so the result is exact.
 #[test]
 fn covering_corner() {
     PBR.function("camera::covering_corner")

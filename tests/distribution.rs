@@ -4,17 +4,17 @@ use glam::Vec3;
 use karat::prelude::*;
 use shaders::{PBR, distribution};
 
-/// Widths of the distribution, from the smallest that the library accepts to the widest.
+/// Widths of the distribution, from the smallest width that the library accepts to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// An exponential below the smallest normal f32 may be flushed. Its factor 1 / (pi alpha^2) is at most 3e7.
+/// WGSL may flush an exponential below the smallest normal f32. Its factor 1 / (pi alpha^2) is at most 3e7.
 const VANISHED: Abs = Abs(1e-30);
 
-/// By WGSL, exp loses 2 |x| + 3 ulp, and 5 |x| more for the error of its argument (a division of 2.5 ulp, and two
-/// products). The test stops at x = 87, so that these 610 ulp, with the other factors, stay below 640 ulp: 7.6e-5.
+/// WGSL allows exp 3 + 2 |x| ulp. The error of its argument, from a division of 2.5 ulp and two products, adds 5 |x|
+/// ulp. The test stops at x = 87, so that these 610 ulp and the other factors stay below 640 ulp: 7.6e-5.
 const EXPONENTIAL: Ulp = Ulp(640.0);
 
-/// A normal and a half vector on its side: anywhere, and within a few widths for narrow lobes.
+/// A normal and a half vector on the side of the normal: anywhere, or within a few widths for narrow lobes.
 fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
     (UnitVector, UnitVector, 1e-5..=1.0_f32)
         .map(|(n, other, share)| {
@@ -23,13 +23,13 @@ fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
             (n, h.as_vec3())
         })
         .filter(|(n, h)| {
-            // If a cosine is below its rounding error, its sign depends on the order of three products. So do the
-            // digits of a small one, and Beckmann's D has its fourth power.
+            // If a cosine is below its rounding error, the order of three products decides its sign. A small cosine has
+            // few correct digits, and Beckmann's D contains its fourth power.
             n.as_dvec3().dot(h.as_dvec3()) > 1e-2
         })
 }
 
-/// The squared quotient: twice the division's 2.5 ulp, twice the roundings of its parts, and two products.
+/// The squared quotient has twice the division's 2.5 ulp, twice the roundings of its parts, and those of two products.
 #[test]
 fn ggx() {
     PBR.function("distribution::ggx")
@@ -37,8 +37,9 @@ fn ggx() {
         .agrees_with(distribution::ggx, Ulp(14.0));
 }
 
-/// sin^2 adds the errors of a difference, two products and a sum. The cosine, a sum of products down to 0.01, may be
-/// off by 1e-7 / 0.01, but counts little: alpha^2 cos^2 is then at most 1e-4 of the other term.
+/// sin^2 adds the errors of a difference, two products and a sum. The cosine is a sum of products and at least 0.01, so
+/// its error is at most 1e-7 / 0.01. This error counts little, because at such cosines alpha^2 cos^2 is at most 1e-4 of
+/// the other term.
 #[test]
 fn ggx_from_vectors() {
     PBR.function("distribution::ggx_from_vectors")
@@ -53,8 +54,8 @@ fn beckmann() {
         .agrees_with(distribution::beckmann, Tolerance::from(EXPONENTIAL).or(VANISHED));
 }
 
-/// The exponent, up to 87, has twice the relative error of N.H. Here tan^2 < 87, so N.H > 0.1, and the error of the dot
-/// product is at most 1e-7 / 0.1 = 1e-6: 2 * 87 * 1e-6.
+/// The exponent is at most 87, and has twice the relative error of N.H. Because tan^2 < 87, N.H > 0.1, and the error of
+/// the dot product is at most 1e-7 / 0.1 = 1e-6. The result has 2 * 87 * 1e-6.
 #[test]
 fn beckmann_from_vectors() {
     PBR.function("distribution::beckmann_from_vectors")
@@ -62,7 +63,7 @@ fn beckmann_from_vectors() {
         .agrees_with(distribution::beckmann_from_vectors, Rel(2e-4).or(VANISHED));
 }
 
-/// Below 60 degrees the series is within 4 ulp, above them WGSL's log is within 3 ulp.
+/// Below 60 degrees the series is within 4 ulp. Above 60 degrees WGSL's log is within 3 ulp.
 #[test]
 fn blinn_phong() {
     let exponent = ALPHA.map(|alpha| 2.0 / (alpha * alpha) - 2.0);
@@ -74,7 +75,7 @@ fn blinn_phong() {
         .agrees_with(distribution::blinn_phong, Tolerance::from(EXPONENTIAL).or(VANISHED));
 }
 
-/// Two exact differences (1 - alpha loses half an ulp for alpha < 1/2), products and a division.
+/// The function computes two exact differences (1 - alpha loses half an ulp for alpha < 1/2), products and a division.
 #[test]
 fn blinn_phong_exponent() {
     PBR.function("distribution::blinn_phong_exponent")
@@ -82,8 +83,8 @@ fn blinn_phong_exponent() {
         .agrees_with(distribution::blinn_phong_exponent, Ulp(6.0));
 }
 
-/// N.H of two equal unit vectors often rounds to just above 1, where an unguarded GGX has a pole: at alpha = 3.45e-4,
-/// sin^2 = -alpha^2.
+/// N.H of two equal unit vectors often rounds to a number just above 1, where a GGX formula without a guard has a pole:
+/// at alpha = 3.45e-4, sin^2 = -alpha^2.
 #[test]
 fn cosines_that_round_above_one() {
     let above_one =
@@ -103,8 +104,8 @@ fn cosines_that_round_above_one() {
     );
 }
 
-/// For each exponent, such a cosine counts as one that is as far below 1. So tan^2 of the half angle is off by that
-/// distance, at most 1e-6. Multiplied by 87 that is 9e-5, beside the exponential's own error.
+/// For each exponent, a cosine above 1 counts as a cosine equally far below 1. So tan^2 of the half angle has an error
+/// of that distance, at most 1e-6. The factor of 87 turns it into 9e-5, which adds to the exponential's error.
 // Lesson 31
 #[test]
 fn blinn_phong_mirrors_cosines_above_one() {
@@ -117,7 +118,7 @@ fn blinn_phong_mirrors_cosines_above_one() {
         );
 }
 
-/// D is 0 at the horizon and below, although a GGX lobe reaches it.
+/// D is 0 at the horizon and below the horizon, although a GGX lobe reaches the horizon.
 #[test]
 fn lobes_end_at_the_horizon() {
     let perpendicular = (ALPHA, UnitVector)
@@ -125,7 +126,7 @@ fn lobes_end_at_the_horizon() {
         .map(|(alpha, d)| (alpha, Vec3::Z, Vec3::new(d.x, d.y, 0.0).normalize()));
     for function in ["distribution::ggx_from_vectors", "distribution::beckmann_from_vectors"] {
         PBR.function(function).over(&perpendicular).satisfies("is 0", |_, d: f32| d == 0.0);
-        // From 1e-6 on, the dot product of three terms has the right sign.
+        // At cosines of 1e-6 and more, the dot product of three terms has the right sign.
         let below = (ALPHA, UnitVector, UnitVector)
             .filter(|(_, n, h): &(f32, Vec3, Vec3)| n.as_dvec3().dot(h.as_dvec3()) < -1e-6);
         PBR.function(function).over(below).satisfies("is 0 below", |_, d: f32| d == 0.0);
@@ -138,7 +139,7 @@ fn lobes_end_at_the_horizon() {
         .satisfies("is 0", |_, d: f32| d == 0.0);
 }
 
-/// The pole of the lobe, exactly.
+/// The height of the lobe at the pole is exact.
 #[test]
 fn equal_vectors_are_at_the_peak() {
     for function in ["distribution::ggx_from_vectors", "distribution::beckmann_from_vectors"] {
@@ -152,7 +153,7 @@ fn equal_vectors_are_at_the_peak() {
     }
 }
 
-/// D depends only on the angle. Each side has the error of its own check.
+/// D depends only on the angle. Both results have the error of the function's own check.
 #[test]
 fn lobes_are_symmetric_in_their_vectors() {
     let swapped = |(alpha, n, h)| (alpha, h, n);
@@ -164,9 +165,9 @@ fn lobes_are_symmetric_in_their_vectors() {
         .invariant_under(swapped, Rel(4e-4).or(VANISHED));
 }
 
-/// Each lobe has one peak: it rises with N.H to the pole, for Beckmann as long as 2 alpha^2 is at most 1. A wider one
-/// has its peak on a ring, where cos^2 = 1 / (2 alpha^2): there the fourth power of the cosine outweighs the
-/// exponential. The tolerance is twice the error of the function's own check.
+/// Each lobe has one peak: D rises with N.H up to the pole. For Beckmann, this holds while 2 alpha^2 is at most 1. A
+/// wider lobe has its peak on a ring, where cos^2 = 1 / (2 alpha^2), because the fourth power of the cosine outweighs
+/// the exponential. The tolerance is twice the error of the function's own check.
 #[test]
 fn lobes_rise_to_their_pole() {
     let up = Trend::Increasing;
@@ -187,8 +188,8 @@ fn lobes_rise_to_their_pole() {
     );
 }
 
-/// A mirror has only the normal at the pole: the part of a narrowing lobe that is more than 18 degrees away is at most
-/// alpha^2 / (pi sin^4).
+/// A mirror has only the normal at the pole. When a lobe narrows, its part more than 18 degrees away from the pole is
+/// at most alpha^2 / (pi sin^4).
 #[test]
 fn the_lobe_of_a_mirror_is_its_pole() {
     let beside = |_: f64, _: f64| 0.0;
@@ -201,8 +202,9 @@ fn the_lobe_of_a_mirror_is_its_pole() {
     );
 }
 
-/// D depends only on the angle between the vectors, not on their directions. Each side has the error of its own check.
-/// The rotated vectors are rounded to 1e-7, which is 1e-4 of an angle of at least a few widths, 1e-3.
+/// D depends only on the angle between the vectors, not on their directions. Both results have the error of the
+/// function's own check. The rotated vectors are rounded to 1e-7, which is 1e-4 of the smallest angle, a few widths
+/// (1e-3).
 #[test]
 fn lobes_turn_with_their_normal() {
     let turned = |q: glam::DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();

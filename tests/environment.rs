@@ -1,4 +1,4 @@
-//! Tests the environment map, supplied as a fixture.
+//! Tests the environment map with a cube map as a fixture.
 
 use std::f64::consts::PI;
 
@@ -10,7 +10,8 @@ use shaders::{PBR, environment};
 use crate::drivers::{CUT_OFF, NVIDIA, SWIFTSHADER};
 use crate::known_issues::{CORNERS, SEAMS};
 
-/// A texel's colour is rounded once: to f32, or to 11 bits on a path such as GL that filters only half floats.
+/// The relative error of a texel's colour, which is rounded once: to f32, or to 11 bits on paths that filter only half
+/// floats, such as GL.
 const HALF: Rel = Rel(4.9e-4);
 
 #[test]
@@ -24,7 +25,7 @@ fn a_constant_environment_is_constant_everywhere() {
         .agrees_with(move |_: DVec3| color.as_dvec3(), Ulp(2.0));
 }
 
-/// Each face has its own colour, which a direction well inside the face finds.
+/// Each face has its own colour. A direction well inside a face finds the colour of that face.
 #[test]
 fn directions_find_the_face_that_webgpu_says() {
     let size = 4;
@@ -33,7 +34,7 @@ fn directions_find_the_face_that_webgpu_says() {
     let inside = UnitVector.filter(|d: &Vec3| {
         let mut sizes = d.abs().to_array();
         sizes.sort_by(f32::total_cmp);
-        sizes[1] < 0.7 * sizes[2] // the filter reaches half a texel, a quarter of a half face
+        sizes[1] < 0.7 * sizes[2] // the filter reaches half a texel, which is a quarter of half a face
     });
     PBR.function("environment::radiance")
         .with("environment", CubeMap::from_texels(size, texels))
@@ -50,12 +51,13 @@ fn directions_find_the_face_that_webgpu_says() {
         );
 }
 
-/// The colour of a direction is its components: the cube maps of `karat` and of the library agree with the hardware's
-/// addressing. Between texel centres the map is bilinear. It is off by 1/8 of (1/32)^2 times a curvature of at most 1,
-/// 1.2e-4; and by weights of 8 bits, 1/512 of 1/64 in each of two directions, 6e-5. At a corner three texels meet, and
-/// their mean replaces the fourth: its weight is at most 1/4, it is up to a texel off, 1/32, and there the slope of the
-/// colour is at most 1/2 of 0.58, which is 2.3e-3. At the edges of faces wgpu's desktop GL doesn't filter across, but
-/// clamps to the nearest texel: half of one, 1/64, times the slope of 1/2.
+/// The colour of each texel is the direction of the texel, so the test compares the cube maps of `karat` and of the
+/// library with the hardware's addressing. Between texel centres the map is bilinear, with an error of 1.2e-4: 1/8 of
+/// (1/32)^2 times a curvature of at most 1. Weights of 8 bits add 1/512 of 1/64 in each of two directions: 6e-5. At a
+/// corner three texels meet, and their mean replaces the fourth texel. The mean's weight is at most 1/4, it lies up to
+/// a texel (1/32) away, and the slope of the colour there is at most 1/2 of 0.58: together 2.3e-3. At the edges of
+/// faces, wgpu's desktop GL doesn't filter across the edge, but clamps to the nearest texel: the error is half a texel
+/// (1/64) times the slope of 1/2.
 // Lesson 22: a tolerance of one path
 #[test]
 fn directions_find_their_texel() {
@@ -72,7 +74,7 @@ fn directions_find_their_texel() {
     }
 }
 
-/// A cube map whose texels are noise in 0..=1, on all levels.
+/// A cube map with random texels in 0..=1 on all levels.
 fn noise(size: u32) -> CubeMap {
     let mut state = 1_u32;
     let mut texel = || {
@@ -88,8 +90,8 @@ fn noise(size: u32) -> CubeMap {
     CubeMap::from_levels(size, levels.collect())
 }
 
-/// At its centre only one texel counts. Rounding the direction moves the point by less than a step of the filter's
-/// weights, 1/256, which may show if neighbours differ by 1.
+/// At the centre of a texel only this texel counts. Rounding the direction moves the point by less than a step of the
+/// filter's weights, 1/256. This step may show if the colours of neighbours differ by 1.
 #[test]
 fn a_texel_is_found_at_its_centre() {
     let size = 8;
@@ -119,14 +121,14 @@ fn a_texel_is_found_at_its_centre() {
         );
 }
 
-/// The weights of a linear filter have 8 bits: 1/512 for each of two directions and for the level, between values that
-/// differ by up to 1.
+/// The error of a linear filter with weights of 8 bits: 1/512 for each of two directions and for the level, between
+/// values that differ by at most 1.
 const FILTER: Abs = Abs(3.0 / 512.0);
 
-/// The same for drivers that cut off bits.
+/// The error of the linear filter on drivers that cut off bits.
 const FILTER_CUT_OFF: Abs = Abs(3.0 * CUT_OFF);
 
-/// The same for half floats, which round texels by 2^-12.
+/// The error of the linear filter with half floats, which round texels by 2^-12.
 const FILTER_OF_HALVES: Abs = Abs(3.0 / 512.0 + 2.5e-4);
 
 fn noisy() -> karat::check::Probe<'static> {
@@ -135,13 +137,13 @@ fn noisy() -> karat::check::Probe<'static> {
         .with("environment_sampler", Sampler::LINEAR)
 }
 
-/// All texels of the filter are on one face, on both levels.
+/// All texels that the filter reads are on one face, on both levels.
 #[test]
 fn radiance_level_inside_faces() {
     let cube_map = noise(16);
     let domain = (UnitVector, 0.0..=3.0).filter(|(d, level): &(Vec3, f32)| {
         let uv = environment::face_point(d.as_dvec3()).uv;
-        // Half a texel of the coarser level, whose faces have 16, 8, 4 or 2 texels a side.
+        // Half a texel of the coarser level, whose faces are 16, 8, 4 or 2 texels wide.
         let margin = 0.5 * f64::from(level.ceil()).exp2() / 16.0;
         (uv - DVec2::splat(0.5)).abs().max_element() <= 0.5 - margin
     });
@@ -152,13 +154,13 @@ fn radiance_level_inside_faces() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// Also across edges and corners, and beyond the last level. wgpu's desktop GL clamps to the face there; only that path
-/// differs.
+/// The function also agrees across edges and corners, and beyond the last level. Only the path of wgpu's desktop GL
+/// differs, because it clamps to the face.
 #[test]
 fn radiance_level_across_edges() {
     let cube_map = noise(16);
     let near_edges = (UnitVector, 0.0..=1.0_f32, Integers(0..=2_u32)).map(|(d, share, count)| {
-        // Moves some directions onto an edge or a corner, by setting components to the largest.
+        // Sets components to the largest component, which moves some directions onto an edge or a corner.
         let largest = d.abs().max_element();
         let mut moved = d;
         for axis in 0..count as usize {
@@ -174,7 +176,7 @@ fn radiance_level_across_edges() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// The corners at which three faces meet, which the check above leaves out.
+/// Tests the corners at which three faces meet. The check above leaves them out.
 #[test]
 fn radiance_level_at_corners() {
     let cube_map = noise(16);
@@ -188,7 +190,7 @@ fn radiance_level_at_corners() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// The colour of each level is its number, so the result is the level.
+/// The colour of each level is the level's number, so the result is the level.
 #[test]
 fn levels_are_interpolated_and_end_at_the_last() {
     let levels = (0..5).map(|level| vec![[level as f32; 4]; 6 << (2 * (4 - level))]).collect();
@@ -197,16 +199,16 @@ fn levels_are_interpolated_and_end_at_the_last() {
         .with("environment_sampler", Sampler::LINEAR)
         .over((UnitVector, -1.0..=7.0))
         .tolerance_on(NVIDIA, Abs(CUT_OFF))
-        // Fractions of levels have 8 bits.
+        // The fraction of a level has 8 bits.
         .agrees_with(|_: DVec3, level: f64| DVec3::splat(level.clamp(0.0, 4.0)), Abs(1.0 / 512.0));
 }
 
-/// Two numbers in 0..=1, both ends included.
+/// Two numbers in 0..=1, including both ends.
 fn unit_square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// A product and a sum, on numbers up to 1.
+/// The function computes a product and a sum of numbers up to 1.
 // Lesson 10: each direction has its own reference
 #[test]
 fn face_direction() {
@@ -218,8 +220,8 @@ fn face_direction() {
         );
 }
 
-/// The article defines the cube's faces with y upward in -1..=1, and leaves face 4 to the default. They are WebGPU's
-/// faces.
+/// The article defines the cube's faces with coordinates in -1..=1 and y upward, and its code has face 4 in the default
+/// branch. The article's faces are WebGPU's faces.
 // Lesson 10: each direction has its own reference
 #[test]
 fn the_faces_of_the_article() {
@@ -241,14 +243,14 @@ fn the_faces_of_the_article() {
         );
 }
 
-/// A division of 2.5 ulp, halved, and a sum.
+/// The function computes a halved quotient (2.5 ulp) and a sum.
 // Lesson 10: each direction has its own reference
 #[test]
 fn face_point() {
     PBR.function("environment::face_point")
         .over(UnitVector)
         .agrees_with(environment::face_point, Abs(3e-7));
-    // At edges and corners the face depends on which of equal components counts.
+    // At edges and corners several components are equal, and the face depends on the component that the code prefers.
     let component = || OneOf(vec![-1.0_f32, -0.5, 0.0, 0.5, 1.0]);
     let grid = (component(), component(), component()).map(|(x, y, z)| Vec3::new(x, y, z));
     PBR.function("environment::face_point")
@@ -268,18 +270,19 @@ fn face_point_inverts_face_direction() {
     );
 }
 
-/// WGSL allows atan2 4096 ulp, 4.9e-4 of up to pi. Divided by 2 pi that is 2.5e-4, by pi 4.9e-4.
+/// WGSL allows atan2 4096 ulp, which is 4.9e-4 of up to pi. Divided by 2 pi that is 2.5e-4, divided by pi 4.9e-4.
 // Lesson 10: each direction has its own reference
 #[test]
 fn equirectangular_uv() {
-    // At the seam u is 0 on one side and 1 on the other.
+    // At the seam, u is 0 on one side and 1 on the other side.
     let domain = UnitVector.filter(|d: &Vec3| d.z > 0.0 || d.x.abs() > 1e-5 * -d.z);
     PBR.function("environment::equirectangular_uv")
         .over(domain)
         .agrees_with(environment::equirectangular_uv, Abs(5e-4));
 }
 
-/// Converting to uv and back gives the direction, at poles and at the seam, too. Two angles have the 4096 ulp of atan2.
+/// Converting a direction to uv and back gives the same direction, also at the poles and at the seam. Each of the two
+/// angles has the 4096 ulp of atan2.
 #[test]
 fn equirectangular_uv_finds_every_direction() {
     PBR.function("environment::equirectangular_uv").over(UnitVector).satisfies(
@@ -293,7 +296,8 @@ fn equirectangular_uv_finds_every_direction() {
     );
 }
 
-/// A pole is a whole row. Its centre is the result even if its zeros are negative: atan2(-0, -0) is half a turn.
+/// A pole is a whole row of texels. The result is the centre of the row even if the direction has negative zeros, for
+/// which atan2(-0, -0) is half a turn.
 #[test]
 fn poles_are_in_the_middle_of_their_row() {
     PBR.function("environment::equirectangular_uv")
@@ -301,7 +305,7 @@ fn poles_are_in_the_middle_of_their_row() {
         .agrees_with(|d: DVec3| DVec2::new(0.5, 0.5 - 0.5 * d.y), Abs(1e-6));
 }
 
-/// WGSL allows sin and cos 2^-11 = 4.9e-4. Their products have twice that error.
+/// WGSL allows sin and cos an error of 2^-11 = 4.9e-4. Products of both have twice this error.
 // Lesson 10: each direction has its own reference
 #[test]
 fn equirectangular_direction() {
@@ -310,10 +314,10 @@ fn equirectangular_direction() {
         .agrees_with(environment::equirectangular_direction, Abs(1e-3));
 }
 
-/// The corners of a room, and two points in it.
+/// The room's box as two corners, and two points in the room.
 type Room = (Vec3, Vec3, Vec3, Vec3, Vec3);
 
-/// A room of 0.2 to 20 across each axis, with `position` and `centre` anywhere in it.
+/// A room of 0.2 to 20 across each axis, with `position` and `centre` anywhere in the room.
 fn room(share: std::ops::RangeInclusive<f32>) -> impl Domain<Value = Room> {
     let point = move || {
         let share = || share.clone();
@@ -327,8 +331,8 @@ fn room(share: std::ops::RangeInclusive<f32>) -> impl Domain<Value = Room> {
     })
 }
 
-/// A difference, a quotient (2.5 ulp) and a product: 5e-7 of a distance of up to 35, and the rounding of two points up
-/// to 10.
+/// The function computes a difference, a quotient (2.5 ulp) and a product: the error is 5e-7 of a distance of up to 35.
+/// The rounding of two points with coordinates up to 10 adds to it.
 #[test]
 fn parallax_box() {
     PBR.function("environment::parallax_box")
@@ -336,9 +340,9 @@ fn parallax_box() {
         .agrees_with(environment::parallax_box, Abs(2e-5));
 }
 
-/// The result is continuous where two walls meet: rounding puts a ray at the edge on either side, and a slightly turned
-/// ray sees nearly the same point. It moves by turn way^2 / distance: the way is at most 35, and the distance to a wall
-/// at least 1/10 of a side of 1.1.
+/// The result is continuous where two walls meet. There, rounding decides which of two walls a ray hits, and a slightly
+/// turned ray hits nearly the same point. The point moves by turn way^2 / distance: the way is at most 35, and the
+/// distance to a wall is at least 1/10 of a side of 1.1.
 #[test]
 fn parallax_box_is_continuous() {
     let turn = 1e-5_f32;
@@ -358,7 +362,7 @@ fn parallax_box_is_continuous() {
     );
 }
 
-/// At the centre of the cube map the sum adds 0 to a multiple of the direction: one rounding.
+/// At the centre of the cube map, the function adds 0 to a multiple of the direction, so the result has one rounding.
 #[test]
 fn parallax_vanishes_at_the_centre() {
     let along = |d: DVec3, seen: Vec3| {
@@ -376,7 +380,7 @@ fn parallax_vanishes_at_the_centre() {
         .satisfies("is the direction", |(_, d, ..), seen: Vec3| along(d.as_dvec3(), seen));
 }
 
-/// A ball of radius 0.1 to 20 about a point, and another point in it, up to the surface.
+/// A ball of radius 0.1 to 20 around a point, and a second point in the ball or on its surface.
 fn ball() -> impl Domain<Value = (Vec3, Vec3, Vec3, f32)> {
     (UnitVector, 0.0..=0.999_f32, UnitVector, UnitVector, 0.1..=20.0_f32).map(
         |(to_position, share, direction, centre, radius)| {
@@ -385,8 +389,8 @@ fn ball() -> impl Domain<Value = (Vec3, Vec3, Vec3, f32)> {
     )
 }
 
-/// Rounding the position, up to 21, gives an error of 1e-6 in q. Near the surface sqrt(b^2 + c) may be as small as
-/// sqrt(2e-3) radii, which multiplies the error by 22.
+/// Rounding the position, with coordinates up to 21, gives q an error of 1e-6. Near the surface, sqrt(b^2 + c) may be
+/// as small as sqrt(2e-3) radii, which multiplies the error by 22.
 #[test]
 fn parallax_sphere() {
     PBR.function("environment::parallax_sphere")
@@ -394,7 +398,6 @@ fn parallax_sphere() {
         .agrees_with(environment::parallax_sphere, Rel(1e-6).or(Abs(1e-4)));
 }
 
-/// The end of a ray lies on the sphere.
 #[test]
 fn parallax_sphere_ends_on_the_sphere() {
     PBR.function("environment::parallax_sphere")
@@ -404,8 +407,8 @@ fn parallax_sphere_ends_on_the_sphere() {
         });
 }
 
-/// A point on the sphere, with the ray leaving it: both terms of the root vanish, and so does the distance. Uses axes
-/// and powers of two, so that nothing rounds.
+/// If a point lies on the sphere and its ray leaves the sphere, both terms of the root vanish, and the distance is 0.
+/// The test uses axes and powers of two, so nothing rounds.
 // Lesson 31
 #[test]
 fn parallax_sphere_touches_the_sphere() {
@@ -420,8 +423,9 @@ fn parallax_sphere_touches_the_sphere() {
         .agrees_with(|position: DVec3, _: DVec3, _: DVec3, _: f64| position, Ulp(0.0));
 }
 
-/// Solid angles of samples from 1e-12 sr to the sphere, over the range of sizes and counts. The error is half of log2's
-/// 3 ulp. Near 1 it is absolute, 2^-21, and so is the rounding of its argument.
+/// Tests solid angles of samples from 1e-12 sr to the whole sphere, over the ranges of sizes and counts. The error is
+/// half of log2's 3 ulp. For arguments near 1, log2 has an absolute error of 2^-21, and the rounding of its argument is
+/// absolute, too.
 #[test]
 fn mip_level() {
     PBR.function("environment::mip_level")
@@ -429,12 +433,12 @@ fn mip_level() {
         .agrees_with(environment::mip_level, Ulp(4.0).or(Abs(1e-6)));
 }
 
-/// Densities from 1/100 of a uniform one to that of a mirror.
+/// Densities from 1/100 of a uniform density to the density of a mirror.
 fn log_density() -> impl Domain<Value = f32> {
     (-7.0..=20.0_f32).map(|log: f32| log.exp() / (4.0 * PI as f32))
 }
 
-/// The level depends only on the number of samples per steradian. Four times as many samples are one level less.
+/// The level depends only on the number of samples per steradian. Four times as many samples lower the level by 1.
 #[test]
 fn levels_depend_on_samples_per_steradian() {
     PBR.function("environment::mip_level")
@@ -442,7 +446,7 @@ fn levels_depend_on_samples_per_steradian() {
         .invariant_under(|(pdf, samples, size)| (pdf / 4.0, 4 * samples, size), Ulp(0.0));
 }
 
-/// A constant environment is the same on each level.
+/// A constant environment has the same colour on each level.
 #[test]
 fn a_constant_environment_is_constant_at_every_level() {
     let color = Vec3::new(0.25, 1.0, 3.5);
@@ -454,7 +458,7 @@ fn a_constant_environment_is_constant_at_every_level() {
         .agrees_with(move |_: DVec3, _: f64| color.as_dvec3(), Ulp(2.0));
 }
 
-/// Fewer samples, or sparser ones, read a coarser level, within half of log2's 3 ulp.
+/// Fewer samples, or a lower density of samples, give a coarser level, within half of log2's 3 ulp.
 #[test]
 fn denser_samples_look_at_finer_levels() {
     let over = || {

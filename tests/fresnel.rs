@@ -4,8 +4,8 @@ use glam::{DVec2, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, fresnel};
 
-/// `1 - v_dot_h` is exact or off by half an ulp, and its fifth power by five halves. With the roundings of three
-/// products, a difference and a sum, 11 ulp is a bound.
+/// `1 - v_dot_h` is exact or has an error of half an ulp, so its fifth power has five halves. With the roundings of
+/// three products, a difference and a sum, the error is at most 11 ulp.
 // Lesson 24
 #[test]
 fn schlick() {
@@ -23,7 +23,7 @@ fn schlick_lies_between_f0_and_one() {
         });
 }
 
-/// V.H of two equal unit vectors often rounds to just above 1.
+/// V.H of two equal unit vectors often rounds to a number just above 1.
 #[test]
 fn schlick_survives_cosines_that_round_above_one() {
     let above_one = (0..=8_u32).map(|steps| f32::from_bits(1.0_f32.to_bits() + steps)).collect();
@@ -34,7 +34,8 @@ fn schlick_survives_cosines_that_round_above_one() {
         });
 }
 
-/// From the rarer side nothing cancels. Sums, products and one division lose 13 ulp where r_p vanishes beside r_s.
+/// Light that comes from the rarer medium causes no cancellation. Where r_p vanishes beside r_s, sums, products and one
+/// division lose 13 ulp.
 #[test]
 fn dielectric_into_the_denser_medium() {
     PBR.function("fresnel::dielectric")
@@ -42,8 +43,9 @@ fn dielectric_into_the_denser_medium() {
         .agrees_with(fresnel::dielectric, Ulp(24.0));
 }
 
-/// Near the critical angle g^2 = eta^2 - 1 + c^2 cancels, and the reflectance has an infinite slope in it. With g^2 >=
-/// 0.01, an error of 1e-7 in g^2 is 5e-7 in g. The reflectance has twice that, times the slope of r in g (below 2).
+/// Near the critical angle g^2 = eta^2 - 1 + c^2 cancels, and the slope of the reflectance in g^2 is infinite. With
+/// g^2 >= 0.01, an error of 1e-7 in g^2 is 5e-7 in g. The reflectance has twice this error, times the slope of r in g
+/// (below 2).
 #[test]
 fn dielectric_away_from_the_critical_angle() {
     let domain = (0.4..=1.0, 0.0..=1.0_f32).filter(|(eta, cosine): &(f32, f32)| {
@@ -55,8 +57,8 @@ fn dielectric_away_from_the_critical_angle() {
         .agrees_with(fresnel::dielectric, Ulp(24.0).or(Abs(4e-6)));
 }
 
-/// At the critical angle itself an error of 1.2e-7 in g^2 is sqrt(1.2e-7) = 3.5e-4 in g, and the reflectance falls from
-/// 1 with a slope of up to 2 (1 + eta^2) / (eta^2 c) in g. No form in f32 is better.
+/// At the critical angle, an error of 1.2e-7 in g^2 is an error of sqrt(1.2e-7) = 3.5e-4 in g. The reflectance falls
+/// from 1 with a slope of up to 2 (1 + eta^2) / (eta^2 c) in g. No formula in f32 is more exact.
 #[test]
 fn dielectric_around_the_critical_angle() {
     PBR.function("fresnel::dielectric")
@@ -64,8 +66,9 @@ fn dielectric_around_the_critical_angle() {
         .agrees_with(fresnel::dielectric, Abs(2e-3));
 }
 
-/// Metals: the modulus of q loses 6 ulp, the fourth powers of two sums with a square root lose four times as much as
-/// the sums, and the last division loses 2.5 ulp. The error of r_p is largest at its minimum, where r_s outweighs it.
+/// For metals, the modulus of q loses 6 ulp. The fourth powers of two sums with a square root lose four times as much
+/// as the sums, and the last division loses 2.5 ulp. The error of r_p is largest at its minimum, where r_s outweighs
+/// r_p.
 #[test]
 fn conductor() {
     PBR.function("fresnel::conductor")
@@ -73,7 +76,8 @@ fn conductor() {
         .agrees_with(fresnel::conductor, Ulp(32.0));
 }
 
-/// Little absorption: a tinted dielectric. From the rarer side only the terms cancel that do in the dielectric.
+/// A metal with little absorption is nearly a tinted dielectric. For light from the rarer medium, only the terms cancel
+/// that also cancel in the dielectric.
 #[test]
 fn conductor_with_little_absorption() {
     let absorption = (0.0..=0.5_f32).filter(|k| *k == 0.0 || *k >= 1e-18);
@@ -82,9 +86,9 @@ fn conductor_with_little_absorption() {
         .agrees_with(fresnel::conductor, Ulp(32.0));
 }
 
-/// Two square roots, one of them the modulus, with 4.5 ulp each, and a division. Leaves out moduli whose square isn't a
-/// normal f32: no index of refraction has them. The polar form of the reference has 6e-17 instead of 0 for the cosine
-/// of a right angle, times a root of up to 14.
+/// The function computes two square roots of 4.5 ulp, one of them for the modulus, and a division. The test leaves out
+/// moduli with squares that aren't normal f32: no index of refraction has such a modulus. For the cosine of a right
+/// angle, the reference's polar form gives 6e-17 instead of 0, times a root of up to 14.
 #[test]
 fn complex_root() {
     let numbers = (-200.0..=200.0_f32, 0.0..=200.0_f32).map(|(x, y)| Vec2::new(x, y));
@@ -93,14 +97,15 @@ fn complex_root() {
     PBR.function("fresnel::complex_root").over(normal).agrees_with(root, Ulp(12.0).or(Abs(1e-15)));
 }
 
-/// At the critical angle of a metal without absorption, neither part is a divisor of the other.
+/// At the critical angle of a metal without absorption, both parts of the root are 0, so the code can divide by neither
+/// part.
 #[test]
 fn complex_root_of_nothing() {
     let root = |_: DVec2| DVec2::ZERO;
     PBR.function("fresnel::complex_root").over(Just(Vec2::ZERO)).agrees_with(root, Ulp(0.0));
 }
 
-/// Without absorption it is the dielectric, whose reference uses other formulas.
+/// Without absorption, a conductor is a dielectric. The dielectric's reference uses other formulas.
 #[test]
 fn conductor_without_absorption_is_a_dielectric() {
     PBR.function("fresnel::conductor")
@@ -117,7 +122,7 @@ fn conductor_reflects_no_more_than_it_receives() {
         });
 }
 
-/// A product, a sum and a division by a constant.
+/// The function computes a product, a sum and a division by a constant.
 #[test]
 fn schlick_average() {
     PBR.function("fresnel::schlick_average")
@@ -125,8 +130,8 @@ fn schlick_average() {
         .agrees_with(fresnel::schlick_average, Ulp(4.0));
 }
 
-/// The quadrature is within 5e-7 at eta = 2.5, which is 7 ulp for results between 0.2 and 1. Sums of terms with both
-/// signs lose the rest.
+/// The error of the quadrature is 5e-7 at eta = 2.5, which is 7 ulp for results between 0.2 and 1. Sums of positive and
+/// negative terms lose the rest.
 #[test]
 fn dielectric_average() {
     PBR.function("fresnel::dielectric_average")
@@ -134,7 +139,7 @@ fn dielectric_average() {
         .agrees_with(fresnel::dielectric_average, Ulp(24.0));
 }
 
-/// Near eta = 1, where the closed form cancels completely, and 1 - F of f32 nearly does.
+/// Tests indices near 1, where the closed form cancels completely, and 1 - F in f32 nearly does.
 #[test]
 fn dielectric_average_of_almost_no_interface() {
     for side in [0.999..=1.0, 1.0..=1.001] {
@@ -144,8 +149,8 @@ fn dielectric_average_of_almost_no_interface() {
     }
 }
 
-/// Each is brightest at grazing. Schlick's is a product of monotone roundings; the exact one has the error of its own
-/// check, up or down.
+/// Each reflectance is largest at grazing angles. Schlick's is a product of monotone roundings. The exact reflectance
+/// has the error of its own check, upwards or downwards.
 #[test]
 fn reflectance_rises_toward_grazing() {
     PBR.function("fresnel::schlick").over((UnitRgb, 0.0..=1.0)).is_monotone_in(
@@ -153,7 +158,7 @@ fn reflectance_rises_toward_grazing() {
         Trend::Decreasing,
         Ulp(2.0),
     );
-    // Only polarised light has an angle at which reflectance falls.
+    // Reflectance falls towards an angle only for polarised light.
     PBR.function("fresnel::dielectric").over((1.2..=2.5, 0.0..=1.0)).is_monotone_in(
         1,
         Trend::Decreasing,
@@ -161,7 +166,7 @@ fn reflectance_rises_toward_grazing() {
     );
 }
 
-/// The more a medium differs from air, the more it reflects on average.
+/// The average reflectance rises with the difference between the medium and air.
 #[test]
 fn reflectance_rises_with_the_index() {
     PBR.function("fresnel::dielectric_average").over(1.0..=2.5).is_monotone_in(

@@ -8,7 +8,6 @@ use karat::image::Precision;
 use karat::unstable::frame::Tap;
 use karat::unstable::trace::Value;
 
-/// Runs the gallery as `karat render` does.
 fn gallery(folder: &Path, arguments: &[&str]) -> std::process::Output {
     Command::new(env!("CARGO_BIN_EXE_gallery"))
         .args(arguments)
@@ -26,7 +25,7 @@ fn write(folder: &Path, name: &str, width: u32, height: u32) -> String {
     file.display().to_string()
 }
 
-/// A panorama, or six faces, of one colour lights the scene with it.
+/// Draws the scene in an environment of one colour, from a panorama and from six faces. The frame shows this colour.
 #[test]
 fn a_users_environment_is_what_is_seen() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -68,8 +67,8 @@ fn images_that_are_no_environment_are_refused() {
     }
 }
 
-/// Values of the scene on drivers lie in the range that WGSL allows for the inputs that they interpolated. Most have
-/// the engine's bits: products and sums are exact on both, `normalize` and `dot` aren't.
+/// Values of the scene on drivers lie in the range that WGSL allows for the inputs that the drivers interpolated. Most
+/// values equal the engine's to the bit: products and sums are exact on both, but `normalize` and `dot` aren't.
 // Lesson 39
 #[test]
 fn values_of_the_scene_are_the_engine_s() {
@@ -110,7 +109,7 @@ fn values_of_the_scene_are_the_engine_s() {
                 let own = traced.steps.iter().rfind(|step| {
                     step.span.range == one.span.range && step.span.file.name == one.span.file.name
                 });
-                // Constructors and calls have no step.
+                // Constructors and calls have no step in the trace.
                 let Some(step) = own.filter(|_| one.told[pixel as usize]) else { continue };
                 for ((lane, single), allowed) in lanes.iter().zip(&step.single).zip(&step.allowed) {
                     let Value::Single(single) = single else { continue };

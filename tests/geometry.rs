@@ -3,14 +3,15 @@
 use karat::prelude::*;
 use shaders::{PBR, geometry};
 
-/// Products of tiny values may be below the smallest normal f32, where WGSL may flush. Nothing that small is visible.
+/// Products of tiny values may be below the smallest normal f32, where WGSL may flush them. A product as small as this
+/// has no visible effect.
 const UNDERFLOW: Abs = Abs(1e-30);
 
-/// Widths of the distribution, from the smallest that f32 resolves to the widest.
+/// Widths of the distribution, from the smallest width that f32 resolves to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// Two products and a division (2.5 ulp by WGSL). Leaves out cosines for which a product is so small that it has lost
-/// digits as a denormal, because the quotient has lost them, too.
+/// The function computes two products and a division (2.5 ulp in WGSL). The test leaves out cosines for which a product
+/// is denormal: the product has lost digits, and so has the quotient.
 #[test]
 fn v_cavity() {
     let cosines = (0.0..=1.0, 0.0..=1.0, 0.0..=1.0, 0.0..=1.0_f32).filter(|(h, v, l, _)| {
@@ -22,7 +23,7 @@ fn v_cavity() {
         .agrees_with(geometry::v_cavity, Ulp(4.0).or(UNDERFLOW));
 }
 
-/// P2: there each quotient of the formula is 0 / 0 or infinite.
+/// At P2, each quotient of the formula is 0 / 0 or infinite.
 #[test]
 fn nothing_is_hidden_where_v_dot_h_vanishes() {
     PBR.function("geometry::v_cavity")
@@ -30,9 +31,9 @@ fn nothing_is_hidden_where_v_dot_h_vanishes() {
         .satisfies("is 1", |_, g: f32| g == 1.0);
 }
 
-/// Two quotients (2.5 ulp each) of products. The larger cosine is at least 1e-18; the smaller one goes down to the
-/// least normal f32, where 4 N.V N.L is 0. As for any half vector, V.H is at least half the sum of the cosines, and N.H
-/// at least their sum.
+/// The function computes two quotients (2.5 ulp each) of products. The larger cosine is at least 1e-18. The smaller
+/// cosine goes down to the least normal f32, where 4 N.V N.L is 0. As for any half vector, V.H is at least half the sum
+/// of the cosines, and N.H is at least their sum.
 #[test]
 fn v_cavity_visibility() {
     let cosines = (-18.0..=0.0_f32, -37.9..=0.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32)
@@ -49,7 +50,8 @@ fn v_cavity_visibility() {
         .agrees_with(geometry::v_cavity_visibility, Ulp(8.0));
 }
 
-/// In WGSL sqrt inherits the error of 1 / inverseSqrt, 4.5 ulp. The sum inside and the division make it 10 ulp.
+/// In WGSL sqrt has the error of 1 / inverseSqrt, 4.5 ulp. With the sum inside the root and the division, the error is
+/// 10 ulp.
 #[test]
 fn smith_g1() {
     PBR.function("geometry::smith_g1")
@@ -57,7 +59,7 @@ fn smith_g1() {
         .agrees_with(geometry::smith_g1, Ulp(10.0));
 }
 
-/// Twice the error of one factor, and a product.
+/// The result has twice the error of one factor, and the rounding of a product.
 #[test]
 fn smith_separable() {
     PBR.function("geometry::smith_separable")
@@ -65,7 +67,7 @@ fn smith_separable() {
         .agrees_with(geometry::smith_separable, Ulp(20.0).or(UNDERFLOW));
 }
 
-/// Two square roots, weighted, summed and divided: nothing cancels.
+/// The function computes two square roots, weights them, adds them and divides. Nothing cancels.
 // Lesson 25
 #[test]
 fn smith_correlated() {
@@ -74,17 +76,17 @@ fn smith_correlated() {
         .agrees_with(geometry::smith_correlated, Ulp(16.0).or(UNDERFLOW));
 }
 
-/// Like `smith_correlated`, in another order.
+/// The errors are those of `smith_correlated`, in another order.
 #[test]
 fn smith_correlated_visibility() {
-    // Leaves out two tiny cosines, whose products are denormal.
+    // Leaves out pairs of tiny cosines with a denormal product.
     let cosines = (0.0..=1.0, 0.0..=1.0_f32).filter(|(v, l)| v.min(*l) == 0.0 || v.min(*l) > 1e-30);
     PBR.function("geometry::smith_correlated_visibility")
         .over((ALPHA, cosines).map(|(alpha, (v, l))| (alpha, v, l)))
         .agrees_with(geometry::smith_correlated_visibility, Ulp(16.0));
 }
 
-/// Two quotients of sums of positive terms.
+/// The function computes two quotients of sums of positive terms.
 #[test]
 fn smith_schlick_ggx() {
     PBR.function("geometry::smith_schlick_ggx")
@@ -92,8 +94,8 @@ fn smith_schlick_ggx() {
         .agrees_with(geometry::smith_schlick_ggx, Ulp(12.0).or(UNDERFLOW));
 }
 
-/// The approximation of erf is within 1.5e-7. G1 has it weighted by a, beside 2 a in the denominator, so half of the
-/// error arrives. The rest, 14 ulp, comes from the exponential (5 ulp at a = 1), a square root and divisions.
+/// The approximation of erf has an error of 1.5e-7. G1 multiplies it by a, and its denominator has a term of 2 a, so
+/// half of the error arrives. The other 14 ulp come from the exponential (5 ulp at a = 1), a square root and divisions.
 #[test]
 fn smith_g1_beckmann() {
     PBR.function("geometry::smith_g1_beckmann")
@@ -101,7 +103,7 @@ fn smith_g1_beckmann() {
         .agrees_with(geometry::smith_g1_beckmann, Rel(2e-6).or(UNDERFLOW));
 }
 
-/// At the horizon a mirror's formulas give 0 / 0, but nothing is visible there.
+/// At the horizon, the formulas of a mirror give 0 / 0, but the result is 0, because nothing is visible there.
 #[test]
 fn nothing_is_visible_at_the_horizon() {
     for function in ["geometry::smith_g1", "geometry::smith_g1_beckmann"] {
@@ -120,8 +122,8 @@ fn nothing_is_visible_at_the_horizon() {
     }
 }
 
-/// N.V of two equal unit vectors often rounds to just above 1, where 1 - cos^2 is negative. The tangent there is below
-/// 1.5e-3, so nothing is hidden.
+/// N.V of two equal unit vectors often rounds to a number just above 1, where 1 - cos^2 is negative. The tangent there
+/// is below 1.5e-3, so nothing is hidden.
 // Lesson 31
 #[test]
 fn cosines_that_round_above_one() {
@@ -131,7 +133,7 @@ fn cosines_that_round_above_one() {
         .agrees_with(|_: f64, _: f64| 1.0, Ulp(0.0));
 }
 
-/// The same parts of a surface are hidden from v and from l.
+/// Exchanging v and l changes no result.
 #[test]
 fn masking_is_symmetric_in_v_and_l() {
     for function in
@@ -146,10 +148,11 @@ fn masking_is_symmetric_in_v_and_l() {
         .invariant_under(|(h, v, l, v_dot_h)| (h, l, v, v_dot_h), Ulp(0.0));
 }
 
-/// With correlated heights both directions see a point more often than with independent ones. Heitz 2014, sec. 6.
+/// A point is visible from both directions more often with correlated heights than with independent heights. Heitz
+/// 2014, sec. 6.
 #[test]
 fn masking_is_a_probability() {
-    // WGSL allows a division 2.5 ulp, and these are products of two quotients.
+    // The functions return products of two quotients, and WGSL allows a division 2.5 ulp.
     let rounding = 6.0 * f32::EPSILON;
     for function in
         ["geometry::smith_separable", "geometry::smith_correlated", "geometry::smith_schlick_ggx"]
@@ -163,8 +166,8 @@ fn masking_is_a_probability() {
         .satisfies("lies in 0..=1", |_, g: f32| (0.0..=1.0 + f32::EPSILON).contains(&g));
 }
 
-/// The flatter the view, the more is hidden; the rougher the surface, the more, too. The tolerance is the error of the
-/// function's own check, in both directions.
+/// A surface hides more of itself at flatter views and at larger widths. The tolerance is the error of the function's
+/// own check, in both directions.
 #[test]
 fn masking_grows_toward_grazing_and_with_the_width() {
     for (function, ulp) in [("geometry::smith_g1", 20.0), ("geometry::smith_g1_beckmann", 40.0)] {
@@ -187,8 +190,8 @@ fn masking_grows_toward_grazing_and_with_the_width() {
         .is_monotone_in("n_dot_v", Trend::Increasing, Ulp(8.0).or(UNDERFLOW));
 }
 
-/// A mirror hides nothing: 1 - G1 is at most (alpha tan)^2 / 4, which is 5e-5 at the last step for cosines above 0.05,
-/// and twice that for both directions. Karis's k = alpha / 2 takes alpha / (2 cos) from each.
+/// A mirror hides nothing. 1 - G1 is at most (alpha tan)^2 / 4, which is 5e-5 at the last step for cosines above 0.05,
+/// and twice that for both directions. Karis's k = alpha / 2 removes alpha / (2 cos) for each direction.
 #[test]
 fn a_mirror_hides_nothing() {
     let limit = || Limit::toward(0.0, [1e-1, 1e-2, 1e-3, 1e-4]);

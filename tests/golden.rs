@@ -7,29 +7,29 @@ use karat::{Goldens, Image};
 
 static GOLDEN: Goldens = karat::goldens!("../golden");
 
-/// wgpu's GL draws into 16-bit floats here, which rounds one pixel in a hundred by more than lavapipe's 1e-3, and it
-/// doesn't filter across the edges of cube-map faces. The effect on a frame depends on where such edges show: in few
-/// pixels, but all share one bound. Wide bounds prove little about GL. `second_opinion` proves more: it computes pixels
-/// of GL's frames without the filter, with a bound of 1e-2.
+/// The tolerance of a frame on GL, where wgpu draws into 16-bit floats. This rounds one pixel in a hundred by more than
+/// lavapipe's tolerance of 1e-3. GL also doesn't filter across the edges of cube-map faces. This affects few pixels of
+/// a frame, but one bound applies to all its pixels. Wide bounds prove little about GL. `second_opinion` proves more:
+/// it computes pixels of GL's frames without the filter, with a bound of 1e-2.
 fn gl_tolerance(name: &str) -> f32 {
     match name {
-        // On higher mip levels a texel, and so the edge, is up to a face wide. Measured: 0.34 and 0.44.
+        // On higher mip levels a texel, and so the visible edge, is up to a face wide. Measured: 0.34 and 0.44.
         "filtered_diffuse" | "filtered_specular" => 0.6,
         // Walls of different colours meet at the edges of faces. Measured: 0.58.
         "lambert_parallax" => 0.7,
-        // A mirror shows the edge of a light at an edge of faces, and levels of 4 texels. Measured: 0.17.
+        // A mirror shows the edge of a light at an edge of faces, and levels with faces of 4 texels. Measured: 0.17.
         "specular" | "split_sum" => 0.25,
-        // The same mirror, behind 0.96 of other light. Measured: 0.07.
+        // The frame shows the same mirror behind 0.96 of other light. Measured: 0.07.
         "layered" | "masked_layered" => 0.1,
         // Measured: 0.04.
         _ => 5e-2,
     }
 }
 
-/// SwiftShader moves the content of a pixel by up to 1/32 of a pixel (`frames::is_snapped`). Each outline and each
-/// highlight shows that, so a gate for single pixels proves little. HDR-FLIP finds up to 0.050 in a tile and 0.0057 in
-/// the mean of the spheres, while faults of shaders have tiles of 0.09 and more. `second_opinion` proves more about
-/// this driver: it computes the range of each pixel within that 1/32.
+/// The tolerance of a frame on SwiftShader, which moves the content of a pixel by up to 1/32 of a pixel
+/// (`frames::is_snapped`). Each outline and each highlight shows this, so a gate for single pixels proves little.
+/// HDR-FLIP finds up to 0.050 in a tile of the spheres and a mean of 0.0057, while faults of shaders have tiles of 0.09
+/// and more. `second_opinion` proves more about this driver: it computes the range of each pixel within that 1/32.
 fn swiftshader_tolerance(name: &str) -> FrameTolerance {
     let gate = || FrameTolerance::gate(karat::unstable::metric::DEFAULT_RELATIVE);
     let flip = |tile, mean| {
@@ -37,23 +37,24 @@ fn swiftshader_tolerance(name: &str) -> FrameTolerance {
         FrameTolerance::Any(vec![gate(), FrameTolerance::All(seen)])
     };
     match name {
-        // Without outlines.
+        // These frames have no outlines.
         "environment" | "irradiance" => gate(),
-        // White on white, except for the edge of the table at outlines. Measured: 0.081.
+        // Everything is white, except for the edge of the table at outlines. Measured: 0.081.
         "furnace" => FrameTolerance::gate(0.1),
-        // Few outlines. Measured: 0.021 and 0.00074.
+        // These frames have few outlines. Measured: 0.021 and 0.00074.
         "lambert" | "lambert_parallax" => flip(0.03, 0.001),
         _ => flip(0.06, 0.007),
     }
 }
 
-/// The first path computes the maps of a frame, so that each path is judged only for its own drawing. The maps have
-/// frames of their own.
+/// Compares a frame with its golden. The first path computes the frame's maps, so the check of each path judges only
+/// what this path draws. The maps have frames of their own.
 fn golden(name: &str) {
     let shot = Shot::golden(open_paths()[0]);
     frames::frame(name, &shot)
         .expect("the frame can be described")
-        // The gate alone: lavapipe draws the same on every machine, and mutants must show.
+        // The tolerance is only the gate. Lavapipe draws the same frame on every machine, and the gate must detect
+        // mutants.
         .tolerance(karat::unstable::metric::DEFAULT_RELATIVE)
         .tolerance_on(Path::GL, gl_tolerance(name))
         .tolerance_on("@swiftshader", swiftshader_tolerance(name))
@@ -105,7 +106,7 @@ fn render(name: &str, shot: &Shot) -> Image {
     frame.render(shot.path).expect("the frame is drawn")
 }
 
-/// After a pre-pass, the test for equal depth keeps exactly the fragments that the plain depth test keeps, and drawing
+/// After a pre-pass, the test for equal depth keeps exactly the fragments that the usual depth test keeps, and drawing
 /// again gives the same bits.
 #[test]
 fn a_depth_prepass_changes_no_pixel() {
@@ -117,8 +118,8 @@ fn a_depth_prepass_changes_no_pixel() {
     }
 }
 
-/// Light adds up: the scene is the sum of the diffuse and the specular frame. On GL each is rounded to 16 bits, by up
-/// to 4.9e-4.
+/// The scene is the sum of the diffuse and the specular frame. On GL both frames are rounded to 16 bits, by up to
+/// 4.9e-4.
 #[test]
 fn diffuse_and_specular_add_up_to_the_scene() {
     for path in open_paths() {
@@ -138,9 +139,9 @@ fn diffuse_and_specular_add_up_to_the_scene() {
 }
 
 /// White materials in white light are invisible. The spheres show only the error of the table that restores the lost
-/// energy, interpolated between 128 x 128 entries, at the outlines of the rougher ones (measured: 0.0084). If a driver
-/// snaps vertices, a pixel at an outline may show a point closer to it, with its error (measured in the golden's size:
-/// 0.08).
+/// energy. This error comes from interpolating between 128 x 128 entries, and is largest at the outlines of rougher
+/// spheres (measured: 0.0084). If a driver snaps vertices, a pixel at an outline may show a point closer to the
+/// outline, with the error of that point (measured in the golden's size: 0.08).
 #[test]
 fn the_spheres_vanish_in_the_furnace() {
     for path in open_paths() {
@@ -155,8 +156,8 @@ fn the_spheres_vanish_in_the_furnace() {
     }
 }
 
-/// Karis' approximation compared with the exact frame: half of the values are within 6 %, and the mean difference is
-/// below a tenth of the mean. It is larger at grazing angles and on wide lobes.
+/// Compares Karis' approximation with the exact frame. Half of the values are within 6 %, and the mean difference is
+/// below a tenth of the mean. The difference is larger at grazing angles and for wide lobes.
 #[test]
 fn the_split_sum_is_near_the_scene() {
     for path in open_paths() {

@@ -1,7 +1,8 @@
 //! Tests which faults the default tolerance of frames detects, and which changes it accepts.
 //!
-//! Each is planted in a scene rendered on the CPU: spheres with highlights and their shadows on a chequered floor, 640
-//! x 360 pixels in HDR; once without noise and once with it. The table goes to `target/karat/golden-faults.md`.
+//! The tests plant each fault in a scene that they render on the CPU: spheres with highlights and shadows on a
+//! chequered floor, 640 x 360 pixels in HDR, once without noise and once with noise. They write the table to
+//! `target/karat/golden-faults.md`.
 
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
@@ -19,20 +20,20 @@ use rand_pcg::Pcg32;
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 360;
 
-/// The scene, with its possible faults.
+/// The scene, with parameters that plant faults.
 #[derive(Clone, Copy)]
 struct Scene {
     /// The factor of the light on the second sphere.
     second: f64,
     /// The factor of highlights.
     highlights: f64,
-    /// The distance by which shadows move to the right, as a share of a pixel's width on the floor.
+    /// The distance by which shadows move to the right, in widths of a pixel on the floor.
     shadow: f64,
 }
 
 const RIGHT: Scene = Scene { second: 1.0, highlights: 1.0, shadow: 0.0 };
 
-/// Centre and colour of a sphere of radius 1.
+/// Centre and colour of each sphere. The radius is 1.
 const SPHERES: [(DVec3, DVec3); 5] = [
     (DVec3::new(-4.6, 1.0, 0.5), DVec3::new(0.7, 0.2, 0.1)),
     (DVec3::new(-2.3, 1.0, -0.6), DVec3::new(0.2, 0.6, 0.2)),
@@ -43,7 +44,7 @@ const SPHERES: [(DVec3, DVec3); 5] = [
 const EYE: DVec3 = DVec3::new(0.0, 2.6, 9.0);
 const SUN: DVec3 = DVec3::new(0.48, 0.8, 0.36);
 
-/// The distance to the nearer side of a sphere.
+/// The distance to the nearer intersection with a sphere of radius 1.
 fn hit(from: DVec3, towards: DVec3, centre: DVec3) -> Option<f64> {
     let to = centre - from;
     let along = to.dot(towards);
@@ -98,7 +99,7 @@ fn scaled(image: &Image, factor: f32) -> Image {
     Image::new(WIDTH, HEIGHT, pixels.collect())
 }
 
-/// Pixels at edges take the colour of their neighbour: `count` of them, evenly spread over all.
+/// Copies the colour of the right neighbour to `count` pixels at edges, evenly spread over all such pixels.
 fn edges_moved(image: &Image, count: usize) -> Image {
     let bright = |pixel: &[f32; 4]| pixel[0] + pixel[1] + pixel[2];
     let edge = |index: &usize| {
@@ -121,8 +122,8 @@ fn changed(image: &Image, change: impl Fn(u32, u32, &mut [f32; 4])) -> Image {
     changed
 }
 
-/// The mean of 64 samples of a light of 1, and its variance, for each pixel. Half of the samples are in shadow, the
-/// others are exponential.
+/// The mean of 64 samples of a light with a mean of 1, and the variance of this mean, for each pixel. Half of the
+/// samples are in shadow. The other half are exponentially distributed.
 fn noise(seed: u64) -> Vec<[f32; 2]> {
     let sample = |byte: usize| {
         if byte < 128 { 0.0 } else { -2.0 * ((255.5 - byte as f32) / 128.0).ln() }
@@ -142,7 +143,7 @@ fn noise(seed: u64) -> Vec<[f32; 2]> {
     (0..WIDTH * HEIGHT).map(&mut pixel).collect()
 }
 
-/// An image with that noise, and the variance of its pixels.
+/// The image multiplied by the noise, and the variance of its pixels.
 fn noisy(image: &Image, noise: &[[f32; 2]]) -> (Image, Image) {
     let pixel = |([r, g, b, a], [mean, variance]): (&[f32; 4], &[f32; 2])| {
         let square = |light: &f32| light * light * variance;
@@ -152,7 +153,7 @@ fn noisy(image: &Image, noise: &[[f32; 2]]) -> (Image, Image) {
     (Image::new(WIDTH, HEIGHT, means), Image::new(WIDTH, HEIGHT, variances))
 }
 
-/// Each value changed by up to `amount` of itself, at random.
+/// Changes each value by up to `amount` times the value, at random.
 fn jittered(image: &Image, amount: f32) -> Image {
     let mut random = Pcg32::new(1, 3);
     let mut jittered = image.clone();
@@ -165,17 +166,17 @@ fn jittered(image: &Image, amount: f32) -> Image {
 /// The expected verdict on a change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Verdict {
-    /// Within the gate.
+    /// The gate accepts the change.
     Gate,
-    /// Outside the gate, and hardly visible.
+    /// The gate rejects the change, and HDR-FLIP accepts it.
     Flip,
-    /// Visible on the profile of the golden, hardly on others.
+    /// HDR-FLIP accepts the change on other profiles, but not on the profile of the golden.
     FlipElsewhere,
-    /// Visible everywhere.
+    /// All tolerances reject the change.
     Fault,
 }
 
-/// A change, its expected verdict, and the largest tile that HDR-FLIP should find.
+/// A change, its expected verdict, and the range of the largest tile that HDR-FLIP should find.
 struct Row {
     name: &'static str,
     verdict: Verdict,
@@ -245,8 +246,8 @@ fn rows(golden: &Image) -> Vec<Row> {
     ]
 }
 
-/// The same changes with noise in golden and frame, judged by the variances of both: benign changes pass as noise, and
-/// faults still fail. Noise passes by no other criterion.
+/// Checks the same changes with noise in golden and frame, judged by the variances of both images. Benign changes pass
+/// as noise, and faults still fail. Noise is accepted by no other criterion.
 fn under_noise(rows: &[Row], table: &mut String, complaints: &mut Vec<String>) {
     let golden = &RIGHT.draw();
     let [ours, theirs] = [3, 4].map(noise);
@@ -284,7 +285,7 @@ fn faults_are_seen_and_benign_changes_pass() {
     let rows = rows(&golden);
     for Row { name, verdict, tile, actual } in &rows {
         let pair = Pair::new(&golden, actual).expect("finite");
-        // Measured for changes that the gate accepts, too.
+        // HDR-FLIP is also measured for changes that the gate accepts.
         let (largest, mean) = match Gate::default().passes(&pair) {
             None => {
                 let measure = |flip: Flip| flip.measure(&pair).value;
@@ -320,7 +321,7 @@ fn faults_are_seen_and_benign_changes_pass() {
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
-/// Only the gate detects the changes that a wider tolerance would accept.
+/// The gate detects each change that a wider tolerance would accept.
 #[test]
 fn the_gate_alone_sees_all_of_them() {
     let golden = RIGHT.draw();
@@ -330,8 +331,8 @@ fn the_gate_alone_sees_all_of_them() {
     }
 }
 
-/// Each golden of this repository detects at least a change of one channel of one pixel by three thousandths, anywhere,
-/// in light and in shade.
+/// Each golden of this repository detects a change of one channel of one pixel by three thousandths, at any pixel, in
+/// light and in shade.
 // Lesson 20: the smallest fault that each golden detects
 #[test]
 fn the_smallest_fault_of_each_golden_is_seen() {
@@ -341,7 +342,7 @@ fn the_smallest_fault_of_each_golden_is_seen() {
     let mut goldens = 0;
     for file in files.filter(|file| file.extension().is_some_and(|name| name == "exr")) {
         let (golden, _) = Image::read_exr(&file).expect("a golden");
-        let floor = 1e-3 * golden.key(); // ten times what the gate treats as black
+        let floor = 1e-3 * golden.key(); // ten times the value below which the gate treats a pixel as black
         let gate = FrameTolerance::gate(DEFAULT_RELATIVE);
         let mut tried = 0;
         let pixels = golden.pixels().len();

@@ -1,10 +1,10 @@
-//! Tests that hazards inside the library's functions are fixed, or accepted with a reason.
+//! Tests that each hazard inside the library's functions is fixed, or accepted with a reason.
 
 use karat_inspect::hazards::{Class, Hazard, Kind};
 use shaders::PBR;
 
-/// The library has no fault without a reason. In the documents' formulas, `hazards` finds the faults that their tests
-/// show.
+/// The library has no fault without a reason. In the formulas of the source documents, `hazards` finds the faults that
+/// the formulas' tests show.
 // Lesson 111
 #[test]
 fn the_library_has_none_that_is_not_argued() {

@@ -1,5 +1,5 @@
-//! `shaders/README.md` lists the function, test and frame for each part of the sources. This test reads it back: it
-//! fails if a name in it no longer exists, or if it leaves out a module, a frame or a mistake.
+//! `shaders/README.md` lists the function, test and frame for each part of the sources. These tests read the page. They
+//! fail if a name on the page doesn't exist, or if the page leaves out a module, a frame or a mistake.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -7,7 +7,6 @@ use std::path::Path;
 
 use shaders::PBR;
 
-/// The kind of names in a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
     Module,
@@ -29,17 +28,16 @@ impl Kind {
     }
 }
 
-/// The content of a column.
 enum Column {
     Prose,
-    /// Names of this kind, in any number.
+    /// Any number of names of this kind.
     Names(Kind),
-    /// A list of all names of this kind, each once.
+    /// All names of this kind, each once.
     List(Kind),
 }
 
 impl Column {
-    /// Finds a column by its header, which must be one of these: a misspelt header would hide its column.
+    /// Finds a column by its header. An unknown header is an error, because a misspelt header would hide its column.
     fn of(header: &str) -> Option<Self> {
         Some(match header {
             "item"
@@ -60,14 +58,13 @@ impl Column {
     }
 }
 
-/// All existing names.
 type Known = BTreeMap<Kind, BTreeSet<String>>;
 
-/// The names of the library, the tests, the frames, and the numbered mistakes of the sources.
+/// Names of the library's functions, the tests and the frames, and the numbered mistakes of the sources.
 fn known() -> Known {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests are in a folder");
     let mut tests = BTreeSet::new();
-    // The paths of the library's tests begin in `tests/`, those of others in the repository.
+    // The paths of the library's tests begin in `tests/`. The paths of other tests begin in the repository.
     for (folder, prefix) in [
         ("tests", ""),
         ("shaders", "shaders/"),
@@ -87,7 +84,6 @@ fn known() -> Known {
     ])
 }
 
-/// The functions below `#[test]` in all files of a folder.
 fn find_tests(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
     for entry in fs::read_dir(folder).expect("the folder is readable") {
         let path = entry.expect("the folder is readable").path();
@@ -98,7 +94,7 @@ fn find_tests(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
             let text = fs::read_to_string(&path).expect("sources are UTF-8");
             let names = text.split("#[test]\n").skip(1).filter_map(|below| {
                 let (name, _) = below.split_once("fn ")?.1.split_once('(')?;
-                // Tests made by a macro have no names here.
+                // Tests that a macro generates have no names in the file.
                 (!name.starts_with('$')).then_some(name)
             });
             found.extend(names.map(|name| format!("{prefix}{file}::{name}")));
@@ -106,19 +102,19 @@ fn find_tests(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
     }
 }
 
-/// A row of a table: its line, and its cells by header.
+/// A row of a table, with its line number and its cells by header.
 struct Row {
     line: usize,
     cells: Vec<(String, String)>,
 }
 
-/// The texts between the bars of a line.
+/// The cells of a line of a table.
 fn cells(line: &str) -> Vec<String> {
     let inner = line.trim().trim_start_matches('|').trim_end_matches('|');
     inner.split('|').map(|cell| cell.trim().to_owned()).collect()
 }
 
-/// The rows of all tables. Complains about lines that look like rows but aren't.
+/// Rows of all tables. Adds a complaint for each line that looks like a row but isn't a row.
 fn rows(markdown: &str, complaints: &mut Vec<String>) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut headers: Option<Vec<String>> = None;
@@ -158,7 +154,7 @@ fn nearest<'a>(unknown: &str, known: &'a BTreeSet<String>) -> Option<&'a str> {
 }
 
 impl Row {
-    /// The names in its cells, with the kind that each should have.
+    /// Names in the row's cells, with the kind that each name should have.
     fn names(&self) -> impl Iterator<Item = (Kind, &str)> {
         self.cells.iter().flat_map(|(header, cell)| {
             let kind = match Column::of(header) {
@@ -169,7 +165,7 @@ impl Row {
         })
     }
 
-    /// The names in its list column.
+    /// Names in the row's list column.
     fn listed(&self) -> impl Iterator<Item = (Kind, &str)> {
         self.cells.iter().flat_map(|(header, cell)| {
             let kind = match Column::of(header) {
@@ -180,14 +176,14 @@ impl Row {
         })
     }
 
-    /// Returns `true` if no test or frame shows it, although its table has columns for them.
+    /// Checks if the row names no test and no frame, although its table has columns for them.
     fn is_unshown(&self) -> bool {
         let shows = |header: &str| ["test", "caught by", "golden"].contains(&header);
         let mut evidence = self.cells.iter().filter(|(header, _)| shows(header)).peekable();
         evidence.peek().is_some() && evidence.all(|(_, cell)| names(cell).next().is_none())
     }
 
-    /// The errors in it, with the line and the first cell.
+    /// Errors in the row, each with the line and the first cell.
     fn complaints(&self, known: &Known) -> Vec<String> {
         let row = format!("line {}, `{}`", self.line, self.cells[0].1.trim_matches('`'));
         let unknown = self.names().filter(|(kind, name)| !known[kind].contains(*name));
@@ -206,7 +202,7 @@ impl Row {
     }
 }
 
-/// Functions of the library that the text between tables names, and that don't exist.
+/// Functions that the text between tables names, and that the library doesn't have.
 fn unknown_in_prose(markdown: &str, known: &Known) -> Vec<String> {
     let mut complaints = Vec::new();
     let prose = (1..).zip(markdown.lines()).filter(|(_, text)| !text.starts_with('|'));
@@ -223,7 +219,6 @@ fn unknown_in_prose(markdown: &str, known: &Known) -> Vec<String> {
     complaints
 }
 
-/// All errors in the document.
 fn complaints(markdown: &str, known: &Known) -> Vec<String> {
     let mut complaints = unknown_in_prose(markdown, known);
     let rows = rows(markdown, &mut complaints);
@@ -259,7 +254,7 @@ fn the_inventory_names_what_is_there() {
     assert!(found.is_empty(), "shaders/README.md:\n{}", found.join("\n"));
 }
 
-/// Each name in each row is looked up: with another letter appended it isn't found.
+/// The test looks up each name in each row: with another letter appended, each name is unknown.
 #[test]
 fn every_name_of_the_inventory_is_read() {
     let known = known();
@@ -280,7 +275,7 @@ fn every_name_of_the_inventory_is_read() {
     }
 }
 
-/// A library of two functions.
+/// Names of a library with two functions.
 fn small() -> Known {
     let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
     Known::from([
@@ -314,7 +309,7 @@ const SOUND: &str = "\
 | P1 | a | b | - | 3 | `fresnel.rs::schlick` |
 ";
 
-/// Each error with its complaint, and no other complaint.
+/// Each error gives its complaint, and no other complaint.
 #[test]
 fn faults_are_seen() {
     let known = small();
@@ -368,13 +363,13 @@ fn faults_are_seen() {
     }
 }
 
-/// Entry points and functions that no test calls are valid, too.
+/// Entry points, and functions that no test calls, are also valid.
 // Lesson 53
 #[test]
 fn the_whole_library_is_valid() {
     let found = PBR.is_valid();
     assert!(found.functions > 150 && found.entry_points > 20, "{found}");
-    // If Tint is installed, it accepts each module; `cargo ci test` requires it.
+    // If Tint is installed, Tint accepts each module. `cargo ci test` requires Tint.
     let opinion = found.opinion;
     assert!(opinion.is_good(false) && opinion.shipped.is_empty(), "{:?}", opinion.remarks());
     assert!(opinion.unasked.is_some() || opinion.accepted == found.modules, "{opinion}");

@@ -1,5 +1,5 @@
-//! Tests diffuse light from an environment: a constant one, for which all methods are exact; a linear one and a cosine
-//! lobe, which have closed forms; and all methods against each other.
+//! Tests diffuse light from an environment. All methods are exact for a constant environment. A linear environment and
+//! a cosine lobe have closed forms. Other tests compare the methods with each other.
 
 use std::f64::consts::SQRT_2;
 
@@ -10,15 +10,15 @@ use shaders::{PBR, irradiance};
 
 use crate::drivers::{SINE, SWIFTSHADER};
 
-/// The error of sampling a smooth environment of about 1.
+/// The error of sampling a smooth environment with radiance near 1.
 ///
-/// With 64 texels a side, texels are 1/32 of a half face apart. Linear interpolation is off by at most 1/8 of that
-/// squared, times the curvature, at most 2: 2.5e-4. Weights have 8 bits, of a difference of 1/32 between texels: 6e-5.
-/// On GL texels are half floats, 2.4e-4 off in 1..2, and the 3 % of directions within half a texel of a face's edge
-/// read only their own face, 1/64 off at the edge itself. Both errors have either sign, and don't show in a mean.
+/// A face has 64 x 64 texels, so texels are 1/32 of half a face apart. The error of linear interpolation is at most 1/8
+/// of the square of this distance, times the curvature, at most 2: 2.5e-4. Weights have 8 bits, and the difference
+/// between texels is 1/32: 6e-5. On GL, half floats have an error of 2.4e-4 in 1..2. Also on GL, 3 % of directions are
+/// within half a texel of a face's edge. They read only their own face, with an error of 1/64 at the edge. Both errors
+/// of GL have either sign, and don't show in a mean.
 const INTERPOLATION: f64 = 3e-4;
 
-/// Texels along a side of the environments.
 const SIZE: u32 = 64;
 
 fn in_environment(function: &str, environment: CubeMap) -> karat::check::Probe<'static> {
@@ -27,12 +27,12 @@ fn in_environment(function: &str, environment: CubeMap) -> karat::check::Probe<'
         .with("environment_sampler", Sampler::LINEAR)
 }
 
-/// A furnace of radiance 1.
+/// An environment of radiance 1.
 fn furnace(function: &str) -> karat::check::Probe<'static> {
     in_environment(function, CubeMap::constant(Vec3::ONE))
 }
 
-/// Radiance 1 on average, with another gradient of at most 1 for each colour.
+/// The mean radiance is 1. Each colour has another gradient of at most 1.
 fn sky(d: DVec3) -> DVec3 {
     DVec3::from_array(GRADIENTS.map(|gradient| 1.0 + gradient.dot(d)))
 }
@@ -40,12 +40,12 @@ fn sky(d: DVec3) -> DVec3 {
 const GRADIENTS: [DVec3; 3] =
     [DVec3::new(0.5, 0.0, 0.0), DVec3::new(0.0, 0.6, -0.8), DVec3::new(-0.3, 0.4, 0.5)];
 
-/// E / pi below the sky.
+/// The irradiance below the sky, divided by pi.
 fn below_sky(n: DVec3) -> DVec3 {
     DVec3::from_array(GRADIENTS.map(|gradient| irradiance::linear(n, 1.0, gradient)))
 }
 
-/// A lamp with a cosine fall-off, about an axis away from the middle of each face.
+/// A lamp with a cosine fall-off around an axis that isn't near the middle of any face.
 fn lamp(d: DVec3) -> DVec3 {
     DVec3::splat(LAMP.dot(d).max(0.0))
 }
@@ -60,13 +60,12 @@ fn cube_map(radiance: impl Fn(DVec3) -> DVec3) -> CubeMap {
     CubeMap::from_fn(SIZE, |d| radiance(d.as_dvec3()).as_vec3())
 }
 
-/// The colour that the sampler returns.
 fn seen(map: &CubeMap) -> impl Fn(DVec3) -> DVec3 {
     move |d| map.sample_level(d, 0.0).truncate()
 }
 
-/// Centred points have a mean cosine of exactly 1/2 if their number is a power of two. A sum of up to 1024 terms is
-/// rounded 1024 times.
+/// If the number of centred points is a power of two, their mean cosine is exactly 1/2. A sum of up to 1024 terms has
+/// 1024 roundings.
 #[test]
 fn a_white_furnace_returns_its_light() {
     furnace("irradiance::estimate")
@@ -86,7 +85,7 @@ fn it_agrees_with_the_estimator_in_its_general_form() {
         );
 }
 
-/// For any level: the weight is 1, a sum of ones is exact, and a division has 2.5 ulp.
+/// On each level, the weight is 1, a sum of ones is exact, and a division has 2.5 ulp.
 #[test]
 fn a_furnace_is_exact_at_every_level() {
     let sizes = OneOf(vec![1, 16, 2048_u32]);
@@ -101,7 +100,7 @@ fn a_furnace_is_exact_at_every_level() {
         .agrees_with(|_: DVec3, _: u32, _: u32| DVec3::splat(3.0), Ulp(4.0));
 }
 
-/// Quotients of sums of up to 600 terms.
+/// The result is a quotient of sums of up to 600 terms.
 #[test]
 fn a_furnace_is_exact_where_weights_are_divided_out() {
     furnace("irradiance::midpoint")
@@ -114,15 +113,16 @@ fn a_furnace_is_exact_where_weights_are_divided_out() {
         .agrees_with(|_: DVec3, _: u32| DVec3::ONE, Abs(1e-5));
 }
 
-/// The result is 1.0014 because its rings cover 6.3 instead of 2 pi. It has 4032 terms, and as many roundings.
+/// The result is 1.0014, because the loop's rings cover an angle of 6.3 instead of 2 pi. The sum has 4032 terms, and as
+/// many roundings.
 // Lesson 22: a tolerance of one path
 #[test]
 fn the_loop_is_off_by_what_it_says() {
     furnace("irradiance::loop_corrected")
         .over(UnitVector)
         .cases(64)
-        // A weight is cos sin, with sqrt(2) times the error of a sine. 4032 of them, each times 0.025 0.1 / pi, make
-        // 3.21.
+        // A weight is cos sin, with sqrt(2) times the error of a sine. The 4032 weights, each multiplied by 0.025 0.1 /
+        // pi, add up to 3.21.
         .tolerance_on(SWIFTSHADER, Abs(3.21 * SQRT_2 * SINE))
         .agrees_with(|n: DVec3| irradiance::loop_corrected(n, |_| DVec3::ONE), Abs(2e-5));
     furnace("irradiance::loop_corrected")
@@ -131,16 +131,15 @@ fn the_loop_is_off_by_what_it_says() {
         .satisfies("is 1.0014", |_, light: Vec3| (light - 1.0014).abs().max_element() < 5e-5);
 }
 
-/// The error of means of at least 64 directions: the last of 8 bits of a weight, of a difference of 1/32 between
-/// texels, with either sign.
+/// The error of means over at least 64 directions. Weights have 8 bits, and the error is that of the last bit, with
+/// either sign, times a difference of 1/32 between texels.
 const WEIGHTS: Abs = Abs(6e-5);
 
-/// The error on GL if all of the 3 % of directions within half a texel of an edge are off by 1/64 in the same
-/// direction.
+/// The error on GL if all directions within half a texel of an edge (3 %) have an error of 1/64 with equal signs.
 const EDGES: Abs = Abs(5e-4);
 
-/// Sampled light against the same sums in f64 over the same cube map: they differ only by the sampler's filter and the
-/// rounding of sums.
+/// Compares sampled light with sums in f64 over the same directions and cube map. The difference is only the sampler's
+/// filter and the rounding of sums.
 #[test]
 fn they_agree_with_their_twins() {
     let map = cube_map(sky);
@@ -167,8 +166,8 @@ fn they_agree_with_their_twins() {
         );
 }
 
-/// Few steps, so that each counts. Between texels the last bit of two weights of 8 bits counts, each of a difference of
-/// 1/32. On GL a step within half a texel of a face's edge is off by half a texel, 1/64.
+/// The test uses few steps, so each step counts. Between texels, two weights of 8 bits have an error in the last bit,
+/// times a difference of 1/32. On GL a step within half a texel of a face's edge has an error of half a texel, 1/64.
 // Lesson 32
 #[test]
 fn few_steps_agree_with_their_twin() {
@@ -186,7 +185,7 @@ fn few_steps_agree_with_their_twin() {
         );
 }
 
-/// Few texels, 6 to 96, so that each counts. GL has half floats, up to 4.9e-4 off in 1..2.
+/// The test uses few texels, 6 to 96, so each texel counts. GL has half floats, with an error of up to 4.9e-4 in 1..2.
 // Lesson 32
 #[test]
 fn few_texels_agree_with_their_twin() {
@@ -205,22 +204,23 @@ fn few_texels_agree_with_their_twin() {
     }
 }
 
-/// Texel centres are sampled exactly. Sums of 12,288 terms have as many roundings, up or down.
+/// Texel centres are sampled exactly. Sums of 12,288 terms have as many roundings, upwards or downwards.
 #[test]
 fn texel_sums_agree_with_their_twins() {
     in_environment("irradiance::texel_sum", cube_map(sky))
         .over((UnitVector, Just(SIZE)))
         .cases(64)
         .agrees_with(|n: DVec3, size: u32| irradiance::texel_sum(n, size, &sky), Abs(5e-5));
-    // Coarser texels have their centres where four finer ones meet. The half floats of GL, up to 4.9e-4 off each, need
-    // many texels for a good sum.
+    // The centre of a coarser texel is the point at which four finer texels meet. On GL, half floats have an error of
+    // up to 4.9e-4, so a good sum needs many texels.
     let map = cube_map(sky);
     in_environment("irradiance::sh_project", map.clone())
         .over(OneOf(vec![16, SIZE]))
         .agrees_with(|size: u32| irradiance::sh_project(size, &seen(&map)), Abs(2e-4));
 }
 
-/// Light with a part in each of the nine harmonics, together a third of its mean: radiance 0.7..=1.3.
+/// The coefficients of a light with a part in each of the nine harmonics. The radiance is 0.7..=1.3, so all parts
+/// together are a third of the mean.
 const BANDS: [f64; 9] = [3.544907701811032, 0.1, -0.2, 0.15, 0.18, -0.12, 0.08, 0.13, -0.16];
 
 fn banded(d: DVec3) -> DVec3 {
@@ -233,15 +233,15 @@ fn below_bands(n: DVec3) -> DVec3 {
     irradiance::sh_irradiance(BANDS.map(DVec3::splat), n)
 }
 
-/// E / pi by the normal, in closed form.
+/// Irradiance divided by pi, by normal, in closed form.
 type Below = fn(DVec3) -> DVec3;
 
-/// Three environments, with the irradiance below each.
+/// Three environments, each with the irradiance below it.
 fn environments() -> [(CubeMap, Below); 3] {
     [(cube_map(sky), below_sky), (cube_map(lamp), below_lamp), (cube_map(banded), below_bands)]
 }
 
-/// Centred Hammersley points are off by about log N / N, 1.5e-4 for 1024, instead of 1 / sqrt N.
+/// The error of centred Hammersley points is about log N / N, 1.5e-4 for 1024 points, instead of 1 / sqrt N.
 #[test]
 fn estimates_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -252,7 +252,8 @@ fn estimates_approach_the_closed_forms() {
     }
 }
 
-/// 32 rings are pi/64 apart. A midpoint rule is off by 1/24 of that squared, 1e-4, times the second derivative.
+/// 32 rings are pi/64 apart. The error of a midpoint rule is 1/24 of the square of that (1e-4), times the second
+/// derivative.
 #[test]
 fn rings_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -263,8 +264,8 @@ fn rings_approach_the_closed_forms() {
     }
 }
 
-/// Without interpolation, the error is that of the midpoint rule for texels 1/32 wide, 4e-5 times the second
-/// derivative, and rounding.
+/// Without interpolation, the error is that of the midpoint rule for texels 1/32 wide (4e-5 times the second
+/// derivative), and of rounding.
 #[test]
 fn texels_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -275,8 +276,8 @@ fn texels_approach_the_closed_forms() {
     }
 }
 
-/// The shader projects and evaluates. The lamp has bands beyond nine coefficients: 0.0052 in all, as the reference's
-/// tests compute.
+/// The shader projects the light on nine harmonics and evaluates them. The lamp also has higher bands: 0.0052 in all,
+/// as the reference's tests compute.
 #[test]
 fn harmonics_approach_the_closed_forms() {
     let text = "import library::irradiance::{sh_irradiance, sh_project};\n\n\
@@ -298,8 +299,8 @@ fn filtered(n: DVec3, samples: u32, size: u32, map: &CubeMap) -> DVec3 {
     irradiance::filtered_estimate(n, samples, size, light)
 }
 
-/// The colour of each level is its number, so that the result is the mean level. Drivers quantise the weight between
-/// levels, most to 8 bits: 1/512, or 4e-3 on a driver that truncates.
+/// The colour of each level is its number, so the result is the mean level. Drivers quantise the weight between levels,
+/// most to 8 bits: the error is 1/512, or 4e-3 on a driver that truncates.
 #[test]
 fn filtered_directions_ask_for_the_right_levels() {
     let levels = (0..7_u16).map(|level| {
@@ -313,9 +314,9 @@ fn filtered_directions_ask_for_the_right_levels() {
         .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(4e-3));
 }
 
-/// 1024 directions need texels that are 0.08 wide, 64 directions 0.31. A box and a tent of width w turn light by w^2 /
-/// 4, which leaves 0.9985 and 0.975 of a gradient. On GL, which doesn't filter the coarse texels at the edges of faces,
-/// a little less remains.
+/// 1024 directions need texels that are 0.08 wide, 64 directions need 0.31. A box and a tent of width w turn light by
+/// w^2 / 4, which leaves 0.9985 and 0.975 of a gradient. A little less remains on GL, which doesn't filter coarse
+/// texels across the edges of faces.
 #[test]
 fn filtered_directions_blur_as_much_as_their_texels() {
     let map = cube_map(sky).with_mips();
@@ -327,9 +328,9 @@ fn filtered_directions_blur_as_much_as_their_texels() {
     }
 }
 
-/// The twin over the same levels. Fractions of levels have 8 bits, between texels that differ by up to 1/4. GL doesn't
-/// filter the texels at the edges of faces: up to 1/8 off in a level of 8 texels a side, for a quarter of the
-/// directions, with either sign.
+/// The twin uses the same levels. Fractions of levels have 8 bits, between texels that differ by up to 1/4. GL doesn't
+/// filter texels across the edges of faces. On a level of 8 x 8 texels, this gives a quarter of the directions an error
+/// of up to 1/8, with either sign.
 // Lesson 22: a tolerance of one path
 #[test]
 fn filtered_directions_agree_with_their_twin() {
@@ -341,14 +342,14 @@ fn filtered_directions_agree_with_their_twin() {
         .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(2e-3));
 }
 
-/// A sun of radiance 50 in 0.05 sr, which adds up to 0.8. Of 256 directions on the hemisphere, 0.025 sr each, two hit
-/// it, or one, or four.
+/// A sun of radiance 50 in 0.05 sr adds up to 0.8. Each of 256 directions on the hemisphere stands for 0.025 sr, so
+/// one, two or four directions hit the sun.
 fn sun(d: DVec3) -> DVec3 {
     DVec3::splat(50.0 * (128.0 * (LAMP.dot(d) - 1.0)).exp())
 }
 
-/// As many directions, filtered and unfiltered, under the same bound, an eighth of the sun. The filter leaves its blur:
-/// texels of levels 2 and 3 are half as wide as the sun.
+/// Compares filtered and unfiltered estimates with the same number of directions and the same bound, an eighth of the
+/// sun. The filter's error is its blur: texels of levels 2 and 3 are half as wide as the sun.
 #[test]
 fn a_filter_sees_what_lies_between_directions() {
     let map = cube_map(sun).with_mips();
@@ -366,7 +367,7 @@ fn a_filter_sees_what_lies_between_directions() {
     assert!(matches!(sharp, Err(karat::check::Failure::Disagreement(_))), "{sharp:?}");
 }
 
-/// Polynomials of values up to 1, with constants up to 1.1.
+/// The functions are polynomials of values up to 1, with constants up to 1.1.
 #[test]
 fn sh_basis() {
     PBR.function("irradiance::sh_basis")
@@ -374,7 +375,6 @@ fn sh_basis() {
         .agrees_with(irradiance::sh_basis, Abs(1e-6));
 }
 
-/// Coefficients from -2 to 2.
 fn coefficients() -> impl Domain<Value = [Vec3; 9]> {
     let colours = || (UnitRgb, UnitRgb, UnitRgb);
     (colours(), colours(), colours()).map(|(a, b, c)| {
@@ -382,7 +382,7 @@ fn coefficients() -> impl Domain<Value = [Vec3; 9]> {
     })
 }
 
-/// Nine products of numbers up to 2 with basis functions up to 1.1.
+/// The function adds nine products of numbers up to 2 with basis functions up to 1.1.
 #[test]
 fn sh_irradiance() {
     PBR.function("irradiance::sh_irradiance")
@@ -390,7 +390,7 @@ fn sh_irradiance() {
         .agrees_with(irradiance::sh_irradiance, Abs(5e-6));
 }
 
-/// Direction and density of texels: a quotient and its reciprocal root.
+/// Direction and density of texels need a quotient and its reciprocal root.
 #[test]
 fn texels() {
     let indexed = (Integers(1..=104_u32), 0.0..=1.0_f32).map(|(size, share)| {
@@ -405,7 +405,7 @@ fn texels() {
         .agrees_with(irradiance::texel_density, Ulp(8.0));
 }
 
-/// One product.
+/// The function computes one product.
 #[test]
 fn lambert() {
     PBR.function("irradiance::lambert")

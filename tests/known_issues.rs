@@ -1,4 +1,4 @@
-//! Declares known faults of drivers. Each check fails once its fault is gone.
+//! Declares known faults of drivers. A check fails when the driver no longer has the fault.
 
 use glam::{DVec3, Vec3};
 use karat::Path;
@@ -6,8 +6,8 @@ use karat::prelude::*;
 
 use crate::drivers::{NVIDIA, SWIFTSHADER};
 
-/// WGSL's `mix` is as accurate as x (1 - a) + y a, which is y at a = 1. (So the library writes out its masks: otherwise
-/// white over a bright base would show the rounding of the base.)
+/// WGSL requires `mix` to be as accurate as x (1 - a) + y a, which is y at a = 1. The library doesn't use `mix` for
+/// masks: a white mask over a bright base would show the rounding of the base.
 // Lesson 45
 #[test]
 fn mix_ends_at_its_second_value() {
@@ -21,8 +21,8 @@ fn mix_ends_at_its_second_value() {
         .agrees_with(|_: f64, y: f64, _: f64| y, Ulp(1.0));
 }
 
-/// Each face's colour is its own direction, so a corner shows the mean of three. In Vulkan 1.3, section 16.5.4, Z wins
-/// over Y and Y over X if components are equally large.
+/// Each face has its direction as its colour, so a corner shows the mean of three faces. If components are equally
+/// large, Vulkan 1.3 (section 16.5.4) prefers Z to Y and Y to X.
 #[test]
 fn a_corner_of_a_cube_belongs_to_a_face() {
     let module = "@group(0) @binding(0) var cube: texture_cube<f32>;
@@ -40,12 +40,10 @@ fn a_corner_of_a_cube_belongs_to_a_face() {
         .over((sign(), sign(), sign()).map(|(x, y, z)| Vec3::new(x, y, z)))
         .fails_on(Path::GL, SEAMS)
         .fails_on(SWIFTSHADER, CORNERS)
-        .agrees_with(|d: DVec3| d / 3.0, Abs(3.0 / 512.0)); // weights of 8 bits
+        .agrees_with(|d: DVec3| d / 3.0, Abs(3.0 / 512.0)); // the weights have 8 bits
 }
 
-/// The fault of wgpu's GL.
 pub(crate) const SEAMS: &str = "wgpu leaves desktop GL's seamless cube maps off: faces are clamped";
 
-/// The fault of SwiftShader.
 pub(crate) const CORNERS: &str = "where all three components are equally large no axis is the major one, \
                            and a point of the wrong face is sampled (`cubeFace` in SamplerCore.cpp)";

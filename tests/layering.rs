@@ -4,13 +4,13 @@ use glam::{DVec3, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, layering, specular};
 
-/// Radiance of each channel, up to that of the brightest light of the scene.
+/// Radiance of each channel, up to the radiance of the brightest light of the scene.
 fn radiance() -> impl Domain<Value = Vec3> {
     (0.0..=50.0_f32, 0.0..=50.0_f32, 0.0..=50.0_f32).map(|(r, g, b)| Vec3::new(r, g, b))
 }
 
-/// The difference of two radiances up to 50 is rounded to 4e-6. F is off by 11 ulp of at most 1, which 50 turns into
-/// 3e-5. The sum cancels if the base is bright and F near 1.
+/// The difference of two radiances up to 50 is rounded to 4e-6. F is at most 1 and has an error of 11 ulp, which the
+/// factor of 50 turns into 3e-5. The sum cancels if the base is bright and F is near 1.
 #[test]
 fn thin_coat() {
     PBR.function("layering::thin_coat")
@@ -18,7 +18,7 @@ fn thin_coat() {
         .agrees_with(layering::thin_coat, Ulp(14.0).or(Abs(3e-5)));
 }
 
-/// White furnace: a white base reflects exactly what the coat doesn't.
+/// In a white furnace, a white base reflects exactly the light that the coat doesn't reflect.
 #[test]
 fn a_coat_over_a_white_base_neither_gains_nor_loses() {
     PBR.function("layering::thin_coat")
@@ -40,7 +40,7 @@ fn the_reciprocal_weight_is_reciprocal() {
         .invariant_under(|(v, l)| (l, v), Ulp(0.0));
 }
 
-/// Three roundings of positive terms, and the rounding of 1 - mask.
+/// The function has three roundings of positive terms, and the rounding of 1 - mask.
 #[test]
 fn masked_base() {
     PBR.function("layering::masked_base")
@@ -48,7 +48,7 @@ fn masked_base() {
         .agrees_with(layering::masked_base, Ulp(4.0).or(Abs(1e-30)));
 }
 
-/// A sum of positive terms. The share of the base has four sums and six products.
+/// The function is a sum of positive terms. The share of the base consists of four sums and six products.
 #[test]
 fn plastic() {
     PBR.function("layering::plastic")
@@ -63,7 +63,8 @@ fn interface_transmittance() {
         .agrees_with(layering::interface_transmittance, Ulp(10.0).or(Abs(1e-30)));
 }
 
-/// White furnace: an albedo, and the specular light of the same furnace by 256 normals, which is off by at most 2e-3.
+/// In a white furnace, plastic returns at most its light: the base's albedo, and specular light. The test computes the
+/// specular light with 256 normals, with an error of at most 2e-3.
 #[test]
 fn a_plastic_gives_no_more_than_its_light() {
     let f0 = Vec3::splat(0.04);
@@ -82,7 +83,7 @@ fn a_plastic_gives_no_more_than_its_light() {
         });
 }
 
-/// A mirror on a white base returns all light that it receives. Three roundings of two shares.
+/// A mirror on a white base returns all light. The sum of two shares has three roundings.
 #[test]
 fn a_mirror_on_white_neither_gains_nor_loses() {
     let domain = (UnitRgb, 0.0..=1.0_f32).map(|(f0, c)| {
@@ -94,7 +95,7 @@ fn a_mirror_on_white_neither_gains_nor_loses() {
         .agrees_with(|_: DVec3, _: DVec3, _: DVec3, _: f64| DVec3::ONE, Ulp(8.0));
 }
 
-/// The flatter the view, the less light crosses an interface.
+/// Less light crosses an interface at flatter views.
 #[test]
 fn less_crosses_toward_grazing() {
     PBR.function("layering::interface_transmittance").over((UnitRgb, 0.0..=1.0)).is_monotone_in(

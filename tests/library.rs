@@ -1,5 +1,5 @@
-//! Tests of the shader library, a file for each module, and of the source documents' formulas. They are one program, so
-//! that an edit of the harness links only once.
+//! Tests of the shader library, with one file for each module, and tests of the source documents' formulas. All files
+//! are one program, so an edit of the harness needs only one link.
 
 #[path = "as_written/main.rs"]
 mod as_written;

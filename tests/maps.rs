@@ -7,7 +7,7 @@ use karat::prelude::*;
 use shaders::maps::MapSettings;
 use shaders::{PBR, maps, specular};
 
-/// Each pixel of a frame with six faces: a division, and the error of `face_direction`.
+/// Each pixel of a frame with six faces has the error of a division and of `face_direction`.
 #[test]
 fn texel_direction() {
     let pixels =
@@ -22,7 +22,7 @@ fn texel_direction() {
         .agrees_with(|side: u32, pixel: UVec2| maps::texel_direction(side, pixel), Abs(5e-7));
 }
 
-/// The hardware finds a face's texels in the same directions.
+/// The hardware finds the texels of a face in the same directions.
 #[test]
 fn faces_become_the_cube_map_that_they_show() {
     let side = 16;
@@ -35,14 +35,15 @@ fn faces_become_the_cube_map_that_they_show() {
     let own = CubeMap::from_fn(side, color);
     let texels = |cube: &CubeMap| cube.texels(0).expect("a first level").concat();
     for (found, expected) in texels(&cube).into_iter().zip(texels(&own)) {
-        // One side rounds directions before it normalises them, the other side afterwards.
+        // The first cube map's directions are rounded before they are normalised. The second one's are rounded
+        // afterwards.
         assert!((found - expected).abs() <= 1e-6, "{found} for {expected}");
     }
 }
 
-/// Each entry of the table: scale and bias for the centre of its texel, in the channels that are read, and again in the
-/// others. As in `specular.rs`, V.H is rounded to 1e-7 and divided by N.V, which is at least 1/32. On GL a frame has
-/// half floats, which may be cut off: 2^-11 in 1/2..1.
+/// Each entry of the table has scale and bias for the centre of its texel in the channels that the shader reads, and
+/// again in the other channels. As in `specular.rs`, V.H is rounded to 1e-7 and divided by N.V, which is at least 1/32.
+/// On GL a frame has half floats, and a driver may cut off bits: the error is 2^-11 in 1/2..1.
 // Lesson 33
 #[test]
 fn split_sum_fragment() {

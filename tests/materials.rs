@@ -5,7 +5,7 @@ use karat::prelude::*;
 use shaders::materials::{self, MATERIALS, Material, NAMES, ROUGHNESSES};
 use shaders::{PBR, fresnel};
 
-/// Both sides have the same constants, so they are equal to the bit, also past the table's end.
+/// The shader and its twin have the same constants, so the results are equal to the bit, also beyond the table's end.
 #[test]
 fn the_table_is_its_twin() {
     PBR.function("materials::material")
@@ -31,7 +31,8 @@ fn metals_have_no_diffuse_and_all_reflect() {
     );
 }
 
-/// Light that isn't reflected may be diffuse: both together never exceed the incoming light.
+/// A material reflects specular light, and a part of the remaining light as diffuse light. Both together never exceed
+/// the incoming light.
 #[test]
 fn no_material_reflects_more_than_it_receives() {
     PBR.function("materials::material")
@@ -41,7 +42,7 @@ fn no_material_reflects_more_than_it_receives() {
         });
 }
 
-/// Plastic is a dielectric of index 1.5.
+/// The reflectance of plastic is that of a dielectric with index 1.5.
 #[test]
 fn plastics_have_the_reflectance_of_their_index() {
     PBR.function("materials::material")
@@ -51,7 +52,7 @@ fn plastics_have_the_reflectance_of_their_index() {
         });
 }
 
-/// The lecture's width is its roughness; Karis squares it. One product.
+/// The lecture uses the roughness as the width. Karis squares the roughness, which takes one product.
 #[test]
 fn alpha_from_roughness() {
     PBR.function("materials::alpha_from_roughness")
@@ -62,7 +63,7 @@ fn alpha_from_roughness() {
         .agrees_with(materials::alpha_from_roughness_squared, Ulp(1.0));
 }
 
-/// Three roundings of positive terms, and the rounding of 1 - mask.
+/// The function has three roundings of positive terms, and the rounding of 1 - mask.
 #[test]
 fn masked_roughness() {
     PBR.function("materials::masked_roughness")
@@ -70,7 +71,7 @@ fn masked_roughness() {
         .agrees_with(materials::masked_roughness, Ulp(4.0).or(Abs(1e-30)));
 }
 
-/// A mask of 0 keeps a mirror a mirror, and a mask of 1 turns a surface into one.
+/// A mask of 0 leaves a mirror unchanged, and a mask of 1 turns a surface into a mirror.
 #[test]
 fn masks_are_exact_at_both_ends() {
     let kept = |roughness: f64, _: f64, _: f64| roughness;
@@ -83,7 +84,7 @@ fn masks_are_exact_at_both_ends() {
         .agrees_with(painted, Ulp(0.0));
 }
 
-/// A mask with the surface's own roughness changes nothing: 1 - mask and mask add up to 1, within two roundings.
+/// Painting with the surface's own roughness changes nothing: 1 - mask and mask add up to 1, within two roundings.
 #[test]
 fn painting_the_same_roughness_changes_nothing() {
     let same = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(roughness, mask)| (roughness, roughness, mask));
@@ -92,7 +93,7 @@ fn painting_the_same_roughness_changes_nothing() {
         .agrees_with(|roughness: f64, _: f64, _: f64| roughness, Ulp(3.0).or(Abs(1e-30)));
 }
 
-/// Like `masked_roughness`.
+/// The error is that of `masked_roughness`.
 #[test]
 fn material_from_texels() {
     PBR.function("materials::material_from_texels")
@@ -100,7 +101,7 @@ fn material_from_texels() {
         .agrees_with(materials::material_from_texels, Ulp(4.0).or(Abs(1e-30)));
 }
 
-/// For any texture, energy is conserved at normal incidence, and a metal isn't diffuse.
+/// For any texture, energy is conserved at normal incidence, and a metal has no diffuse part.
 #[test]
 fn materials_from_texels_conserve_energy() {
     PBR.function("materials::material_from_texels").over((UnitRgb, 0.0..=1.0)).satisfies(
@@ -120,8 +121,8 @@ fn materials_from_texels_conserve_energy() {
     );
 }
 
-/// More paint brings a surface closer to the paint's roughness: up if that is rougher, down if it is smoother. Three
-/// roundings may go the other way.
+/// More paint brings the roughness of a surface closer to the paint's roughness: upwards for rougher paint, downwards
+/// for smoother paint. Three roundings may go in the opposite direction.
 #[test]
 fn masks_go_one_way() {
     let over = |kept: std::ops::RangeInclusive<f32>, painted| {

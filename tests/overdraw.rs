@@ -1,4 +1,4 @@
-//! Tests the effect of a depth pre-pass: each pixel is shaded once, and nothing else changes.
+//! Tests the effect of a depth pre-pass: the fragment function shades each pixel once, and nothing else changes.
 
 use std::cmp::Reverse;
 
@@ -13,7 +13,7 @@ use shaders::{PBR, camera, overdraw, scene};
 
 const SIZE: (u32, u32) = (240, 180);
 
-/// The spheres one behind the other. The farthest is drawn first.
+/// A frame of overlapping spheres, seen from an oblique camera. The farthest sphere is drawn first.
 fn oblique(fragment: &str) -> Frame<'static> {
     let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
     grid("overdraw", fragment, scene::oblique_camera(aspect), SIZE)
@@ -23,7 +23,6 @@ fn render(frame: &Frame<'_>, path: Path) -> Image {
     frame.render(path).expect("the spheres are drawn")
 }
 
-/// The number of fragments that each pixel keeps.
 fn counts(frame: Frame<'_>, path: Path) -> Vec<u32> {
     let image = render(&frame.blend(Blend::Add), path);
     let count = |[r, g, b, a]: &[f32; 4]| {
@@ -47,8 +46,8 @@ fn a_pre_pass_shades_each_pixel_once() {
     }
 }
 
-/// Fragments that discard or write their depth are tested late: with a pre-pass that does the same, the image doesn't
-/// change.
+/// Fragment functions that discard or write their depth are tested late. If the pre-pass discards and writes depth in
+/// the same way, the image doesn't change.
 #[test]
 fn fragments_that_change_depth_come_out_the_same() {
     for (fragment, depth) in [
@@ -63,7 +62,8 @@ fn fragments_that_change_depth_come_out_the_same() {
     }
 }
 
-/// The fault that the rule prevents: depth from triangles alone covers what is visible through the holes.
+/// Shows the fault that the rule prevents. A pre-pass that writes the depth of all triangles hides the spheres that are
+/// visible through holes.
 #[test]
 fn a_pre_pass_without_the_holes_changes_the_image() {
     for path in open_paths() {
@@ -74,7 +74,7 @@ fn a_pre_pass_without_the_holes_changes_the_image() {
     }
 }
 
-/// At an edge, four times the Y of the normal may round either way.
+/// At the edge of a hole, four times the Y of the normal may round up or down.
 #[test]
 fn is_hole() {
     let away = UnitVector.filter(|n: &Vec3| overdraw::from_edge(n.as_dvec3()) > 1e-6);
@@ -83,7 +83,7 @@ fn is_hole() {
         .agrees_with(|normal: DVec3| overdraw::is_hole(normal), Ulp(0.0));
 }
 
-/// Powers of two: exact.
+/// The inputs are powers of two, so the result is exact.
 #[test]
 fn stepped_depth() {
     PBR.function("overdraw::stepped_depth")
@@ -91,7 +91,7 @@ fn stepped_depth() {
         .agrees_with(overdraw::stepped_depth, Ulp(0.0));
 }
 
-/// A number below 64 is exact, and so is a product with 1/2; a sum rounds once.
+/// Numbers below 64 and their products with 1/2 are exact. A sum has one rounding.
 // Lesson 33
 #[test]
 fn label() {
@@ -100,19 +100,19 @@ fn label() {
         .agrees_with(overdraw::label, Abs(6e-8));
 }
 
-/// The front of a sphere where a pixel's ray meets it.
+/// The point at which a pixel's ray enters a sphere.
 struct Hit {
     instance: u32,
     normal: DVec3,
     depth: f64,
 }
 
-/// The distance of the middle of a facet, 5.6 degrees wide both ways, from the sphere, and of the mesh's normal there
-/// from the sphere's normal.
+/// The distance between the sphere and the middle of a facet, which is 5.6 degrees wide in both directions. The mesh's
+/// normal there differs from the sphere's normal by as much.
 const FACET: f64 = 2.5e-3;
 
-/// The hits of the ray through a pixel's middle, or `None` if it passes the rim of a sphere, where the outline of the
-/// mesh decides.
+/// Hits of the ray through a pixel's middle, or `None` if the ray passes near the rim of a sphere, where the outline of
+/// the mesh decides.
 fn hits(camera: &Camera, ndc: DVec2) -> Option<Vec<Hit>> {
     let (eye, matrix) = (camera.position.as_dvec3(), camera.view_projection.as_dmat4());
     let direction = camera::view_direction(matrix, ndc).normalize();
@@ -133,15 +133,15 @@ fn hits(camera: &Camera, ndc: DVec2) -> Option<Vec<Hit>> {
     Some(found)
 }
 
-/// The hits of each pixel, in rows from the top left; `None` for a ray that passes a rim.
+/// Hits for each pixel, row by row from the top left. `None` stands for a ray that passes a rim.
 fn rays(camera: &Camera) -> Vec<Option<Vec<Hit>>> {
     let centre = |pixel: u32, size: u32| 2.0 * (f64::from(pixel) + 0.5) / f64::from(size) - 1.0;
     let pixels = (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y)));
     pixels.map(|(x, y)| hits(camera, DVec2::new(centre(x, SIZE.0), -centre(y, SIZE.1)))).collect()
 }
 
-/// Returns `true` if a pixel shows a hit: the right sphere, and the right point. The distance of a facet moves the
-/// point along the ray, and at most 8 times as far across it: the rim is 0.02 wide.
+/// Checks if a pixel shows the sphere and the point of a hit. The distance of a facet moves the point along the ray,
+/// and across the ray by at most 8 times as much, because the rim is 0.02 wide.
 fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     let Some(hit) = hit else { return pixel[..3] == [0.0; 3] };
     let expected = overdraw::label(hit.instance, hit.normal).to_array();
@@ -149,7 +149,7 @@ fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     off(0) == 0.0 && off(1).max(off(2)) < 8.0 * FACET && pixel[3] == 1.0
 }
 
-/// Judges each pixel for which `expected` has a hit, or no hit. For some frames the hit isn't the nearest.
+/// Compares each pixel with the hit that `expected` chooses. In some frames this hit isn't the nearest hit.
 fn judge(
     fragment: &str,
     camera: &dyn Fn() -> Camera,
@@ -173,7 +173,8 @@ fn judge(
     }
 }
 
-/// The nearest sphere without a hole there. Leaves out pixels for which the distance of a facet decides.
+/// Each pixel shows the nearest sphere without a hole at its hit. The test leaves out pixels for which the distance of
+/// a facet decides.
 // Lesson 33
 #[test]
 fn holes_show_the_next_sphere() {
@@ -193,8 +194,9 @@ fn holes_show_the_next_sphere() {
     });
 }
 
-/// The nearest step, and of the spheres on it the last. From the other side the last ones are the farthest. Leaves out
-/// pixels for which the distance of a facet, at most 1e-3 of the depth range, decides between two steps.
+/// Each pixel shows a sphere on the nearest step. Of the spheres on this step, it shows the last sphere, which from
+/// this camera is the farthest. The test leaves out pixels for which the distance of a facet, at most 1e-3 of the depth
+/// range, decides between two steps.
 // Lesson 33
 #[test]
 fn steps_show_the_last_sphere() {

@@ -3,7 +3,7 @@
 use karat::prelude::*;
 use shaders::{PBR, probe_room};
 
-/// A product and a difference.
+/// The function computes a product and a difference.
 #[test]
 fn sphere_centre() {
     PBR.function("probe_room::sphere_centre")

@@ -8,22 +8,22 @@ use karat::prelude::*;
 use karat::unstable::probe::Probed;
 use shaders::{PBR, radiometry};
 
-/// Results below the smallest normal f32, which WGSL may flush.
+/// WGSL may flush results below the smallest normal f32.
 const UNDERFLOW: Abs = Abs(1e-30);
 
-/// Light of any strength that f32 can hold: from starlight to the sun's 1e9 W/(m^2 sr).
+/// Light of any strength that occurs: from starlight to the sun's 1e9 W/(m^2 sr).
 const LIGHT: std::ops::RangeInclusive<f32> = 0.0..=1e9;
 
-/// Cosines that are large enough to divide by.
+/// Cosines that are large enough for a division.
 const COSINE: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// From a millimetre to ten kilometres.
+/// Distances from a millimetre to ten kilometres.
 const DISTANCE: std::ops::RangeInclusive<f32> = 1e-3..=1e4;
 
-/// Up to the hemisphere.
+/// Solid angles up to the hemisphere.
 const SOLID_ANGLE: std::ops::RangeInclusive<f32> = 1e-8..=std::f32::consts::TAU;
 
-/// A module that calls the library, to test facts about several functions at once.
+/// A module that calls the library, for tests that combine several functions.
 fn calling(functions: &str, wgsl: &str) -> Package {
     let text = format!("import pbr::radiometry::{{{functions}}};\n{wgsl}");
     Package::from_source("calling", text).depends_on("pbr", &PBR)
@@ -36,7 +36,7 @@ fn holds(result: Result<Agreement, Failure>) {
     }
 }
 
-/// One product, with a rounded constant.
+/// The function computes one product with a rounded constant.
 #[test]
 fn intensity_from_flux() {
     PBR.function("radiometry::intensity_from_flux")
@@ -44,7 +44,7 @@ fn intensity_from_flux() {
         .agrees_with(radiometry::intensity_from_flux, Ulp(2.0));
 }
 
-/// A product and two divisions, of 2.5 ulp each.
+/// The function computes a product and two divisions of 2.5 ulp each.
 #[test]
 fn irradiance_from_intensity() {
     PBR.function("radiometry::irradiance_from_intensity")
@@ -52,8 +52,9 @@ fn irradiance_from_intensity() {
         .agrees_with(radiometry::irradiance_from_intensity, Ulp(6.0).or(UNDERFLOW));
 }
 
-/// Twice the distance needs four times the intensity, to the bit: these are powers of two. An intensity of 1e-20 gives
-/// 1e-32 at the farthest and most grazing point; a smaller one may be flushed on one side.
+/// Twice the distance needs four times the intensity. The factors are powers of two, so the results are equal to the
+/// bit. At the farthest distance and the most grazing angle, an intensity of 1e-20 gives 1e-32. WGSL may flush one of
+/// the results of a smaller intensity.
 #[test]
 fn irradiance_falls_with_the_square_of_the_distance() {
     let light = LIGHT.filter(|light: &f32| *light == 0.0 || *light >= 1e-20);
@@ -72,7 +73,7 @@ fn irradiance_from_radiance() {
         .agrees_with(radiometry::irradiance_from_radiance, Ulp(2.0).or(UNDERFLOW));
 }
 
-/// Two divisions, of 2.5 ulp each.
+/// The function computes two divisions of 2.5 ulp each.
 #[test]
 fn radiance_from_irradiance() {
     PBR.function("radiometry::radiance_from_irradiance")
@@ -80,7 +81,7 @@ fn radiance_from_irradiance() {
         .agrees_with(radiometry::radiance_from_irradiance, Ulp(6.0).or(UNDERFLOW));
 }
 
-/// The series loses 3 ulp, squared 6, and three products 2.
+/// The series has 3 ulp, its square has 6 ulp, and three products add 2 ulp.
 #[test]
 fn irradiance_from_cap() {
     PBR.function("radiometry::irradiance_from_cap")
@@ -88,8 +89,8 @@ fn irradiance_from_cap() {
         .agrees_with(radiometry::irradiance_from_cap, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// Two divisions, of 2.5 ulp each, and three products. The first of these may be flushed: an area of 1.2e-38, a
-/// millimetre away, with a radiance of 1e9, contributes 1.2e-23.
+/// The function computes two divisions of 2.5 ulp each, and three products. WGSL may flush the first product: an area
+/// of 1.2e-38, a millimetre away, with a radiance of 1e9, contributes 1.2e-23.
 #[test]
 fn irradiance_from_patch() {
     PBR.function("radiometry::irradiance_from_patch")
@@ -124,7 +125,7 @@ fn conserves_energy() {
         .agrees_with(radiometry::conserves_energy, Ulp(0.0));
 }
 
-/// The series loses 3 ulp, squared 6, and two products 2; half the angle is exact.
+/// The series has 3 ulp, its square has 6 ulp, and two products add 2 ulp. Half of the angle is exact.
 #[test]
 fn cap_solid_angle() {
     PBR.function("radiometry::cap_solid_angle")
@@ -132,7 +133,7 @@ fn cap_solid_angle() {
         .agrees_with(radiometry::cap_solid_angle, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// Nested sums, each beside 1: the outer ones lose 2 ulp, the divisions further in almost nothing.
+/// The function nests sums, each with a term of 1: the outer sums lose 2 ulp, and the inner divisions almost nothing.
 #[test]
 fn series_of_sine_and_arctangent() {
     PBR.function("radiometry::sine")
@@ -141,7 +142,7 @@ fn series_of_sine_and_arctangent() {
     PBR.function("radiometry::arctangent").over(0.0..=0.172).agrees_with(f64::atan, Ulp(3.0));
 }
 
-/// A texel of a cube map, and the number of texels across.
+/// A texel of a cube map, and the width of the cube map's faces in texels.
 fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
     let place = (Integers(1..=most), 0.0..=1.0_f32, 0.0..=1.0_f32);
     place.map(|(size, column, row)| {
@@ -150,8 +151,9 @@ fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
     })
 }
 
-/// Three square roots of 4.5 ulp, two thirds of which reach the divisor, a division, the squared width of the texel (5
-/// ulp) and the rounding of its corners. Nothing cancels, however small the texel is.
+/// The function computes three square roots of 4.5 ulp, a division, and the squared width of the texel (5 ulp). Two
+/// thirds of the roots' error reach the divisor. The corners of the texel are rounded. Nothing cancels, even for small
+/// texels.
 #[test]
 fn texel_solid_angle() {
     PBR.function("radiometry::texel_solid_angle")
@@ -159,7 +161,7 @@ fn texel_solid_angle() {
         .agrees_with(radiometry::texel_solid_angle, Ulp(16.0));
 }
 
-/// A face is symmetric in both directions: only the diagonal that cuts the texel differs.
+/// A face is symmetric in both directions. The two results differ only by the diagonal that cuts the texel.
 #[test]
 fn texels_are_symmetric() {
     let size_texels = || texels(4096).filter(|(size, _, _)| *size > 1);
@@ -171,7 +173,7 @@ fn texels_are_symmetric() {
         .invariant_under(|(size, column, row)| (size, row, column), Ulp(16.0));
 }
 
-/// All texels of all six faces, summed in f64, give 4 pi within the mean error of a texel.
+/// The solid angles of all texels of all six faces, added in f64, are 4 pi within the mean error of a texel.
 #[test]
 fn the_texels_of_a_cube_cover_the_sphere() {
     let probed =
@@ -194,8 +196,8 @@ fn the_texels_of_a_cube_cover_the_sphere() {
     }
 }
 
-/// I summed over the solid angles of a cube's texels. A growing sum has up to 144 roundings, each of half an ulp with
-/// either sign, and the error of a texel.
+/// The sum of the intensity over the solid angles of a cube's texels is the flux. The sum has up to 144 roundings, each
+/// of half an ulp with either sign, and the error of a texel.
 #[test]
 fn isotropic_intensity_integrates_to_the_flux() {
     let package = calling(
@@ -213,8 +215,8 @@ fn isotropic_intensity_integrates_to_the_flux() {
     holds(flux.unrecorded().try_agrees_with(|flux: f64, _: u32| flux, Ulp(32.0).or(UNDERFLOW)));
 }
 
-/// Light from a patch that arrives at a receiver at any distance, divided by the solid angle that the patch fills from
-/// there, is the radiance that left it. Five divisions.
+/// At any distance, the irradiance from a patch, divided by the solid angle that the receiver sees of the patch, is the
+/// radiance that left the patch. The shader computes five divisions.
 #[test]
 fn radiance_along_a_ray_is_constant() {
     let package = calling(
@@ -234,7 +236,7 @@ fn radiance_along_a_ray_is_constant() {
     ));
 }
 
-/// A mirror returns the radiance that arrives, through any small solid angle.
+/// A mirror returns the incoming radiance, through any small solid angle.
 #[test]
 fn a_mirror_keeps_the_radiance() {
     let package = calling(

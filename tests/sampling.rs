@@ -6,13 +6,13 @@ use shaders::{PBR, math, sampling};
 
 use crate::drivers::{SHORT_HALFWAY, SWIFTSHADER};
 
-/// Two numbers in 0..=1. The ends are included: a bit-reversed counter may round to 1.
+/// Two numbers in 0..=1, including both ends: a bit-reversed counter may round to 1.
 fn unit_square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// WGSL allows sin and cos an error of 2^-11 = 4.9e-4 on [-pi, pi], so a portable shader can't rely on less. A factor
-/// of at most 1 scales it.
+/// WGSL allows sin and cos an error of 2^-11 = 4.9e-4 on [-pi, pi], so a portable shader can't rely on a smaller error.
+/// The samplers multiply sin and cos by at most 1.
 const TRIGONOMETRIC: Abs = Abs(6e-4);
 
 #[test]
@@ -22,7 +22,7 @@ fn uniform_hemisphere() {
         .agrees_with(sampling::uniform_hemisphere, TRIGONOMETRIC);
 }
 
-/// The height doesn't depend on sine and cosine, so it is exact.
+/// The height is exact, because it doesn't depend on sine and cosine.
 #[test]
 fn uniform_hemisphere_takes_its_height_from_u() {
     PBR.function("sampling::uniform_hemisphere")
@@ -30,9 +30,9 @@ fn uniform_hemisphere_takes_its_height_from_u() {
         .satisfies("has height u.y", |u, direction: Vec3| direction.z == u.y);
 }
 
-/// Means of the cosine and its square over the unit square. The height of a direction is exact for one sampler and a
-/// square root for the other. The midpoints of 256 rows find the mean of the root within 0.2 / 256^1.5 = 5e-5, and that
-/// of a parabola within 1 / (12 * 256^2).
+/// Tests the means of the cosine and of its square over the unit square. The height of a direction is a number of the
+/// square for one sampler, and its square root for the other. The midpoints of 256 rows give the mean of the root
+/// within 0.2 / 256^1.5 = 5e-5, and the mean of a parabola within 1 / (12 * 256^2).
 #[test]
 fn moments_of_the_cosine() {
     let package = Package::from_source(
@@ -67,23 +67,23 @@ fn uniform_hemisphere_pdf() {
 
 #[test]
 fn ggx_normal() {
-    // Below 1e-4 (except for 0, the mirror) alpha^2 vanishes beside 1 in f32.
+    // For alpha below 1e-4, except for 0 (a mirror), alpha^2 vanishes beside 1 in f32.
     let alpha = (1e-4..=1.0_f32).map(|alpha| if alpha < 2e-4 { 0.0 } else { alpha });
     PBR.function("sampling::ggx_normal")
         .over((alpha, unit_square()))
         .agrees_with(sampling::ggx_normal, TRIGONOMETRIC);
 }
 
-/// Widths of the distributions, from the smallest that f32 resolves to the widest.
+/// Widths of the distributions, from the smallest width that f32 resolves to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// Anything smaller is never visible, and WGSL may flush it.
+/// WGSL may flush smaller densities, which have no visible effect.
 const UNDERFLOW: Abs = Abs(1e-30);
 
-/// The largest number below 1. Every sequence of the library ends there.
+/// The largest f32 below 1. Every sequence of the library ends at this number.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// Two numbers, the second below 1.
+/// Two numbers in 0..=1. The second number is below 1.
 fn half_open_square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=BELOW_ONE).map(|(x, y)| Vec2::new(x, y))
 }
@@ -102,7 +102,7 @@ fn cosine_hemisphere() {
         .agrees_with(sampling::cosine_hemisphere, TRIGONOMETRIC);
 }
 
-/// A sampled direction has a positive density, so that no estimator divides by 0.
+/// A sampled direction has a positive density, so no estimator divides by 0.
 #[test]
 fn cosine_hemisphere_stays_above_the_horizon() {
     PBR.function("sampling::cosine_hemisphere")
@@ -110,7 +110,7 @@ fn cosine_hemisphere_stays_above_the_horizon() {
         .satisfies("lies above the horizon", |_, l: Vec3| l.z >= 2.4e-4);
 }
 
-/// One division.
+/// The function computes one division.
 #[test]
 fn cosine_hemisphere_pdf() {
     PBR.function("sampling::cosine_hemisphere_pdf")
@@ -118,8 +118,8 @@ fn cosine_hemisphere_pdf() {
         .agrees_with(sampling::cosine_hemisphere_pdf, Ulp(4.0));
 }
 
-/// Normals distributed as GGX has them, so that narrow lobes are tested where they are high, and others from all of the
-/// hemisphere and below.
+/// Widths with normals. Some normals are distributed as GGX, so they test narrow lobes near their peak. The other
+/// normals lie anywhere in the hemisphere and below.
 fn normals() -> impl Domain<Value = (f32, Vec3)> {
     (ALPHA, unit_square(), UnitVector, Integers(0..=2_u32)).map(|(alpha, u, any, choice)| {
         let (widened, u) = (f64::from(alpha), u.as_dvec2());
@@ -128,8 +128,8 @@ fn normals() -> impl Domain<Value = (f32, Vec3)> {
     })
 }
 
-/// Only the argument of the exponential cancels: sums of squares (3 ulp), a division (2.5), squared, divided by pi,
-/// times the cosine.
+/// Only the argument of the exponential cancels. The function computes sums of squares (3 ulp) and a division (2.5
+/// ulp), squares the quotient, divides by pi and multiplies by the cosine.
 #[test]
 fn ggx_normal_pdf() {
     PBR.function("sampling::ggx_normal_pdf")
@@ -137,7 +137,7 @@ fn ggx_normal_pdf() {
         .agrees_with(sampling::ggx_normal_pdf, Ulp(20.0).or(UNDERFLOW));
 }
 
-/// exp has 3 + 2 |x| ulp, and its argument, up to 87, some 6 ulp of its own: 87 (2 + 6) + 20 ulp.
+/// exp has 3 + 2 |x| ulp. Its argument, up to 87, has about 6 ulp. In all: 87 (2 + 6) + 20 ulp.
 #[test]
 fn beckmann_normal_pdf() {
     PBR.function("sampling::beckmann_normal_pdf")
@@ -158,8 +158,8 @@ fn beckmann_normal() {
         .agrees_with(sampling::beckmann_normal, TRIGONOMETRIC);
 }
 
-/// log is within 2^-21 = 4.8e-7 near 1 and within 3 ulp elsewhere: 4.5e-6 of the value at 0.105, where the series takes
-/// over. The series is as exact as its division, whose quotient, half of x, may be flushed.
+/// log has an error of 2^-21 = 4.8e-7 near 1 and of 3 ulp elsewhere. At 0.105, where the series takes over, this is
+/// 4.5e-6 of the value. The series is as exact as its division. WGSL may flush its quotient, half of x.
 #[test]
 fn minus_log_of_rest() {
     PBR.function("sampling::minus_log_of_rest")
@@ -171,13 +171,13 @@ fn minus_log_of_rest() {
     );
 }
 
-/// (alpha, v, u), with views down to the horizon.
+/// Alpha, v and u, with views down to the horizon.
 fn seen_normals() -> impl Domain<Value = (f32, Vec3, Vec2)> {
     (ALPHA, Hemisphere, half_open_square())
 }
 
-/// The length of the halfway vector, in the space in which the surface is a hemisphere. There it is twice the cosine
-/// between view and normal.
+/// The length of the halfway vector in the space in which the surface is a hemisphere. There, the length is twice the
+/// cosine between view and normal.
 fn halfway_length(alpha: f32, v: Vec3, u: Vec2) -> f64 {
     let (alpha, v, u) = (f64::from(alpha), v.as_dvec3(), u.as_dvec2());
     let h = sampling::ggx_visible_normal(alpha, v, u);
@@ -186,8 +186,8 @@ fn halfway_length(alpha: f32, v: Vec3, u: Vec2) -> f64 {
     2.0 * stretched.dot(unstretched)
 }
 
-/// The halfway vector moves by the error of sin and cos, at most 2^-11; the shorter it is, the more it turns. Leaves
-/// out normals seen at more than 83 degrees, one in 64: then the bound is 4.9e-4 / (1/4).
+/// The error of sin and cos moves the halfway vector by at most 2^-11, and turns a short vector more than a long one.
+/// The test leaves out normals seen at more than 83 degrees, one in 64: for all others the bound is 4.9e-4 / (1/4).
 #[test]
 fn ggx_visible_normal() {
     let domain = seen_normals().filter(|(alpha, v, u)| halfway_length(*alpha, *v, *u) > 0.25);
@@ -196,9 +196,9 @@ fn ggx_visible_normal() {
         .agrees_with(sampling::ggx_visible_normal, Abs(2e-3));
 }
 
-/// Includes those that the test above leaves out: grazing views and normals, narrow lobes. A halfway vector of length s
-/// contains s^2 / 2 of the view. An error of sin and cos removes at most its own size, sqrt(2) 2^-11, so from s = 0.04
-/// on some of it remains on each driver.
+/// Includes the normals that the test above leaves out: grazing views and normals, and narrow lobes. A halfway vector
+/// of length s contains s^2 / 2 of the view. An error of sin and cos removes at most its own size, sqrt(2) 2^-11. From
+/// s = 0.04 on, a part of the view remains on each driver.
 #[test]
 fn visible_normals_are_visible() {
     let visible = |(_, v, _): (f32, Vec3, Vec2), h: Vec3| {
@@ -213,7 +213,7 @@ fn visible_normals_are_visible() {
         .satisfies(statement, visible);
 }
 
-/// At normal incidence all facets are visible, so both samplers have the same map.
+/// At normal incidence all facets are visible, so both samplers map u to the same normals.
 #[test]
 fn all_normals_are_visible_from_above() {
     let domain = (ALPHA, Just(Vec3::Z), half_open_square());
@@ -223,8 +223,8 @@ fn all_normals_are_visible_from_above() {
     );
 }
 
-/// V.H is rounded to 1e-7 of its terms: at 0.01 that is a relative 1e-5. Normals facing away have density 0; those that
-/// nearly face away are left out.
+/// V.H is rounded to 1e-7 of its terms: at V.H = 0.01 the relative error is 1e-5. Normals that face away have
+/// density 0. The test leaves out normals that nearly face away.
 #[test]
 fn ggx_visible_normal_pdf() {
     let domain = (Hemisphere, normals())
@@ -237,7 +237,7 @@ fn ggx_visible_normal_pdf() {
 
 #[test]
 fn sampled_directions_have_unit_length() {
-    // sin^2 + cos^2 is off by up to twice the error of each.
+    // sin^2 + cos^2 has up to twice the error of sin and of cos.
     let unit = |length: f32| (length - 1.0).abs() <= 1e-3;
     PBR.function("sampling::uniform_hemisphere")
         .over(unit_square())
@@ -253,7 +253,7 @@ fn sampled_directions_have_unit_length() {
         .satisfies("has unit length", |_, normal: Vec3| unit(normal.length()));
 }
 
-/// The shader keeps the top 24 bits, which f32 holds exactly; the reference keeps all 32.
+/// The shader keeps the top 24 bits, which f32 represents exactly. The reference keeps all 32 bits.
 #[test]
 fn radical_inverse() {
     PBR.function("sampling::radical_inverse")
@@ -264,13 +264,13 @@ fn radical_inverse() {
         .satisfies("lies in [0, 1)", |_, x: f32| (0.0..1.0).contains(&x));
 }
 
-/// `i < n`, for as many points as a renderer might use.
+/// An index and a count, `i < n`, for up to as many points as a renderer may use.
 fn counters() -> impl Domain<Value = (u32, u32)> {
     (0.0..=1.0_f32, Integers(1..=1_u32 << 22))
         .map(|(share, n)| (((share * n as f32) as u32).min(n - 1), n))
 }
 
-/// One division (2.5 ulp). The radical inverse drops the bits below 2^-24.
+/// The function computes one division (2.5 ulp). The radical inverse drops the bits below 2^-24.
 #[test]
 fn hammersley() {
     let tolerance = Ulp(4.0).or(Abs(2.0_f64.powi(-24)));
@@ -282,7 +282,7 @@ fn hammersley() {
         .agrees_with(sampling::hammersley_centred, tolerance);
 }
 
-/// The input is a unit vector only within 1e-7, and the basis can't be better.
+/// The length of the input differs from 1 by up to 1e-7, so the basis has this error, too.
 #[test]
 fn orthonormal_basis() {
     PBR.function("sampling::orthonormal_basis")
@@ -290,7 +290,8 @@ fn orthonormal_basis() {
         .agrees_with(sampling::orthonormal_basis, Abs(1e-6));
 }
 
-/// Includes the poles: the construction of Duff et al. 2017 has no hole, while the older one breaks at -Z.
+/// Includes the poles: the construction of Duff et al. 2017 works at all directions, while the older construction fails
+/// at -Z.
 #[test]
 fn orthonormal_basis_is_a_rotation_onto_n() {
     PBR.function("sampling::orthonormal_basis").over(UnitVector).satisfies(
@@ -304,7 +305,7 @@ fn orthonormal_basis_is_a_rotation_onto_n() {
     );
 }
 
-/// Three products of numbers up to 1, summed.
+/// The function adds three products of numbers up to 1.
 #[test]
 fn to_world() {
     PBR.function("sampling::to_world")
@@ -312,13 +313,13 @@ fn to_world() {
         .agrees_with(sampling::to_world, Abs(5e-7));
 }
 
-/// Triples of all integers.
+/// Three integers of any value.
 fn triples() -> impl Domain<Value = UVec3> {
     let any = || Integers(0..=u32::MAX);
     (any(), any(), any()).map(|(x, y, z)| UVec3::new(x, y, z))
 }
 
-/// Integers are equal or wrong. WGSL's wrap like those of the reference.
+/// Results are integers, so the test accepts no error. Integers wrap in WGSL and in the reference.
 #[test]
 fn hashes() {
     PBR.function("sampling::pcg").over(Integers(0..=u32::MAX)).agrees_with(sampling::pcg, Ulp(0.0));
@@ -326,7 +327,7 @@ fn hashes() {
     PBR.function("sampling::stirred").over(triples()).agrees_with(sampling::stirred, Ulp(0.0));
 }
 
-/// 24 bits fit into an f32, so the results are equal, and below 1.
+/// 24 bits fit into an f32, so the results are equal to the reference, and below 1.
 #[test]
 fn random_numbers() {
     PBR.function("sampling::unit_float")
@@ -344,18 +345,18 @@ fn random_numbers() {
         .satisfies("lies in [0, 1)", |_, x: f32| (0.0..1.0).contains(&x));
 }
 
-/// Three products.
+/// The function computes three products.
 #[test]
 fn pow5() {
     PBR.function("math::pow5").over(-1.0..=1.0).agrees_with(math::pow5, Ulp(4.0));
 }
 
-/// Widths from the narrowest lobe that f32 samples resolve well to the widest.
+/// Widths from the narrowest lobe that f32 samples resolve well to the widest lobe.
 fn widths() -> impl Domain<Value = f32> {
     OneOf(vec![0.01, 0.1, 0.5, 1.0])
 }
 
-/// Widths, and views from above to half a degree above the horizon, in directions without symmetries.
+/// Widths, and views from straight above to half a degree above the horizon, in directions without symmetries.
 fn seen() -> impl Domain<Value = (f32, Vec3)> {
     let view = |degrees: f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -397,7 +398,7 @@ fn beckmann_normal_follows_its_pdf() {
 fn ggx_visible_normal_follows_its_pdf() {
     PBR.function("sampling::ggx_visible_normal")
         .sampled_over(seen(), |&(alpha, v), u: Vec2| (alpha, v, u))
-        .fails_on(SWIFTSHADER, SHORT_HALFWAY) // a facet that shows its back has no density
+        .fails_on(SWIFTSHADER, SHORT_HALFWAY) // a normal that faces away from the view has no density
         .follows(PBR.function("sampling::ggx_visible_normal_pdf"), |&(alpha, v), h: Vec3| {
             (alpha, v, h)
         });

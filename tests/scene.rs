@@ -17,11 +17,11 @@ fn sphere_centre() {
         .agrees_with(scene::sphere_centre, Ulp(1.0));
 }
 
-/// The exact N.V is 1e-3 divided by the length before normalising. That length is at most sqrt(1 + 1e-6) if the normal
-/// faces away by less than LEAST_N_DOT_V, and otherwise less than 1.
+/// Without rounding, N.V is 1e-3 divided by the length of the vector before normalising. That length is at most
+/// sqrt(1 + 1e-6) if the normal faces away by less than LEAST_N_DOT_V, and otherwise less than 1.
 #[test]
 fn facing_normal_faces_the_viewer() {
-    // If the two are nearly opposite, their sum is too short to keep its digits.
+    // If both vectors are nearly opposite, their sum is too short to keep its digits.
     let pairs = (UnitVector, UnitVector).filter(|(n, v)| n.dot(*v) > -0.9);
     PBR.function("scene::facing_normal").over(pairs).satisfies(
         "has N.V of at least 1e-3, but for rounding, and is n where that faces v already",
@@ -32,7 +32,7 @@ fn facing_normal_faces_the_viewer() {
     );
 }
 
-/// Two exact products and sums of values up to 1, rounded once each.
+/// The function computes two exact products and sums of values up to 1, each rounded once.
 #[test]
 fn mask_coordinate() {
     PBR.function("scene::mask_coordinate")

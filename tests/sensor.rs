@@ -5,15 +5,13 @@ use karat::check::{Agreement, Failure};
 use karat::prelude::*;
 use shaders::{PBR, sensor};
 
-/// Results below the smallest normal f32, which WGSL may flush.
+/// WGSL may flush results below the smallest normal f32.
 const UNDERFLOW: Abs = Abs(1e-30);
 
-/// Linear colours up to `most`.
 fn colors(most: f32) -> impl Domain<Value = Vec3> {
     (0.0..=most, 0.0..=most, 0.0..=most).map(|(r, g, b)| Vec3::new(r, g, b))
 }
 
-/// A module that calls the library.
 fn calling(functions: &str, wgsl: &str) -> Package {
     let text = format!("import pbr::sensor::{{{functions}}};\n{wgsl}");
     Package::from_source("calling", text).depends_on("pbr", &PBR)
@@ -26,8 +24,8 @@ fn holds(result: Result<Agreement, Failure>) {
     }
 }
 
-/// WGSL: 3 ulp of a logarithm with a magnitude of up to 24 are 6e-6, and 2^-21 if it is small. Rounding the argument,
-/// by 7 ulp at most, adds 1.2e-6.
+/// WGSL allows log2 3 ulp, which is 6e-6 for a magnitude of up to 24, and 2^-21 near 0. Rounding the argument, by at
+/// most 7 ulp, adds 1.2e-6.
 #[test]
 fn ev100_from_camera() {
     PBR.function("sensor::ev100_from_camera")
@@ -35,7 +33,7 @@ fn ev100_from_camera() {
         .agrees_with(sensor::ev100_from_camera, Abs(7e-6));
 }
 
-/// WGSL: exp2 is off by up to 3 + 2 |x| ulp, 45 at the brightest; and a division.
+/// WGSL allows exp2 3 + 2 |x| ulp, which is 45 ulp at the brightest input. A division adds 2.5 ulp.
 #[test]
 fn exposure_from_ev100() {
     PBR.function("sensor::exposure_from_ev100")
@@ -43,7 +41,7 @@ fn exposure_from_ev100() {
         .agrees_with(sensor::exposure_from_ev100, Ulp(48.0));
 }
 
-/// WGSL: exp2 is off by up to 3 + 2 |x| ulp, 23 here; and a product.
+/// WGSL allows exp2 3 + 2 |x| ulp, which is 23 ulp here. A product adds its rounding.
 #[test]
 fn expose() {
     PBR.function("sensor::expose")
@@ -51,7 +49,7 @@ fn expose() {
         .agrees_with(sensor::expose, Ulp(24.0).or(UNDERFLOW));
 }
 
-/// Three products and two sums of positive terms. Each product may be flushed.
+/// The function computes three products and two sums of positive terms. WGSL may flush each product.
 #[test]
 fn luminance() {
     PBR.function("sensor::luminance")
@@ -59,7 +57,7 @@ fn luminance() {
         .agrees_with(sensor::luminance, Ulp(4.0).or(Abs(3.0 * f64::from(f32::MIN_POSITIVE))));
 }
 
-/// Two divisions, of 2.5 ulp each, and sums of positive terms.
+/// The function computes two divisions, of 2.5 ulp each, and sums of positive terms.
 #[test]
 fn reinhard() {
     PBR.function("sensor::reinhard")
@@ -67,7 +65,7 @@ fn reinhard() {
         .agrees_with(sensor::reinhard, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// Like `reinhard`, with the error of the luminance in both sides of the fraction.
+/// The errors are those of `reinhard`, and the error of the luminance in numerator and denominator.
 #[test]
 fn tone_map() {
     PBR.function("sensor::tone_map")
@@ -75,12 +73,12 @@ fn tone_map() {
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
 }
 
-/// The square of such a white point is below any f32, so any colour except black is beyond white. A channel of 0 stays
-/// 0. Uses colours that are dark enough for the results to be f32.
+/// The square of such a white point is below any f32, so all colours except black are brighter than white. A channel of
+/// 0 stays 0. The test uses dark colours, so the results don't exceed f32.
 // Lesson 31
 #[test]
 fn a_white_next_to_black() {
-    // Channels that are 0, or large enough to stay normal.
+    // Channels that are 0, or large enough for normal results.
     let channels = |most| {
         colors(most).filter(|color: &Vec3| color.to_array().iter().all(|c| *c == 0.0 || *c >= 1e-6))
     };
@@ -100,7 +98,7 @@ fn a_white_next_to_black() {
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
 }
 
-/// For smaller white points, a bright colour exceeds f32: it becomes infinite, but not NaN. No check accepts infinity
+/// For smaller white points, a bright colour exceeds f32: the result is infinite, but not NaN. No verb accepts infinity
 /// as a result, so this test examines the bits.
 // Lesson 31
 #[test]
@@ -126,7 +124,7 @@ fn no_white_makes_a_nan() {
     holds(bits);
 }
 
-/// The purpose of eq. 4: white becomes 1, and darker colours stay below.
+/// The purpose of eq. 4: white becomes 1, and darker colours stay below 1.
 #[test]
 fn reinhard_ends_at_white() {
     let darker = (0.0..=1.0_f32, 0.1..=1e4_f32).map(|(share, white)| (share * white, white));
@@ -137,9 +135,10 @@ fn reinhard_ends_at_white() {
     PBR.function("sensor::reinhard").over(white).agrees_with(|_: f64, _: f64| 1.0, Ulp(9.0));
 }
 
-/// WGSL computes a power as exp2(y log2 x). On the curve's part of 0..=1, log2 x is at most 8.4 and off by 3 ulp,
-/// 2.9e-6 (2^-21 near 1), which y and ln 2 turn into 8.3e-7 of the power. exp2(3.5) adds 10 ulp, 1.2e-6, and
-/// subtracting 0.055 raises that to 3e-6 for the darkest, from 0.04 on. Above 1, log2 and exponent have similar sizes.
+/// WGSL computes a power as exp2(y log2 x). On the curved part of 0..=1, log2 x is at most 8.4, with an error of 3 ulp:
+/// 2.9e-6 (2^-21 near 1). The factors y and ln 2 turn this error into 8.3e-7 of the power. exp2(3.5) adds 10 ulp:
+/// 1.2e-6. Subtracting 0.055 raises the error to 3e-6 for the darkest results, from 0.04 on. Above 1, log2 and exponent
+/// have similar sizes.
 #[test]
 fn srgb_from_linear() {
     PBR.function("sensor::srgb_from_linear")
@@ -150,8 +149,8 @@ fn srgb_from_linear() {
         .agrees_with(sensor::srgb_from_linear, Rel(5e-6).or(UNDERFLOW));
 }
 
-/// As above: log2 has a magnitude of at most 3.5 and is off by 7.2e-7, which y = 2.4 and ln 2 turn into 1.2e-6.
-/// Rounding the base adds 4 ulp times y, 1.2e-6, and exp2(8.3) adds 20 ulp, 2.4e-6.
+/// As above, log2 has an error. Its magnitude is at most 3.5 and its error 7.2e-7, which y = 2.4 and ln 2 turn into
+/// 1.2e-6. Rounding the base adds 4 ulp times y (1.2e-6), and exp2(8.3) adds 20 ulp (2.4e-6).
 #[test]
 fn linear_from_srgb() {
     PBR.function("sensor::linear_from_srgb")
@@ -159,7 +158,7 @@ fn linear_from_srgb() {
         .agrees_with(sensor::linear_from_srgb, Rel(5e-6).or(UNDERFLOW));
 }
 
-/// All codes that textures can hold. Neighbours are 30 times as far apart as the error.
+/// Tests all codes that textures can hold. The distance between neighbouring codes is 30 times the error.
 #[test]
 fn linear_from_all_eight_bit_codes() {
     let codes = Integers(0..=255_u32).map(|code| Vec3::splat(code as f32 / 255.0));
@@ -168,7 +167,7 @@ fn linear_from_all_eight_bit_codes() {
         .agrees_with(sensor::linear_from_srgb, Rel(5e-6));
 }
 
-/// Outside 0..=1 nothing is clamped or NaN: negative light stays on the straight part.
+/// Outside 0..=1 no result is clamped or NaN: negative light stays on the straight part of the curve.
 #[test]
 fn srgb_is_not_clamped() {
     let negative = (-1.0..=0.0_f32).map(Vec3::splat);
@@ -180,7 +179,7 @@ fn srgb_is_not_clamped() {
         .agrees_with(|color: DVec3| color / 12.92, Ulp(3.0));
 }
 
-/// The whole way to a preview and back: each code of eight bits survives.
+/// Each code of eight bits survives the conversion to linear light and back.
 #[test]
 fn eight_bit_codes_survive_a_round_trip() {
     let package = calling(
@@ -194,7 +193,7 @@ fn eight_bit_codes_survive_a_round_trip() {
     holds(codes.unrecorded().try_agrees_with(|code: u32| code, Ulp(0.0)));
 }
 
-/// The two errors above, one multiplied by the slope of the other function.
+/// The result has the errors of both functions. The slope of the second function multiplies the error of the first.
 #[test]
 fn colors_survive_a_round_trip() {
     let package = calling(
@@ -207,7 +206,7 @@ fn colors_survive_a_round_trip() {
     holds(colors.unrecorded().try_agrees_with(|color: DVec3| color, Rel(1.5e-5).or(UNDERFLOW)));
 }
 
-/// A stop up is a stop down again.
+/// Raising the exposure by a stop and lowering it by a stop gives the original exposure.
 #[test]
 fn a_stop_of_exposure_value_is_a_stop_of_light() {
     let package = calling(

@@ -1,4 +1,4 @@
-//! Tests that failing cases are simplified, remembered, and replayed.
+//! Tests that Karat simplifies failing cases, remembers them and replays them.
 
 use std::path::{Path as FilePath, PathBuf};
 use std::process::Command;
@@ -18,7 +18,7 @@ fn disagreement(result: Result<Agreement, Failure>) -> Disagreement {
     }
 }
 
-/// The arguments of the simplest case, which must be the same on every path.
+/// The arguments of the simplest case. They must be equal on every path.
 #[track_caller]
 fn simplest(found: &Disagreement) -> Vec<String> {
     let mut all = found.paths.iter().map(|path| {
@@ -30,7 +30,7 @@ fn simplest(found: &Disagreement) -> Vec<String> {
     first
 }
 
-/// A fault above 0.3 in one of three arguments of a function.
+/// A fault where one of a function's three arguments is above 0.3.
 const THREE: &str = "fn f(n: vec3f, x: f32, i: u32) -> f32 {\n    \
                      return select(n.z, 2.0, x > 0.3 && x < 0.9 && i > 4u);\n}";
 
@@ -46,7 +46,7 @@ fn each_verb_reduces_its_worst_case() {
     let found = over().unrecorded().try_invariant_under(|(n, x, i)| (n, x, i.max(4)), Ulp(0.0));
     assert!(found.is_ok(), "i is made no smaller than 4");
     let found = over().unrecorded().try_invariant_under(|(n, x, i)| (n, x, i.max(5)), Ulp(0.0));
-    // The farthest one points down, the simplest one up. The last value is `i'`.
+    // The worst case of the vector points down, the simplest case up. The last value is `i'`.
     assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "0", "5"]);
     let sign = Package::from_source("planted", "fn f(x: f32) -> f32 { return abs(x); }");
     let found = sign.function("f").over(Just(-1.0_f32)).unrecorded();
@@ -54,11 +54,11 @@ fn each_verb_reduces_its_worst_case() {
     assert!(found.paths.iter().all(|path| path.simplest.is_none()), "an edge is simple: {found}");
     let over = package.function("f").over((UnitVector, 0.4..=0.51, Integers(1..=3_u32)));
     let found = over.unrecorded().try_invariant_under(|(n, x, i)| (n, x, i + 4), Ulp(0.0));
-    // And `i'`.
+    // The last value is `i'`.
     assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "1", "5"]);
 }
 
-/// Simplification works on the value before the mapping, and a filter holds for each value that it tries.
+/// Karat simplifies the value before `map` changes it. Each value that Karat tries passes `filter`.
 // Lesson 41: shrinking and remembered inputs
 #[test]
 fn mapped_and_filtered_domains_are_reduced_within() {
@@ -76,7 +76,7 @@ fn mapped_and_filtered_domains_are_reduced_within() {
     assert_eq!(simplest(&disagreement(found)), ["(0.8, 0, 0.6)", "(0, 0, 1)"]);
 }
 
-/// Samples from a half to one, and counts zero, one quarter and three quarters as simpler.
+/// Samples from 1/2 to 1. The domain offers 0, 1/4 and 3/4 as simpler values.
 #[derive(Debug)]
 struct Upper;
 
@@ -99,7 +99,7 @@ fn a_reference_that_fails_on_the_way_is_passed_over() {
     assert_eq!(simplest(&disagreement(found)), ["0.25"]);
 }
 
-/// The same case every time, whatever the order of the threads.
+/// Reducing finds the same case each time, in whichever order the threads run.
 #[test]
 fn reducing_is_deterministic() {
     let package = Package::from_source("planted", THREE);
@@ -125,7 +125,7 @@ fn a_check_that_passes_tries_nothing_more() {
     assert_eq!(calls.into_inner(), 65_536 * paths, "{:?}", start.elapsed());
 }
 
-/// Runs the planted check in its own process, which remembers inputs below `folder`.
+/// Runs the planted check in its own process, which stores inputs below `folder`.
 fn kept(folder: &FilePath, change: &str, environment: &[(&str, &str)]) -> (bool, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
     for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FAILURES"] {
@@ -146,7 +146,7 @@ fn lines(folder: &FilePath) -> Vec<String> {
     text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
 }
 
-/// The block of a report that begins with `title`, up to its replay command.
+/// The block of a report from `title` to its replay command.
 #[track_caller]
 fn block<'a>(text: &'a str, title: &str) -> Vec<&'a str> {
     let from = text.find(title).unwrap_or_else(|| panic!("`{title}` is missing in:\n{text}"));
@@ -162,7 +162,7 @@ fn replay<'a>(text: &'a str, title: &str) -> Vec<(&'a str, &'a str)> {
     words.map_while(|word| word.split_once('=')).collect()
 }
 
-/// The replay command runs only the simplest case, and it is the same case.
+/// The replay command runs only the simplest case of the report.
 #[test]
 fn the_simplest_case_is_replayed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -192,8 +192,8 @@ fn the_simplest_case_is_replayed() {
     assert!(!passed && text.contains("KARAT_INPUT needs KARAT_CASE"), "{text}");
 }
 
-/// Samples that a verb adds to the arguments, and cases that aren't words, are simplified, replayed and remembered,
-/// too.
+/// Karat also simplifies, replays and remembers samples that a verb adds to the arguments, and cases that aren't made
+/// of `u32` words.
 #[test]
 fn properties_and_integrals_are_reduced_replayed_and_remembered() {
     for (fault, simplest, kept_line) in [
@@ -223,7 +223,7 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
         let [line] = &*kept_lines else { panic!("one line a failing input: {kept_lines:?}") };
         assert!(line.contains(kept_line), "{line}");
 
-        // The replay runs only the same case, and prints how to repeat it.
+        // The replay runs only the same case, and prints the command that repeats it.
         let environment = replay(&text, title);
         let (passed, again) = kept(folder.path(), fault, &environment);
         assert!(!passed && again.contains("1 of 1 case fails"), "{again}");
@@ -233,7 +233,7 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
         let (passed, text) = kept(folder.path(), &format!("{fault}_mended"), &environment);
         assert!(passed, "{text}");
 
-        // It is tried again, alone if another seed wouldn't find the fault.
+        // Karat tries the remembered case again, also with a seed that wouldn't find the fault.
         let (passed, text) = kept(folder.path(), &format!("{fault}_mended"), &[]);
         assert!(passed && lines(folder.path()).len() == 1, "what passes stays: {text}");
         let (passed, text) = kept(folder.path(), fault, &[("KARAT_SEED", "7")]);
@@ -241,7 +241,7 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
     }
 }
 
-/// An integral that no seed samples fails because it is remembered.
+/// No seed samples the failing integral. The check fails because Karat remembers the input.
 #[test]
 fn a_remembered_integral_fails_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -259,7 +259,7 @@ fn a_remembered_integral_fails_again() {
     assert!(passed && text.contains("(case = \"0.36\") is ignored"), "{text}");
 }
 
-/// A failing input is stored once, tried again, and stays after it passes.
+/// Karat stores a failing input once, tries it again, and keeps it after it passes.
 // Lesson 41: shrinking and remembered inputs
 #[test]
 fn failing_inputs_are_remembered() {
@@ -278,7 +278,7 @@ fn failing_inputs_are_remembered() {
     assert_eq!(lines(folder.path()).len(), 1, "what passes stays");
 }
 
-/// An input that no seed samples fails because it is remembered, and only then.
+/// No seed samples the failing input. The check fails only if Karat remembers the input.
 #[test]
 fn a_remembered_input_fails_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -302,7 +302,7 @@ fn a_remembered_input_fails_again() {
     assert!(passed, "{text}");
 }
 
-/// An input that the function or the domain no longer accepts is skipped with a note.
+/// Karat skips a remembered input that the function or the domain no longer accepts, and prints a note.
 #[test]
 fn remembered_inputs_that_no_longer_fit_are_ignored() {
     for (first, then, note) in [
@@ -324,7 +324,7 @@ fn remembered_inputs_that_no_longer_fit_are_ignored() {
     }
 }
 
-/// CI and the `try_` forms write nothing. A folder that can't be written gives a note.
+/// In CI and in the `try_` functions, Karat writes nothing. If a folder isn't writable, Karat prints a note.
 #[test]
 fn nothing_is_written_where_it_is_not_wanted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -343,7 +343,7 @@ karat::shareable! {
     struct Mixed mirrors MixedMirror { a: f32, v: Vec3, n: i32, flags: [u32; 2], on: bool }
 }
 
-/// Every type of argument arrives bit by bit from every domain.
+/// Every type of argument arrives unchanged from uniform buffers, storage buffers and constants.
 // Lesson 40: arguments from uniform buffers and as constants
 #[test]
 fn arguments_come_from_every_source() {
@@ -376,7 +376,7 @@ fn arguments_come_from_every_source() {
     assert_eq!(names.len() % 3, 0, "{names:?}");
 }
 
-/// A fault that only some arguments show, from each domain: reported, simplified and replayed there.
+/// Karat reports, simplifies and replays a fault that only appears for arguments from one source, for each source.
 // Lesson 40: arguments from uniform buffers and as constants
 #[test]
 fn a_fault_is_found_from_every_source() {
@@ -426,7 +426,7 @@ fn what_is_no_constant_is_refused() {
         .try_satisfies("is anything", |_, _: u32| true);
     let error = error.expect_err("NaN").to_string();
     assert!(error.starts_with("the arguments of `f` can't come from constant inputs: "), "{error}");
-    // Not by chance: it holds for any seed.
+    // The result holds for any seed, not only by chance.
     for seed in 0..10 {
         let over = package.function("f").over(AnyF32::with_non_finite()).inputs(Inputs::Constant);
         let found = over.seed(seed).unrecorded().try_satisfies("is anything", |_, _: u32| true);

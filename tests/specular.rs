@@ -9,11 +9,11 @@ use shaders::{PBR, environment, fresnel, specular};
 
 use crate::drivers::{CUT_OFF, NVIDIA, SWIFTSHADER};
 
-/// The error of the samples' azimuths shows in the mean over them. SwiftShader's sine and cosine are off by up to
-/// 1.9e-4, with either sign; half of that was measured.
+/// The error of the samples' azimuths that remains in the mean over the samples. SwiftShader's sine and cosine have
+/// errors of up to 1.9e-4, with either sign. Half of that was measured in the mean.
 const AZIMUTHS: Abs = Abs(2e-4);
 
-/// A normal, and a view on its side of the surface with N.V of at least `least`.
+/// A normal and a view on the normal's side of the surface. N.V is at least `least`.
 fn seen(least: f32) -> impl Domain<Value = (Vec3, Vec3)> {
     (UnitVector, UnitVector)
         .map(|(n, v)| (n, if n.dot(v) < 0.0 { -v } else { v }))
@@ -34,13 +34,13 @@ fn white(_: DVec3) -> DVec3 {
     DVec3::ONE
 }
 
-/// Widths of lobes; those below 2e-4 become a mirror.
+/// Widths of lobes. Widths below 2e-4 become 0, a mirror.
 fn widths() -> impl Domain<Value = f32> {
     (1e-4..=1.0_f32).map(|alpha| if alpha < 2e-4 { 0.0 } else { alpha })
 }
 
-/// In a furnace, a microfacet surface with f0 = 1 reflects what masking leaves: at most everything. The quadrature by
-/// 64 normals is off by up to 5e-3.
+/// In a furnace, a microfacet surface with f0 = 1 reflects the light that masking leaves, so at most all light. The
+/// error of the quadrature with 64 normals is up to 5e-3.
 #[test]
 fn a_white_furnace_gives_no_more_than_its_light() {
     furnace()
@@ -55,8 +55,8 @@ fn a_white_furnace_gives_no_more_than_its_light() {
 }
 
 /// Compares weights and directions of the shader's simplified sum with the general form, which has D in both f and pdf.
-/// N.V is a sum of three products, rounded to 1e-7, and divides the weights: their relative error is 1e-7 / N.V, and so
-/// is their slope at the horizon, where samples are rejected.
+/// N.V is a sum of three products, rounded to 1e-7, and divides the weights. The relative error of the weights is
+/// 1e-7 / N.V, and their slope at the horizon, where samples are rejected, has the same error.
 #[test]
 fn estimate() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
@@ -72,7 +72,7 @@ fn estimate() {
     }
 }
 
-/// Width 0 is a mirror: Fresnel only.
+/// Width 0 is a mirror, which reflects by Fresnel only.
 #[test]
 fn a_mirror_reflects_by_fresnel_alone() {
     let domain = (UnitRgb, seen(1e-3)).map(|(f0, (n, v))| (f0, 0.0_f32, n, v, 1_u32));
@@ -84,30 +84,32 @@ fn a_mirror_reflects_by_fresnel_alone() {
 
 const SIZE: u32 = 64;
 
-/// An environment with another colour for each direction, smooth at the size of a texel.
+/// An environment with another colour for each direction. The colours change slowly over the width of a texel.
 fn colours() -> CubeMap {
     CubeMap::from_fn(SIZE, |d| 0.5 * (d + Vec3::ONE)).with_mips()
 }
 
-/// Light from a cube map, as a linear sampler returns it.
+/// Light from a cube map, with the values that a linear sampler returns.
 fn from(cube_map: &CubeMap) -> impl Fn(DVec3, f64) -> DVec3 {
     move |d, level| cube_map.sample_level(d, level).truncate()
 }
 
-/// Returns `true` if a look-up at `level` stays on one face. wgpu's desktop GL clamps to the face.
+/// Checks if a look-up at `level` reads only one face. Across edges, wgpu's desktop GL clamps to the face.
 fn on_one_face(d: DVec3, level: f64) -> bool {
     let margin = 0.5 * level.ceil().exp2() / f64::from(SIZE);
     let uv = environment::face_point(d).uv;
     (uv - DVec2::splat(0.5)).abs().max_element() <= 0.5 - margin
 }
 
-/// Filter weights have 8 bits, over a slope of half a texel (1/64), and are multiplied by those of samples, up to 2.
+/// The weights of the filter have 8 bits. Their error is multiplied by half a texel's slope (1/64) and by the weights
+/// of samples, up to 2.
 const COLOUR: Abs = Abs(2.0 * 3.0 / 512.0 / 64.0);
 
 /// On GL texels have 11 bits.
 const COLOUR_OF_HALVES: Abs = Abs(2.0 * (3.0 / 512.0 / 64.0 + 2.5e-4));
 
-/// Directions, weights and Fresnel of each sample: the light depends on the direction.
+/// The light depends on the direction, so the test covers the direction, the weight and the Fresnel reflectance of each
+/// sample.
 // Lesson 22: a tolerance of one path
 #[test]
 fn estimate_of_colours() {
@@ -159,7 +161,7 @@ fn filtered_estimate_of_colours() {
     );
 }
 
-/// The colour of each level is its number, so the result is the mean level of the samples, over the whole sphere.
+/// The colour of each level is its number, so the result is the mean level of the samples over the whole sphere.
 /// Fractions of levels have 8 bits.
 #[test]
 fn the_levels_of_filtered_estimate() {
@@ -179,7 +181,7 @@ fn the_levels_of_filtered_estimate() {
         );
 }
 
-/// Filtering doesn't change constant light: the furnace of `estimate`.
+/// Filtering doesn't change constant light, so the results are those of `estimate` in a furnace.
 #[test]
 fn constant_light_is_exact_at_every_level() {
     let domain =
@@ -196,7 +198,7 @@ fn constant_light_is_exact_at_every_level() {
 
 #[test]
 fn split_sum_table() {
-    // The vector v, and with it V.H, is rounded to 1e-7, and N.V divides it.
+    // The vector v, and so V.H, is rounded to 1e-7. N.V divides this error.
     for (least, tolerance) in [(0.1, Abs(5e-6)), (1e-3, Abs(3e-4))] {
         PBR.function("specular::split_sum_table")
             .over((widths(), least..=1.0, Integers(1..=64_u32)))
@@ -206,7 +208,7 @@ fn split_sum_table() {
     }
 }
 
-/// Both numbers are shares, and so is their sum: the light that f0 = 1 returns in a furnace.
+/// Scale and bias are shares, and their sum is a share, too: the light that a surface with f0 = 1 returns in a furnace.
 #[test]
 fn the_table_conserves_energy() {
     PBR.function("specular::split_sum_table")
@@ -217,8 +219,8 @@ fn the_table_conserves_energy() {
         });
 }
 
-/// The sum and another product, all positive. Products and sum may be flushed, before and after the light multiplies
-/// them: (2 50 + 1) 1.2e-38.
+/// The function adds two positive products and multiplies the sum by the light. WGSL may flush the products and the
+/// sum, before and after the multiplication: (2 50 + 1) 1.2e-38.
 #[test]
 fn split_sum() {
     let table = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y));
@@ -260,7 +262,7 @@ fn prefiltered() {
     );
 }
 
-/// A square root and a product.
+/// The function computes a square root and a product.
 #[test]
 fn prefiltered_level() {
     PBR.function("specular::prefiltered_level")
@@ -268,7 +270,7 @@ fn prefiltered_level() {
         .agrees_with(specular::prefiltered_level, Ulp(5.0));
 }
 
-/// A quotient of 2.5 ulp, squared.
+/// The function squares a quotient of 2.5 ulp.
 #[test]
 fn prefiltered_alpha() {
     let domain = (0.0..=1.0_f32, Integers(2..=16_u32))
@@ -278,8 +280,8 @@ fn prefiltered_alpha() {
         .agrees_with(specular::prefiltered_alpha, Ulp(6.0));
 }
 
-/// Seen in the plane of the table, both use the same samples, so the split sum is the full estimator for constant
-/// light. N.V is exact here, but the length of the view isn't: V.H is off by 1e-7 / N.V.
+/// If the view lies in the plane of the table, table and estimator use the same samples, so the split sum is the full
+/// estimator for constant light. N.V is exact here, but the length of the view isn't: V.H has an error of 1e-7 / N.V.
 #[test]
 fn the_split_sum_is_exact_for_constant_light() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
@@ -297,10 +299,10 @@ fn the_split_sum_is_exact_for_constant_light() {
     }
 }
 
-/// Seen along the normal, so that N = V = R, the split sum is within half of the full estimator for every normal in the
-/// studio. At N.V = 0.3 it isn't within a factor of 4: its lobe is round about the mirror direction and shows a lamp
-/// that the true lobe, which is stretched, spreads thinly. (For alpha = 0.3 the mean difference is 8 % and 41 %: see
-/// the tests of the twin.)
+/// If the view is along the normal, N = V = R. Then the split sum is within half of the full estimator for every normal
+/// in the studio. At N.V = 0.3 the results differ by more than a factor of 4: the split sum's lobe is round about the
+/// mirror direction and shows a lamp, while the true lobe is stretched and spreads the lamp thinly. (For alpha = 0.3
+/// the mean difference is 8 % and 41 %: see the tests of the twin.)
 #[test]
 fn the_split_sum_in_the_studio() {
     let cube_map = CubeMap::from_texels(SIZE, environment::cube_map(SIZE, environment::studio));
@@ -313,7 +315,7 @@ fn the_split_sum_in_the_studio() {
         let reference = |f0: DVec3, alpha: f64, n: DVec3, v: DVec3, samples: u32| {
             let light = |d| from(&cube_map)(d, 0.0);
             let held = specular::prefiltered(alpha, 2.0 * n.dot(v) * n - v, samples, light);
-            let table = specular::split_sum_table(alpha, n.dot(v).min(1.0), samples); // it rounds
+            let table = specular::split_sum_table(alpha, n.dot(v).min(1.0), samples); // N.V may round above 1
             specular::split_sum(f0, table, held)
         };
         probe("specular::estimate", cube_map.clone())
@@ -326,9 +328,9 @@ fn the_split_sum_in_the_studio() {
     let _ = found(0.3, Rel(0.75)).expect_err("the split sum is as close at grazing");
 }
 
-/// A sun of 4 degrees, seen in a surface of alpha = 0.3 by 32 samples, about 10 degrees apart. From higher levels its
-/// light is right within 40 %. From the first level a sample hits it or not, and the result is 0 or 2.5 times too
-/// bright.
+/// Tests a sun of 4 degrees, seen in a surface of alpha = 0.3 with 32 samples, about 10 degrees apart. With higher
+/// levels, the sun's light is right within 40 %. With only the first level, a sample hits or misses the sun, and the
+/// result is 0 or 2.5 times too bright.
 #[test]
 fn higher_levels_hold_a_small_sun() {
     let axis = DVec3::new(0.2, 0.3, 1.0).normalize();
@@ -361,8 +363,8 @@ fn higher_levels_hold_a_small_sun() {
         .expect_err("32 samples find a sun of 4 degrees");
 }
 
-/// A narrowing lobe becomes a mirror: (1 - F_c, F_c) in the table. 64 samples reach up to 11 alpha from the mirror
-/// direction, and lose an amount proportional to alpha there.
+/// A narrowing lobe becomes a mirror: the table becomes (1 - F_c, F_c). The 64 samples reach up to 11 alpha from the
+/// mirror direction, and lose light there in proportion to alpha.
 #[test]
 fn the_table_of_a_mirror() {
     let mirror = |_: f64, n_dot_v: f64, _: u32| {

@@ -1,8 +1,8 @@
-//! Tests statistical checks: the faults that they find, how reliably, and how rarely they reject a right sampler.
+//! Tests the faults that statistical checks find, their power, and how rarely they reject a right sampler.
 //!
-//! Each planted fault is small, because one that a few hundred samples would show proves little. The rate at which a
-//! right sampler is rejected is measured on the CPU, over a thousand seeds, with the tests that the checks use, and
-//! again on a device over fewer seeds.
+//! Each planted fault is small, because a fault that a few hundred samples show proves little. On the CPU, the rate of
+//! rejected right samplers is measured over a thousand seeds, with the statistical tests that the checks use. A test on
+//! a device measures the rate again over fewer seeds.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +17,7 @@ use karat::unstable::stats::{
 };
 use shaders::PBR;
 
-/// Samplers and densities: wrong ones and right ones.
+/// Right and wrong samplers and densities.
 fn planted() -> Package {
     let text = "
         import pbr::sampling::{ggx_normal, ggx_normal_pdf, cosine_hemisphere, turned, ggx};
@@ -224,7 +224,7 @@ fn rejected(result: Result<Fit, Failure>) -> Rejection {
     }
 }
 
-/// The findings, which have the same kinds on each path.
+/// The kinds of findings. They must be equal on each path.
 #[track_caller]
 fn findings(result: Result<Fit, Failure>) -> Vec<Finding> {
     let kinds = |of: &[Finding]| of.iter().map(std::mem::discriminant).collect::<Vec<_>>();
@@ -236,7 +236,7 @@ fn findings(result: Result<Fit, Failure>) -> Vec<Finding> {
     first
 }
 
-/// The p-value of the chi-square finding, which has to be the only one.
+/// The p-value of the chi-square finding, which must be the only finding.
 #[track_caller]
 fn chi_square_alone(result: Result<Fit, Failure>) -> f64 {
     match findings(result)[..] {
@@ -266,7 +266,7 @@ fn ggx_power(pdf: &str, samples: u64) -> f64 {
         .least
 }
 
-/// Checks a sampler of [`planted`] against the cosine, or another density.
+/// Checks a sampler of [`planted`] against the density of the cosine, or against another density.
 fn cosine_against(sampler: &str, pdf: &str) -> Result<Fit, Failure> {
     let planted = planted();
     planted
@@ -285,8 +285,8 @@ fn a_pdf_of_the_wrong_scale_is_rejected() {
     assert_eq!(ggx_power("scaled_pdf", 1 << 18), 1.0);
 }
 
-/// A density that integrates to more than 1 leaves out less than nothing, which isn't a finding of its own. If it
-/// exceeds 1 only by rounding, any sample that leaves is one too many.
+/// If a density integrates to more than 1, it leaves out less than nothing, and this isn't a finding of its own. If the
+/// integral exceeds 1 only by rounding, each sample outside the domain is a finding.
 // Lesson 68
 #[test]
 fn a_density_above_one_leaves_nothing_out() {
@@ -303,8 +303,8 @@ fn a_density_above_one_leaves_nothing_out() {
     assert!(left > 10 && expected == 0.0, "{found:?}");
 }
 
-/// A lobe of alpha 0.01 whose peak is a texel: as a half float, 3183.1 is 3184. The density is right on each path,
-/// whatever the format of its textures is; a peak with a larger error isn't.
+/// The peak of a lobe with alpha 0.01 is read from a texel: a half float stores 3183.1 as 3184. The check accepts the
+/// density on each path, for any format of the path's textures, but rejects a peak with a larger error.
 // Lesson 68
 #[test]
 fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
@@ -329,7 +329,7 @@ fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
     assert!(matches!(found[..], [Finding::Mass { .. }]), "{found:?}");
 }
 
-/// All tests of a check together reject a right sampler with the stated probability.
+/// All statistical tests of a check together reject a right sampler with the stated probability.
 // Lesson 72
 #[test]
 fn a_check_shares_its_significance_among_its_tests() {
@@ -351,17 +351,17 @@ fn a_check_shares_its_significance_among_its_tests() {
     }
 }
 
-/// The noncentrality is n 0.05^2 = 655 at 2^18 samples: twenty deviations of chi-square.
+/// The noncentrality is n 0.05^2 = 655 at 2^18 samples, which is twenty standard deviations of chi-square.
 // Lesson 7
 #[test]
 fn a_pdf_that_is_five_percent_wrong_is_rejected() {
     assert!(chi_square_alone(ggx_against("tilted_pdf")) < 1e-12);
     assert!(ggx_power("tilted_pdf", 1 << 18) > 0.999_999);
-    // By its shape only: the integral over the edge is exact enough for a few samples, too.
+    // Only the shape is wrong, and few samples rarely detect that. The integral over the edge is already exact enough.
     assert!(ggx_power("tilted_pdf", 1024) < 0.1);
 }
 
-/// The stated power is real: at half power about half of the runs detect the fault.
+/// The stated power is right: at a power of one half, about half of the runs detect the fault.
 // Lesson 7
 #[test]
 fn power_is_what_it_is_said_to_be() {
@@ -391,14 +391,14 @@ fn a_squared_alpha_is_rejected() {
     assert!(ggx_power("squared_pdf", 4096) > 0.999_999);
 }
 
-/// Two faults: its integral is about 2 / (1 + alpha), and its shape is wrong.
+/// The density has two faults: its integral is about 2 / (1 + alpha), and its shape is wrong.
 #[test]
 fn a_missing_cosine_is_rejected() {
     let found = findings(ggx_against("without_cosine_pdf"));
     assert!(matches!(found[..], [Finding::Mass { .. }, Finding::ChiSquare { .. }]), "{found:?}");
 }
 
-/// 1 / (4 V.H) is missing: the integral is the mean of 4 V.H, far above 1.
+/// The factor 1 / (4 V.H) is missing, so the integral is the mean of 4 V.H, far above 1.
 // Lesson 7
 #[test]
 fn a_missing_jacobian_is_rejected() {
@@ -417,7 +417,7 @@ fn a_missing_jacobian_is_rejected() {
     let mass = found.iter().any(|f| matches!(f, Finding::Mass { integral, .. } if *integral > 2.0));
     let shape = found.iter().any(|f| matches!(f, Finding::ChiSquare { p, .. } if *p < 1e-12));
     assert!(mass && shape, "{found:?}");
-    // The check doesn't declare that samples may leave, so one that does is a failure.
+    // The check doesn't declare that samples may leave the domain, so each sample outside is a failure.
     let strict = planted
         .function("reflected")
         .sampled_over(Just(0.3), move |&alpha, u: Vec2| (alpha, v, u))
@@ -433,7 +433,7 @@ fn a_missing_stratum_is_rejected() {
     assert!(chi_square_alone(cosine_against("stratum_missing", "cosine_pdf")) < 1e-12);
 }
 
-/// Three samples in a hundred take their azimuth from the height.
+/// Three samples in a hundred have an azimuth that depends on the height.
 // Lesson 7
 #[test]
 fn correlated_random_numbers_are_rejected() {
@@ -456,7 +456,7 @@ fn what_cannot_be_is_rejected_outright() {
     assert!(matches!(found[0], Finding::NotFinite { .. }), "{found:?}");
 }
 
-/// There is no verdict without evidence.
+/// A check without evidence is an error.
 #[test]
 fn what_proves_nothing_is_an_error() {
     let planted = planted();
@@ -469,7 +469,7 @@ fn what_proves_nothing_is_an_error() {
         let few = sampled("cosine").samples(samples).unrecorded().try_follows(pdf(), at);
         assert!(matches!(few, Err(Failure::Evidence { .. })), "{few:?}");
     }
-    // All samples are in one cell, which expects fewer.
+    // All samples lie in one cell, which expects fewer samples.
     assert!(chi_square_alone(sampled("constant").unrecorded().try_follows(pdf(), at)) < 1e-12);
     for significance in [0.0, 1.0, f64::NAN] {
         let none = sampled("cosine").significance(significance).unrecorded().try_follows(pdf(), at);
@@ -490,7 +490,7 @@ fn what_proves_nothing_is_an_error() {
         .unrecorded()
         .try_follows(pdf(), |_, l: Vec3| l);
     assert!(matches!(empty, Err(Failure::Domain { .. })), "{empty:?}");
-    // Points outside the support, and random numbers without a uniform distribution.
+    // The points lie outside the support, or the random numbers aren't uniform.
     let disk = sampled("cosine").support(Support::Disk).unrecorded().try_follows(pdf(), at);
     assert!(matches!(disk, Err(Failure::Signature { .. })), "{disk:?}");
     let signs = planted
@@ -539,8 +539,8 @@ fn means_and_distributions_that_are_wrong_are_rejected() {
     assert!(matches!(found[..], [Finding::NotFinite { .. }]), "{found:?}");
 }
 
-/// A density that leaves out a part of the integrand, as do its samples: each is right about the other, but the
-/// estimate lacks that part.
+/// The density and the samples leave out the same part of the integrand. The samples fit the density, but the estimate
+/// lacks that part.
 // Lesson 15: planted faults
 #[test]
 fn an_estimate_that_misses_a_part_is_rejected() {
@@ -550,11 +550,11 @@ fn an_estimate_that_misses_a_part_is_rejected() {
     inner().follows(planted.function("inner_pdf"), |(): &(), l: Vec3| l);
     let found = findings(inner().unrecorded().try_estimates(with("grey"), with("inner_pdf")));
     let [Finding::Mean { mean, expected, .. }, ..] = &found[..] else { panic!("{found:?}") };
-    // Heights from 1/2 to 1 hold 3/4 of all cosines.
+    // 3/4 of the integral of the cosine lies at heights from 1/2 to 1.
     assert!((mean / expected - 0.75).abs() < 1e-3, "{mean} {expected}");
 }
 
-/// Cells are placed where samples are; coinciding samples don't reduce their number.
+/// The check places cells where samples are. Equal samples don't reduce the number of cells.
 #[test]
 fn a_sampler_that_has_lost_a_dimension_is_rejected() {
     let planted = planted();
@@ -601,7 +601,7 @@ fn a_die_has_the_distribution_of_a_die() {
     }
 }
 
-/// Few observations of a rare event don't disprove its probability.
+/// Few observations of a rare event don't disprove the probability of the event.
 #[test]
 fn the_mean_of_a_rare_event_is_no_verdict() {
     let planted = planted();
@@ -626,7 +626,7 @@ fn an_interval_of_no_length_is_refused() {
     }
 }
 
-/// A density with a wrong factor gives a mean that is off by the same factor.
+/// A density with a wrong factor gives a mean with the same wrong factor.
 // Lesson 15: planted faults
 #[test]
 fn an_estimate_by_a_scaled_density_is_rejected() {
@@ -634,7 +634,7 @@ fn an_estimate_by_a_scaled_density_is_rejected() {
     let sampled = || planted.function("cosine").sampled_over(Just(()), |(), u: Vec2| u);
     let pdf = || (planted.function("cosine_pdf"), |(): &(), l: Vec3| l);
     sampled().estimates((planted.function("grey"), |(): &(), l: Vec3| l), pdf());
-    // A density with a wrong factor, and a mean that is off by the same factor.
+    // This density has a wrong factor, which gives a mean with the same wrong factor.
     let scaled = || (planted.function("scaled_cosine_pdf"), |(): &(), l: Vec3| l);
     let found = findings(
         sampled()
@@ -644,8 +644,8 @@ fn an_estimate_by_a_scaled_density_is_rejected() {
     assert!(found.iter().any(|f| matches!(f, Finding::Mean { .. })), "{found:?}");
 }
 
-/// The mean of equal weights is known up to their rounding: if it is off by five times that, it is rejected, although
-/// the density's own integral may be off by more.
+/// If all weights are equal, their mean is exact except for rounding. The check rejects a mean with five times that
+/// error, although the density's own integral may have a larger error.
 // Lesson 72
 #[test]
 fn a_mean_is_granted_no_more_than_rounding() {
@@ -690,7 +690,8 @@ fn a_rejection_names_its_files_and_how_to_replay_it() {
         assert!(file.is_file() && text.contains(&file.display().to_string()), "{text}");
     }
     let (image, _) = karat::Image::read_exr(&worst.pictures[0]).expect("an EXR file");
-    // Three panels: the expectation is 5 % off on each side of the observation.
+    // The image has three panels: the expectation is 5 % too large on one side of the observation and 5 % too small on
+    // the other.
     assert_eq!(image.width() % 3, 0);
     for part in [
         "fails follows: tilted_pdf on the hemisphere",
@@ -703,7 +704,7 @@ fn a_rejection_names_its_files_and_how_to_replay_it() {
     }
 }
 
-/// The text, with `#` in place of each number.
+/// The text with `#` in place of each number.
 fn shape(text: &str) -> String {
     let (mut shape, mut before) = (String::new(), ' ');
     let mut rest = text.trim_end().chars().peekable();
@@ -714,7 +715,7 @@ fn shape(text: &str) -> String {
             (before, _) = (c, shape.push(c));
             continue;
         }
-        // An exponent may have a sign, and a hexadecimal number letters.
+        // An exponent may have a sign, and a hexadecimal number has letters.
         let number = |c: &char| c.is_ascii_hexdigit() || matches!(c, '-' | 'x' | '.');
         while rest.next_if(number).is_some() {}
         shape.push('#');
@@ -723,7 +724,7 @@ fn shape(text: &str) -> String {
     shape
 }
 
-/// The whole message, word by word.
+/// Compares the whole message.
 #[test]
 fn what_a_rejection_says() {
     let mut rejection = rejected(cosine_against("stratum_missing", "cosine_pdf"));
@@ -765,17 +766,15 @@ cargo test -p tests --test statistics -- --exact what_a_rejection_says";
     assert_eq!(text, expected, "{text}");
 }
 
-// Calibration: right samplers on the CPU, with the tests that the checks use.
+// Calibration: runs right samplers on the CPU, with the statistical tests that the checks use.
 
-/// The number of seeds of each calibration.
 const SEEDS: u64 = 1000;
 
-/// Cosine-distributed coordinates on the hemisphere.
 fn cosine_coordinates(source: &mut Source) -> [f64; 2] {
     [source.unit().sqrt().asin(), TAU * source.unit()]
 }
 
-/// The mass of the cosine in a cell.
+/// The integral of the cosine's density over a cell.
 fn cosine_masses(cells: &Cells) -> Vec<f64> {
     let mass = |cell| {
         let bounds = cells.rectangle(cell);
@@ -791,7 +790,7 @@ fn cosine_histogram(seed: u64, samples: u64) -> (Cells, Vec<u64>) {
     let cells = Cells::new(Support::Hemisphere, &pilot, 8, 16);
     let mut observed = vec![0; cells.len()];
     for sample in 0..samples {
-        // A stream for each sample: the streams have to be independent, too.
+        // Each sample has its own stream, so the test also needs independent streams.
         let at = cosine_coordinates(&mut Source::new(seed, sample));
         let Place::Inside(at) = Support::Hemisphere.locate(Support::Hemisphere.point(at).0) else {
             panic!("{at:?} is on the hemisphere")
@@ -801,7 +800,8 @@ fn cosine_histogram(seed: u64, samples: u64) -> (Cells, Vec<u64>) {
     (cells, observed)
 }
 
-/// The rate of rejections, and the distribution of the p-values, which is uniform if the approximation is good.
+/// The rate of rejections and the distribution of the p-values. The p-values are uniformly distributed if the
+/// approximation is good.
 fn calibrated(mut p_value: impl FnMut(u64) -> f64) -> (Rate, Rate, f64) {
     let mut p: Vec<f64> = (0..SEEDS).map(&mut p_value).collect();
     let rate = |significance| Rate {
@@ -825,7 +825,7 @@ fn chi_square_rejects_as_often_as_it_says() {
     assert!(uniform > 1e-3, "{uniform}");
 }
 
-/// Half of the cells expect fewer than five samples.
+/// Half of the cells expect fewer than five samples, so they are pooled.
 #[test]
 fn pooled_chi_square_rejects_as_often_as_it_says() {
     let (one, ten, _) = calibrated(|seed| {
@@ -860,13 +860,13 @@ fn means_reject_as_often_as_they_say() {
     assert!(uniform > 1e-3, "{uniform}");
 }
 
-/// Means and distributions have the stated power: half of the runs detect the fault at half power.
+/// Means and distributions have the stated power: at a power of one half, half of the runs detect the fault.
 #[test]
 fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
     let cosine = |l: Vec3| f64::from(l.z);
     let uniform = PBR.function("sampling::uniform_hemisphere");
     let samples = |count| uniform.clone().sampled_over(Just(()), |(), u: Vec2| u).samples(count);
-    // The mean is 1/2, with a deviation of 1/sqrt(12).
+    // The mean is 1/2, with a standard deviation of 1/sqrt(12).
     let wrong = 0.5 + 0.01;
     let said = |count| {
         let power = samples(count).mean_power_against(cosine, |()| wrong, |()| 0.5, 0.0);
@@ -879,7 +879,7 @@ fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
     assert!((0.2..0.9).contains(&said(5000)), "{}", said(5000));
     assert!(accepts(binomial_tail(rate.rejected, rate.runs, said(5000)), 1e-3), "{rate:?}");
 
-    // Off by 0.02 at the middle.
+    // The distribution has an error of 0.02 at the middle.
     let bent = |x: f64| x + 0.08 * x * (1.0 - x);
     let said = |count| {
         let power = samples(count).distribution_power_against(
@@ -895,14 +895,14 @@ fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
         let samples = samples(6000).seed(seed);
         samples.unrecorded().try_has_distribution("cos", cosine, |(), x| bent(x), 0.0).is_err()
     });
-    // The stated power is a lower bound: a distance elsewhere is rejected as well.
+    // The stated power is a lower bound: the check also rejects a distance at another point.
     let least = said(6000);
     assert!((0.2..0.9).contains(&least), "{least}");
     assert!(rate.share() > least || accepts(binomial_tail(rate.rejected, rate.runs, least), 1e-3));
     assert!(rate.share() < 1.0, "{rate:?}");
 }
 
-/// Discrete, and so slightly more lenient than stated.
+/// The distribution is discrete, so the check rejects slightly less often than stated.
 #[test]
 fn binomial_tails_reject_no_more_often_than_they_say() {
     let (one, ten, _) = calibrated(|seed| {
@@ -913,7 +913,7 @@ fn binomial_tails_reject_no_more_often_than_they_say() {
     assert!(one.is_within(0.01) && ten.is_within(0.1), "{one:?} {ten:?}");
 }
 
-/// A density off by 8 % rms at 4,096 samples and 128 cells.
+/// The density has an error of 8 % rms, at 4,096 samples and 128 cells.
 #[test]
 fn power_is_calibrated_too() {
     let tilt = |cells: &Cells, masses: &[f64]| -> Vec<f64> {
@@ -940,7 +940,7 @@ fn power_is_calibrated_too() {
     assert!(accepts(chance, 1e-3), "{said:?}, but {rate:?}");
 }
 
-/// On a device, with everything that a check does, in several configurations.
+/// Measures the rate on a device with complete checks, with several options.
 // Lesson 7: no more alarms than announced
 #[test]
 fn checks_of_right_samplers_reject_as_often_as_they_say() {

@@ -1,4 +1,4 @@
-//! Tests Karat in another project: with its own workspace, outside this folder.
+//! Tests Karat in a project with its own workspace, outside this repository.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path as FilePath, PathBuf};
@@ -16,7 +16,7 @@ const BRDF: &str = "import package::math::{PI, pow5};\n\n\
         return f0 + (1.0 - f0) * pow5(1.0 - cosine);\n}\n\n\
     fn lambert(albedo: f32, n_dot_l: f32) -> f32 {\n    return albedo / PI * n_dot_l;\n}\n";
 
-/// The fault: multiplying by pi instead of dividing.
+/// The planted fault multiplies by pi instead of dividing by pi.
 const FAULT: (&str, &str) = ("albedo / PI", "albedo * PI");
 
 const TESTS: &str = r#"
@@ -42,7 +42,7 @@ fn lambert() {
 }
 "#;
 
-/// Code that rustc should refuse, each with a message that says what to write instead.
+/// Snippets that rustc must refuse. Each error must say how to write the code correctly.
 const MISFITS: &str = r#"
 use karat::prelude::*;
 
@@ -77,9 +77,10 @@ fn arguments_of_f64() {
 }
 "#;
 
-/// Features of common libraries in this workspace. With them the test reuses the libraries that were compiled for this
-/// program; without them most are compiled again. `cargo tree -f "{p} [{f}]"` in both workspaces shows the differences.
-/// The project of `karat render`'s tests has the same features, so Karat is compiled once for both.
+/// Features of common libraries in this workspace. With these features the test reuses libraries that Cargo compiled
+/// for this program. Without them Cargo compiles most libraries again. `cargo tree -f "{p} [{f}]"` in both workspaces
+/// shows the differences. The project of `karat render`'s tests has the same features, so Cargo compiles Karat once for
+/// both.
 const SHARED: &str = "\
     clap = { version = \"4\", features = [\"derive\", \"env\", \"wrap_help\"] }\n\
     indexmap = \"2\"\n\
@@ -102,7 +103,6 @@ fn read(path: &FilePath) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// A Cargo project with two shader modules and a file of tests.
 struct Project {
     folder: TempDir,
 }
@@ -110,10 +110,10 @@ struct Project {
 impl Project {
     fn new(name: &str, tests: &str) -> Self {
         let root = read(&repository().join("Cargo.toml"));
-        // With our profiles, our lock file and our features, only Karat is compiled again: without optimisation that
-        // takes 10 s instead of 40 s.
+        // The project has this repository's profiles, lock file and features, so Cargo compiles only Karat again.
+        // Without optimisation, this takes 10 s instead of 40 s.
         let profiles = root.find("[profile.dev]").map(|at| &root[at..]).expect("it has profiles");
-        // The engine isn't tested here; optimising it as here would take longer than everything else.
+        // The test doesn't use the engine. Compiling it with optimisation would take longer than all other steps.
         let engine = "[profile.dev.package.karat-engine]\nopt-level = 3\ncodegen-units = 1\n";
         assert!(profiles.contains(engine), "the profile of the engine has changed");
         let quick = "[profile.dev.package.karat-engine]\nopt-level = 1\n";
@@ -145,7 +145,7 @@ impl Project {
         std::fs::write(path, text).expect("written");
     }
 
-    /// Runs a program in the project, as its user would, without the environment of the run around it.
+    /// Runs a program in the project as the project's user does, without the environment variables of this run.
     fn run(&self, program: &FilePath, arguments: &[&str]) -> Ran {
         let ran = self.command(program, arguments).output();
         Ran::of(ran.unwrap_or_else(|error| panic!("{}: {error}", program.display())))
@@ -161,9 +161,9 @@ impl Project {
                 command.env_remove(name);
             }
         }
-        // Our folder of intermediate output, with the compiled libraries. The records of the run go to the project's
-        // own `target`, separate from those of the run around this one. Cargo has released its lock before it runs a
-        // test.
+        // The project uses this repository's folder of intermediate output, which has the compiled libraries. The
+        // project writes records to its own `target`, separate from the records of this run. Cargo has released its
+        // lock before it runs a test.
         let built = FilePath::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("in the output");
         command.env("CARGO_BUILD_BUILD_DIR", built).env("CARGO_NET_OFFLINE", "true");
         command.env("CARGO_TERM_COLOR", "never").env("NO_COLOR", "1");
@@ -204,7 +204,7 @@ fn cargo() -> PathBuf {
     std::env::var_os("CARGO").map_or_else(|| PathBuf::from("cargo"), PathBuf::from)
 }
 
-/// The command line program, built from the current sources: `cargo test` of this package only builds Karat's library.
+/// Builds the command line program from the current sources: `cargo test` of this package builds only Karat's library.
 fn karat() -> PathBuf {
     let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
     let profile = match folder.file_name().and_then(|name| name.to_str()) {
@@ -216,7 +216,7 @@ fn karat() -> PathBuf {
             "build",
             "--offline",
             "--quiet",
-            "--workspace", // and the tests: what they need is compiled, with the same features
+            "--workspace", // also compile the tests, so that all dependencies have the same features
             "--bin",
             "karat",
             "--test",
@@ -232,7 +232,7 @@ fn karat() -> PathBuf {
     folder.join("karat").with_extension(std::env::consts::EXE_EXTENSION)
 }
 
-/// The columns of the row about `function`.
+/// The columns of the row for `function`.
 fn row<'a>(table: &'a str, function: &str) -> Vec<&'a str> {
     let line = table.lines().find(|line| line.starts_with(function));
     line.unwrap_or_else(|| panic!("no row of {function} in:\n{table}")).split_whitespace().collect()
@@ -261,7 +261,7 @@ fn a_project_of_its_own() {
     ];
     failing.says(101, &parts);
 
-    // The command from the message, unchanged.
+    // Runs the command from the message, unchanged.
     if cfg!(unix) {
         let replay = failing.out.lines().find_map(|line| line.trim().strip_prefix("replay: "));
         let replay = replay.expect("it was found above");
@@ -276,10 +276,7 @@ fn a_project_of_its_own() {
     assert!(!listed.out.contains(" yes "), "nothing ran: {}", listed.out);
 
     let table = project.run(&karat, &["test"]);
-    table.says(
-        1,
-        &["2 checks, 1 failed", "functions with no test of their own: math::pow5 (`karat list`)"],
-    );
+    table.says(1, &["2 checks, 1 failed", "functions without a test: math::pow5 (`karat list`)"]);
     assert!(row(&table.out, "brdf::lambert ").contains(&"FAIL"), "{}", table.out);
     let schlick = row(&table.out, "brdf::schlick ");
     assert_eq!((schlick[1], schlick[3]), ("agrees_with", "65536"), "{}", table.out);
@@ -291,7 +288,7 @@ fn a_project_of_its_own() {
         assert!(row(&listed.out, function).contains(&tested), "{}", listed.out);
     }
 
-    // A test reads shaders when it runs, so fixing one compiles no Rust.
+    // A test reads shaders when it runs, so an edit of a shader compiles no Rust.
     project.write("shaders/brdf.wgsl", BRDF);
     let mended = project.cargo(&["test", "--offline"]);
     mended.says(0, &["test schlick ... ok", "test lambert ... ok", "Finished"]);
@@ -304,23 +301,23 @@ fn a_project_of_its_own() {
     edits_are_followed(&karat, &project);
 }
 
-/// `karat mutate` runs tests in Rust by their program, and builds nothing for a mutant.
+/// `karat mutate` runs the compiled programs of tests in Rust, and builds nothing for a mutant.
 fn mutants_are_tried(karat: &FilePath, project: &Project) {
     let before = remembered(project);
     let lambert = project.run(karat, &["mutate", "--only", "lambert", "--all"]);
     lambert.says(0, &["killed shaders/brdf.wgsl:8:", "by `brdf::lambert`", "score 100%"]);
     assert!(lambert.out.contains("killed by 2 tests on cpu"), "{}", lambert.out);
     assert!(!lambert.err.contains("Compiling"), "{}", lambert.err);
-    // A function that both tests use, and one that no test uses.
+    // One function is used by both tests, another by no test.
     let all = project.run(karat, &["mutate", "--fail-under", "0", "--all"]);
     all.says(0, &["by `brdf::schlick`", "by `brdf::lambert`", "in `math::pow5`"]);
-    // Tests that fail on purpose add nothing to the remembered inputs.
+    // Tests that fail for a mutant add nothing to the remembered inputs.
     assert_eq!(remembered(project), before);
     // Without a mutant to try, `karat mutate` builds nothing.
     let none = project.run(karat, &["mutate", "--only", "nosuch"]);
     none.says(2, &["there is no mutant of `nosuch`"]);
     assert!(!none.err.contains("building"), "{}", none.err);
-    // If a test already fails, mutants have no verdict.
+    // If a test already fails without a mutant, mutants have no verdict.
     project.write("shaders/brdf.wgsl", &BRDF.replace(FAULT.0, FAULT.1));
     let red = project.run(karat, &["mutate", "--only", "lambert"]);
     red.says(2, &["`brdf::lambert` fails without a mutant"]);
@@ -342,7 +339,7 @@ fn remembered(project: &Project) -> Vec<(PathBuf, String)> {
     all
 }
 
-/// `karat watch`, on one of its paths.
+/// A running `karat watch` on one path.
 struct Watching {
     child: Child,
     lines: Receiver<String>,
@@ -365,7 +362,7 @@ impl Watching {
         Self { child, lines }
     }
 
-    /// Waits for a line, and returns all up to it.
+    /// Waits for a line that contains `part`, and returns all lines up to it.
     #[track_caller]
     fn until(&self, part: &str) -> String {
         let mut all = String::new();
@@ -387,7 +384,7 @@ impl Drop for Watching {
     }
 }
 
-/// An edit of a shader runs the Rust tests that depend on it, and compiles nothing.
+/// After an edit of a shader, `karat watch` runs the Rust tests that depend on the shader, and compiles nothing.
 #[track_caller]
 fn edits_are_followed(karat: &FilePath, project: &Project) {
     let watching = Watching::start(karat, project);
@@ -405,8 +402,8 @@ fn edits_are_followed(karat: &FilePath, project: &Project) {
     project.write("shaders/brdf.wgsl", BRDF);
     watching.until("cpu (Rust): 2 tests pass; 1 ran");
     project.write("shaders/brdf.wgsl", &format!("// a comment\n{BRDF}"));
-    watching.until("cpu (Rust): 2 tests pass; nothing changed in meaning");
-    // A function depends on those that it calls: one of the two calls `pow5`.
+    watching.until("cpu (Rust): 2 tests pass; no code changed");
+    // A function depends on the functions that it calls. Of the two tested functions, one calls `pow5`.
     project.write("shaders/math.wgsl", &MATH.replace("x2 * x2 * x", "x2 * x * x2"));
     watching.until("cpu (Rust): 2 tests pass; 1 ran");
     project.write("tests/brdf.rs", &TESTS.replace("fn lambert()", "fn lambert() -> "));
@@ -414,14 +411,14 @@ fn edits_are_followed(karat: &FilePath, project: &Project) {
     assert!(watching.until("--> tests/brdf.rs:").contains("error: "), "{broken}");
     project.write("tests/brdf.rs", &TESTS.replace("fn lambert()", "fn diffuse()"));
     watching.until("cpu (Rust): 2 tests pass; 2 ran");
-    // This path doesn't judge frames, and a test that fails without a check fails.
+    // This path doesn't judge frames. A test that fails outside of a check also fails here.
     let more = "#[test]\nfn drawn() {\n    let goldens = karat::goldens!(\"golden\");\n    \
                 SHADERS.frame(\"brdf\", 8, 8).fragment(\"fs\").matches(&goldens, \"drawn\");\n}\n\
                 #[test]\nfn panics() {\n    panic!(\"before its check\");\n}\n\
                 #[test]\nfn silent() {}\n";
     project.write("tests/brdf.rs", &format!("{TESTS}{more}"));
     let red = watching.until("cpu (Rust): 1 of 4 tests fail; 5 ran");
-    assert!(red.contains("1 isn't judged here: a frame needs a driver"), "{red}");
+    assert!(red.contains("1 frame isn't judged: it needs a driver"), "{red}");
 }
 
 #[test]

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// The tests of each lesson, as `file::test`, by the label behind the lesson's number.
+/// Tests of each lesson as `file::test`, grouped by the label that follows the lesson's number.
 type Tests = BTreeMap<u32, BTreeMap<String, Vec<String>>>;
 
-/// Adds the lessons that a file's tests show.
+/// Adds the lessons that a file's tests name.
 ///
 /// # Errors
 ///
@@ -39,11 +39,11 @@ fn read(file: &str, text: &str, tests: &mut Tests) -> Result<(), String> {
     Ok(())
 }
 
-/// The plan with the tests of each lesson.
+/// The plan, filled with the tests of each lesson.
 ///
 /// # Errors
 ///
-/// A number that two rows have, a row without a test that doesn't say **open**, and a test of a lesson without a row.
+/// Two rows with the same number, a row without a test that doesn't say **open**, or a test of a lesson without a row.
 fn written(plan: &str, mut tests: Tests) -> Result<String, String> {
     let (mut text, mut lessons) = (String::new(), Vec::new());
     for line in plan.lines() {
@@ -120,7 +120,8 @@ fn the_plan_names_the_tests_of_each_lesson() {
     }
 }
 
-/// Tests that fail are declared with a reason, and run. Only `cargo ci full` runs the review's long ones.
+/// Tests that fail are declared with a reason, and still run. Only the long tests of the review are switched off
+/// outside `cargo ci full`.
 // Lesson 8: none is switched off
 #[test]
 fn no_test_is_switched_off() {

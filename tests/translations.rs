@@ -1,4 +1,4 @@
-//! Tests every translation of the library: each function and entry point reaches the status on each route that
+//! Tests each translation of the library. On each route, each function and entry point reaches the status that
 //! `docs/translations.md` shows. `cargo ci matrix` writes that page.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,8 @@ use shaders::PBR;
 const COLUMNS: [&str; 8] =
     ["vulkan", "gl", "vulkan:wgsl", "vulkan:spirv", "vulkan:glsl", "vulkan:hlsl", "metal", "cpu"];
 
-/// The modules of the sample: rows of each kind, and each kind of known failure. `SUITES=whole` adds the others.
+/// The modules of the sample. They have rows of each kind, and each kind of known failure. `SUITES=whole` adds the
+/// other modules.
 const SAMPLE: [&str; 7] = [
     "environment::",
     "fresnel::",
@@ -26,10 +27,10 @@ fn is_asked(row: &str) -> bool {
     frames::are_suites_whole() || SAMPLE.iter().any(|module| row.contains(module))
 }
 
-/// The words of a table: by row, then by column.
+/// The words in a table's cells, by row and then by column.
 type Words = BTreeMap<String, BTreeMap<String, String>>;
 
-/// The words of the rows in a page.
+/// The words in the rows of a page's table.
 fn words(page: &str) -> Words {
     let cells = |line: &str| -> Vec<String> {
         let inside = line.trim().trim_matches('|').split('|');
@@ -45,7 +46,7 @@ fn words(page: &str) -> Words {
     .collect()
 }
 
-/// The differences between two tables, in their common columns.
+/// Differences between two tables, in the columns that both tables have.
 fn differences(written: &Words, made: &Words) -> Vec<String> {
     let mut found = Vec::new();
     for (row, words) in made {
@@ -86,7 +87,7 @@ fn matrix() -> Matrix {
     request.run().expect("the library is valid")
 }
 
-/// The columns of a page that ran on other drivers than those here, or on none.
+/// Columns of a page that ran on other drivers than this machine's, or on no driver.
 fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
     let elsewhere = matrix.columns.iter().filter(|column| {
         let line = page.lines().find(|line| line.starts_with(&format!("| {} |", column.name)));
@@ -94,7 +95,7 @@ fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
         !line.is_some_and(|line| adapter.is_some_and(|adapter| line.contains(adapter)))
     });
     let elsewhere: Vec<String> = elsewhere.map(|column| column.name.clone()).collect();
-    // Each column is compared with the first one.
+    // Each column is compared with the first column.
     match matrix.columns.first().is_some_and(|first| elsewhere.contains(&first.name)) {
         true => {
             let runs = matrix.columns.iter().filter(|column| column.adapter.is_some());
@@ -104,7 +105,7 @@ fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
     }
 }
 
-/// Replaces all words for valid rows that ran with one, because details depend on the driver.
+/// Replaces every word that means at least valid by one word, because details depend on the driver.
 fn as_far_as_valid(words: &mut Words, columns: &[String]) {
     for (_, word) in words.values_mut().flatten().filter(|(column, _)| columns.contains(column)) {
         if ["valid", "executed", "agrees", "known"].contains(&word.as_str()) {
@@ -113,7 +114,7 @@ fn as_far_as_valid(words: &mut Words, columns: &[String]) {
     }
 }
 
-/// On drivers other than the page's, a row reaches at least `valid` if it does on the page.
+/// On drivers other than the page's, a row is at least `valid` if it's at least `valid` on the page.
 // Lesson 81
 #[cfg_attr(not(target_os = "linux"), ignore = "the page is that of Mesa's drivers")]
 #[test]
@@ -125,9 +126,9 @@ fn each_row_gets_as_far_as_the_page_says() {
     written.retain(|row, _| is_asked(row));
     let matrix = matrix();
     let elsewhere = run_elsewhere(&page, &matrix);
-    // Failures are declared in shaders/karat.toml.
+    // `shaders/karat.toml` declares the failures.
     matrix.expect_no_findings();
-    // If a size is 0, naga's GLSL divides by it.
+    // naga's GLSL divides by a size that may be 0.
     let outside: Vec<(&str, &str)> = matrix
         .rows
         .iter()
@@ -159,7 +160,7 @@ fn each_row_gets_as_far_as_the_page_says() {
     );
 }
 
-/// Differences from a page are reported, in each form.
+/// The test reports each kind of difference from a page.
 #[test]
 fn another_page_is_seen() {
     let page =
@@ -178,15 +179,16 @@ fn another_page_is_seen() {
     }
 }
 
-/// Checks a fault of naga's translation on a column: this row doesn't reach the status, the other rows of the module
-/// do.
+/// Checks that naga's translation has a fault in a column: this row doesn't reach the status, and the module's other
+/// rows do.
 fn naga_fails(column: &str, status: Status, module: &str, row: &str, reason: &str) {
     let package = Package::from_modules("bugs", [("bugs", module)]);
     let columns = ["vulkan", column].map(|name| name.parse().expect("a column"));
     let matrix = karat_inspect::matrix(&package).columns(columns).run().expect("it is valid");
     matrix.expect("vulkan", Status::Valid);
     if column == "vulkan:glsl" {
-        // GLSL leaves values undefined that may be right here; those of the other rows have to be right.
+        // This row has values that GLSL leaves undefined, which may be right on this machine. The values of the other
+        // rows must be right.
         matrix.expect(column, Status::Executed);
         let cells = matrix.rows.iter().filter(|other| other.name != row).flat_map(|row| &row.cells);
         assert!(cells.clone().count() > 0 && cells.clone().all(|cell| cell.status == Some(status)));
@@ -195,13 +197,13 @@ fn naga_fails(column: &str, status: Status, module: &str, row: &str, reason: &st
     matrix.expect_but(column, status, &[(row, reason)]);
 }
 
-/// A path that runs naga's GLSL. Not each machine has GL.
+/// A path that runs naga's GLSL. Some machines have no GL.
 fn glsl_path() -> &'static str {
     if karat::unstable::path::adapter(karat::Path::GL).is_ok() { "gl" } else { "vulkan:glsl" }
 }
 
-/// GLSL only allows outputs to be invariant. If both stages share a structure, naga also writes the word for the
-/// position that a fragment shader receives. Mesa accepts it.
+/// GLSL only allows outputs to be `invariant`. If both stages share a structure, naga also writes `invariant` for the
+/// position that a fragment shader receives. Mesa accepts this.
 #[test]
 fn positions_of_fragments_are_invariant_in_glsl() {
     let module = "struct Shared { @invariant @builtin(position) at: vec4f }\n\
@@ -217,9 +219,9 @@ fn positions_of_fragments_are_invariant_in_glsl() {
     );
 }
 
-/// A texel at unsigned coordinates, with restricted indices: naga clamps them with a vector of `u32` whose components
-/// are `i32` (`OpConstantComposite %v2uint %int_1 %int_1`). `spirv-val` 2023.1 and Mesa accept it; naga can't read it
-/// back.
+/// A shader loads a texel at unsigned coordinates, with restricted indices. naga clamps the coordinates with a vector
+/// of `u32` with components of type `i32` (`OpConstantComposite %v2uint %int_1 %int_1`). `spirv-val` 2023.1 and Mesa
+/// accept this, but naga can't read it.
 #[test]
 fn unsigned_texel_coordinates_are_clamped_by_signed_ones() {
     let module = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
@@ -234,8 +236,8 @@ fn unsigned_texel_coordinates_are_clamped_by_signed_ones() {
     );
 }
 
-/// GLSL leaves `%` of negative operands and division by 0 undefined. naga guards both in other languages, but not in
-/// GLSL: Mesa's GL has other values there.
+/// GLSL leaves `%` of negative operands and division by 0 undefined. naga guards both operations in other languages,
+/// but not in GLSL, and Mesa's GL returns other values than WGSL requires.
 #[cfg_attr(not(target_os = "linux"), ignore = "another driver's GL may have the right values")]
 #[test]
 fn remainders_of_negative_integers_differ_in_glsl() {
@@ -250,8 +252,9 @@ fn remainders_of_negative_integers_differ_in_glsl() {
     );
 }
 
-/// WGSL clamps a float outside an integer's range: -1 becomes 0 as a `u32`. naga does so in SPIR-V, HLSL and MSL, but
-/// writes a plain conversion in GLSL, which is undefined there. Bevy's clusters and `kludgine` are affected.
+/// WGSL clamps a float outside an integer's range: -1 becomes 0 as a `u32`. naga clamps in SPIR-V, HLSL and MSL, but
+/// writes a plain conversion in GLSL, which leaves the result undefined. The fault affects Bevy's clusters and
+/// `kludgine`.
 #[cfg_attr(not(target_os = "linux"), ignore = "another driver's GL may have the right values")]
 #[test]
 fn floats_out_of_range_become_other_integers_in_glsl() {
@@ -266,7 +269,7 @@ fn floats_out_of_range_become_other_integers_in_glsl() {
     );
 }
 
-/// Names that naga's WGSL doesn't keep: those of builtins, and those that end with a digit.
+/// naga's WGSL doesn't keep names of builtins and names that end with a digit.
 #[test]
 fn entry_points_of_any_name_run_on_each_route() {
     let pass = |name: &str| {

@@ -1,4 +1,4 @@
-//! Tests reflectances as the sources print them.
+//! Tests reflectances in the form that the sources print.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_4, PI};
 
@@ -16,7 +16,7 @@ fn caught<T: std::fmt::Debug>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// Directions at least 6 degrees above the horizon, so that edges don't matter here.
+/// Directions at least 6 degrees above the horizon, where edges have no effect.
 fn above() -> impl Domain<Value = Vec3> {
     Hemisphere.filter(|direction: &Vec3| direction.z > 0.1)
 }
@@ -26,7 +26,7 @@ fn reflectance() -> impl Domain<Value = Vec3> {
     UnitRgb.map(|c| (0.02 + 0.98 * c).min(Vec3::ONE))
 }
 
-/// Widths at which a normalised half vector, rounded to f32, is exact enough.
+/// Widths for which a normalised half vector, rounded to f32, is exact enough.
 const WIDE: std::ops::RangeInclusive<f32> = 0.1..=1.0;
 
 fn view(degrees: f64) -> Vec3 {
@@ -34,19 +34,19 @@ fn view(degrees: f64) -> Vec3 {
     DVec3::new(sin, 0.0, cos).as_vec3()
 }
 
-/// Directions for light, and their weights times the cosine.
+/// Directions of light, with their weights times the cosine.
 fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
     brdf::half_vector_rule(f64::from(alpha), v.as_dvec3(), 32, 32)
         .into_iter()
         .map(|(l, weight)| (l.as_vec3(), weight * l.z))
 }
 
-/// The nodes of a furnace for a BRDF of white `f0`.
+/// The nodes of a furnace for a BRDF with a white `f0`.
 fn white(&(alpha, v): &(f32, Vec3)) -> Vec<((Vec3, f32, Vec3, Vec3), f64)> {
     lights(alpha, v).map(|(l, weight)| ((Vec3::ONE, alpha, v, l), weight)).collect()
 }
 
-/// P1: pi times too bright.
+/// P1: the result is pi times too bright.
 #[test]
 fn lambert_of_shaders_lacks_its_pi() {
     let lambert = || PBR.function("as_written::brdf::lambert");
@@ -59,7 +59,7 @@ fn lambert_of_shaders_lacks_its_pi() {
     );
 }
 
-/// P1: a white furnace returns pi for the diffuse part alone.
+/// P1: in a white furnace, the diffuse part returns pi.
 #[test]
 fn mixed_conventions_return_more_than_pi() {
     let furnace = || {
@@ -79,7 +79,7 @@ fn mixed_conventions_return_more_than_pi() {
     furnace().agrees_with(|view| DVec3::splat(PI + specular(view)), Abs(1e-4));
 }
 
-/// E9: too bright by exactly 4 / pi, so 1.27 in a white furnace.
+/// E9: the result is too bright by exactly 4 / pi, so it is 1.27 in a white furnace.
 #[test]
 fn cook_torrance_as_quoted_is_too_bright() {
     let quoted = || PBR.function("as_written::brdf::cook_torrance");
@@ -87,28 +87,30 @@ fn cook_torrance_as_quoted_is_too_bright() {
     caught(
         quoted().over(domain()).unrecorded().try_agrees_with(brdf::cook_torrance_eval, Rel(0.27)),
     );
-    // The corrected form has an error of 2e-4. V.H and H come from rounded vectors: their error of 1e-7 is 2e-6 of a
-    // tangent at N.H = 0.1, which an exponent of up to 87 doubles.
+    // The corrected form has an error of 2e-4. V.H and H are computed from rounded vectors. Their error of 1e-7 is 2e-6
+    // of a tangent at N.H = 0.1, and an exponent of up to 87 doubles it.
     quoted().over(domain()).agrees_with(
         |f0: DVec3, alpha: f64, v: DVec3, l: DVec3| {
             brdf::cook_torrance_eval(f0, alpha, v, l) / FRAC_PI_4
         },
         Rel(5e-4).or(Abs(1e-20)),
     );
-    // A narrow lobe from above: nothing is hidden, so all light should return; 27 % more does.
+    // A narrow lobe, seen from above, hides nothing, so it should return exactly all light. The quoted form returns 27
+    // % more.
     let furnace = || quoted().integral(Just((0.05_f32, Vec3::Z)), white);
     caught(furnace().unrecorded().try_is_at_most(|_| 1.0, 0.27));
     furnace().agrees_with(|_| DVec3::splat(FRAC_PI_4.recip()), Abs(1e-4));
 }
 
-/// (albedo, f0, exponent, v, l)
+/// The arguments are albedo, f0, exponent, v and l.
 fn tri_ace(
     exponent: impl Domain<Value = f32>,
 ) -> impl Domain<Value = (Vec3, Vec3, f32, Vec3, Vec3)> {
     (UnitRgb, reflectance(), exponent, above(), above())
 }
 
-/// E10: infinite at n = 2. At n = 4 the highlight is -7/8 of the right one, at n = 100 nearly 0.
+/// E10: the result is infinite at n = 2. At n = 4 the highlight is -7/8 of the right highlight, and at n = 100
+/// nearly 0.
 #[test]
 fn tri_ace_s_printed_normalisation_has_a_pole() {
     let printed = || PBR.function("as_written::brdf::tri_ace_normalisation");
@@ -141,7 +143,7 @@ fn tri_ace_s_printed_normalisation_has_a_pole() {
     );
 }
 
-/// E11: a black surface has no highlight; a white one has 1 / pi of the right one.
+/// E11: a black surface has no highlight. A white surface has 1 / pi of the right highlight.
 #[test]
 fn tri_ace_s_printed_bracket_takes_the_highlight() {
     let printed = || PBR.function("as_written::brdf::tri_ace_bracket");
@@ -161,12 +163,12 @@ fn tri_ace_s_printed_bracket_takes_the_highlight() {
             |albedo: DVec3, f0: DVec3, n: f64, v: DVec3, l: DVec3| {
                 FRAC_1_PI * brdf::tri_ace_eval(albedo, f0, n, v, l)
             },
-            // An exponent of 100 multiplies the error of N.H, 1e-6 at 0.1, by 100, and adds the error of `pow`.
+            // An exponent of 100 multiplies the error of N.H (1e-6 at 0.1) by 100. The error of `pow` adds to it.
             Rel(5e-4).or(Abs(1e-20)),
         );
 }
 
-/// 1 / (2 N.V): 57.3 at 89.5 degrees, where the sum has a closed form.
+/// The result is 1 / (2 N.V): 57.3 at 89.5 degrees, where the sum has a closed form.
 #[test]
 fn without_g_grazing_views_glow() {
     let without = || PBR.function("as_written::brdf::microfacet_without_g");
@@ -179,8 +181,8 @@ fn without_g_grazing_views_glow() {
     furnace().agrees_with(|_| DVec3::splat(expected), Rel(1e-4));
 }
 
-/// Light from below contributes: at alpha = 1 and seen from above, 1 / (2 pi (1 + 0.001)) = 0.159, for each direction
-/// down to the normal's opposite.
+/// Light from below contributes to the result. At alpha = 1, seen from above, the contribution of each direction down
+/// to the normal's opposite is 1 / (2 pi (1 + 0.001)) = 0.159.
 #[test]
 fn clamped_dots_reflect_light_from_below() {
     let clamped = || PBR.function("as_written::brdf::microfacet_of_clamped_dots");
@@ -194,7 +196,7 @@ fn clamped_dots_reflect_light_from_below() {
         |_: DVec3, _: f64, _: DVec3, _: DVec3| DVec3::splat(0.5 / (1.001 * PI)),
         Rel(1e-5),
     );
-    // Above the clamps it is correct.
+    // For cosines above the clamps, the result is right.
     clamped()
         .over((reflectance(), WIDE, above(), above()))
         .agrees_with(brdf::microfacet_eval, Rel(2e-4));

@@ -1,4 +1,4 @@
-//! Tests distributions in forms that lose digits.
+//! Tests distributions in formulas that lose digits in f32.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;
@@ -14,18 +14,18 @@ fn caught<T: std::fmt::Debug>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// Off by 2.6 % at alpha = 1e-3.
+/// The error is 2.6 % at alpha = 1e-3.
 #[test]
 fn ggx_loses_alpha_beside_one() {
     let ggx = || PBR.function("as_written::distribution::ggx");
-    // With the tolerance of the library's form.
+    // The check has the tolerance of the library's function.
     caught(
         ggx()
             .over((2e-4..=1.0, 0.0..=1.0))
             .unrecorded()
             .try_agrees_with(distribution::ggx, Ulp(14.0)),
     );
-    // alpha^2 = 1e-6 is rounded to 17 * 2^-24, and then squared.
+    // The shader rounds alpha^2 = 1e-6 to 17 * 2^-24, and then squares it.
     let rounded = 17.0 * 2.0_f64.powi(-24);
     let share = (1e-6 / rounded).powi(2);
     assert!((share - 0.974).abs() < 5e-4, "{share}");
@@ -35,7 +35,7 @@ fn ggx_loses_alpha_beside_one() {
     );
 }
 
-/// Infinite below alpha = 1.7e-4 = 2^-12.5.
+/// The result is infinite below alpha = 1.7e-4 = 2^-12.5.
 #[test]
 fn ggx_divides_by_zero() {
     let found = caught(
@@ -50,7 +50,8 @@ fn ggx_divides_by_zero() {
     }
 }
 
-/// Half vectors within four widths of +Z. There the dot product is a component, and its rounding is the only error.
+/// Half vectors within four widths of +Z. There, the dot product with +Z is a component, and its rounding is the only
+/// error.
 fn narrow() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     (Just(0.0025_f32), 0.0..=0.01_f32).map(|(alpha, sin)| {
         let cos = (1.0 - f64::from(sin).powi(2)).sqrt();
@@ -58,7 +59,7 @@ fn narrow() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     })
 }
 
-/// Off by 1.9 % at alpha = 0.0025, though the form of D is right.
+/// The error is 1.9 % at alpha = 0.0025, although the formula of D is right.
 #[test]
 fn cosines_lose_narrow_lobes() {
     let of_dot = || PBR.function("as_written::distribution::ggx_of_dot_product").over(narrow());

@@ -16,7 +16,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The disagreement, if a driver can show it. Drivers of these `families` can't.
+/// The disagreement, or `None` on drivers of these `families`, which can't show it.
 fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Option<Disagreement> {
     let may_agree = |adapter: &Adapter| families.contains(&adapter.family().as_str());
     match result {
@@ -29,11 +29,12 @@ fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Optio
     }
 }
 
-/// The half vector equals the view vector if a mirror is seen at normal incidence. For a fifth of the vectors that were
-/// normalised in f32, the dot product with themselves rounds to above 1, and the power is NaN: in 20 % of the cases.
+/// If a mirror is seen at normal incidence, the half vector equals the view vector. For a fifth of the vectors
+/// normalised in f32, the dot product of the vector with itself rounds to above 1. Then the power is NaN: in 20 % of
+/// the cases.
 #[test]
 fn pow_of_a_cosine_above_one() {
-    // Normalised in f32, as in a shader.
+    // The vectors are normalised in f32, as in a shader.
     let unit = (UnitVector, 0.1..=10.0_f32).map(|(v, distance)| (distance * v).normalize());
     let seen = unit.map(|v| (Vec3::splat(0.04), v, v));
     let result = PBR
@@ -41,8 +42,8 @@ fn pow_of_a_cosine_above_one() {
         .over(seen)
         .unrecorded()
         .try_agrees_with(|f0: glam::DVec3, _: glam::DVec3, _: glam::DVec3| f0, Abs(1e-6));
-    // In WGSL the power of a negative number is undefined. SwiftShader and NVIDIA return a small number, so this
-    // mistake doesn't show there.
+    // In WGSL the power of a negative number is undefined. SwiftShader and NVIDIA return a small number, so they don't
+    // show this mistake.
     let Some(found) = caught_but_on(&["swiftshader", "nvidia"], result) else { return };
     for path in &found.paths {
         let share = path.census.nan as f64 / path.census.cases as f64;
@@ -51,8 +52,8 @@ fn pow_of_a_cosine_above_one() {
     }
 }
 
-/// Where the power is defined it is less accurate, with an error of 81 ulp instead of the 6 ulp of multiplications: the
-/// product of exponent and logarithm is rounded before it becomes a power.
+/// Where the power is defined, its error is 81 ulp, compared with 6 ulp for multiplications. The reason is that the
+/// product of exponent and logarithm is rounded before `exp2`.
 #[test]
 fn pow_is_less_accurate() {
     // V.H is the z component of H.
@@ -63,7 +64,7 @@ fn pow_is_less_accurate() {
         .over(seen)
         .unrecorded()
         .try_agrees_with(schlick, Ulp(11.0));
-    // NVIDIA multiplies if the exponent is a constant; the engine rounds the result of `f64`.
+    // If the exponent is a constant, NVIDIA multiplies. The engine computes in `f64` and rounds the result.
     let Some(found) = caught_but_on(&["nvidia", "karat"], result) else { return };
     for path in &found.paths {
         let (actual, expected) = (f32::from_bits(path.worst.actual), path.worst.expected);

@@ -1,4 +1,4 @@
-//! Tests irradiance as the sources write it. All numbers are for a furnace of radiance 1.
+//! Tests irradiance in the form that the sources print. All numbers hold for a furnace of radiance 1.
 
 use glam::{DVec3, Vec3};
 use karat::check::{Calls, Failure};
@@ -25,7 +25,7 @@ fn furnace(function: &str) -> karat::check::Probe<'static> {
     in_environment(function, CubeMap::constant(Vec3::ONE))
 }
 
-/// E13: 0.5.
+/// E13: the result is 0.5.
 #[test]
 fn a_factor_of_two_is_missing() {
     let estimate = || {
@@ -38,20 +38,20 @@ fn a_factor_of_two_is_missing() {
     estimate().agrees_with(|colour: DVec3, _: DVec3, _: u32| 0.5 * colour, Abs(1e-5));
 }
 
-/// Excludes normals along Y, which show another mistake: E20.
+/// Normals, except for normals along Y, which show another mistake: E20.
 fn normals() -> impl Domain<Value = Vec3> {
     UnitVector.filter(|n| n.x.hypot(n.z) > 1e-3)
 }
 
-/// The article's steps.
+/// The step sizes in the article.
 const PRINTED: (f32, f32) = (0.025, 0.1);
 
-/// The loop in a furnace, for all normals.
+/// Runs the article's loop in a furnace for all normals.
 fn nested_loop(steps: (f32, f32)) -> karat::Check<'static, Calls<(Vec3, f32, f32)>> {
     furnace("nested_loop").over((normals(), Just(steps.0), Just(steps.1))).cases(16)
 }
 
-/// E18: 0.9805, which is pi / 16 times the sum of cos sin; with the true steps 1.0014.
+/// E18: the result is 0.9805, which is pi / 16 times the sum of cos sin. With the true steps it is 1.0014.
 #[test]
 fn the_loop_is_dark() {
     let correct = |_: DVec3, _: f64, _: f64| DVec3::ONE;
@@ -74,9 +74,9 @@ fn furnace_of_library(function: &str) -> karat::check::Probe<'static> {
         .with("environment_sampler", Sampler::LINEAR)
 }
 
-/// E17: four times as many terms would halve the error of a Monte Carlo estimate. Here the error stays: 0.9805 becomes
-/// 0.9815, because 32 steps of 0.05 end at 1.6, just as 16 steps of 0.1 do. None of the arguments is a random number,
-/// or the number of a sample.
+/// E17: in a Monte Carlo estimate, four times as many terms would halve the error. Here the error stays: 0.9805 becomes
+/// 0.9815, because 32 steps of 0.05 end at 1.6, as 16 steps of 0.1 do. No argument is a random number or the number of
+/// a sample.
 #[test]
 fn more_terms_are_not_more_samples() {
     let halved = (PRINTED.0 / 2.0, PRINTED.1 / 2.0);
@@ -85,7 +85,7 @@ fn more_terms_are_not_more_samples() {
     nested_loop(halved).agrees_with(|_: DVec3, _: f64, _: f64| DVec3::splat(0.9815), Abs(5e-5));
 }
 
-/// E20: NaN at the centre of faces 2 and 3 of a map with an odd side, so of each map of side 1.
+/// E20: if a map's side is odd, the result at the centre of faces 2 and 3 is NaN. This includes each map of side 1.
 #[test]
 fn nothing_is_right_of_up() {
     let upright = || OneOf(vec![Vec3::Y, Vec3::NEG_Y]);
@@ -96,7 +96,7 @@ fn nothing_is_right_of_up() {
             .try_satisfies("is of unit length", |_, right: Vec3| right.is_normalized()),
     );
     assert!(found.paths.iter().all(|path| path.census.nan == 2), "{found}");
-    // A texture turns the NaN into some texel, but not the one that lights a floor.
+    // A texture lookup turns the NaN into some texel, but not into the texel that lights a floor.
     let sky = || CubeMap::from_fn(64, |d| Vec3::splat(1.0 + 0.9 * d.y));
     let below = |n: DVec3| DVec3::splat(irradiance::linear(n, 1.0, 0.9 * DVec3::Y));
     caught(
@@ -112,13 +112,13 @@ fn nothing_is_right_of_up() {
         .agrees_with(|n: DVec3, _: u32, _: u32| below(n), Abs(5e-4));
 }
 
-/// An irradiance map for a sky that is brighter above: E / pi = 1 + 0.6 z, up to filtering.
+/// An irradiance map of a sky that is brighter above: E / pi is 1 + 0.6 z, except for filtering.
 fn irradiance_map() -> CubeMap {
     let gradient = 0.9 * DVec3::Z;
     CubeMap::from_fn(32, |n| Vec3::splat(irradiance::linear(n.as_dvec3(), 1.0, gradient) as f32))
 }
 
-/// E7: seen at grazing angles, a white floor shows 1 instead of 1.6.
+/// E7: at grazing angles, a white floor shows 1 instead of 1.6.
 #[test]
 fn a_lambertian_looks_the_same_from_everywhere() {
     let floor = |v: Vec3| {
@@ -137,7 +137,7 @@ fn a_lambertian_looks_the_same_from_everywhere() {
     ));
     let below =
         |_: DVec3, n: DVec3, _: DVec3| DVec3::splat(irradiance::linear(n, 1.0, 0.9 * DVec3::Z));
-    // On GL half of the difference between two texels, at the edges of faces: 0.6 / 32.
+    // On GL, the error at the edges of faces is half of the difference between two texels: 0.6 / 32.
     let filter = Abs(0.02);
     let found = caught(floor(Vec3::X).unrecorded().try_agrees_with(below, filter));
     for path in &found.paths {
@@ -147,7 +147,7 @@ fn a_lambertian_looks_the_same_from_everywhere() {
     floor(Vec3::Z).agrees_with(below, filter);
 }
 
-/// E8: 1 / pi.
+/// E8: the result is 1 / pi of the right irradiance.
 #[test]
 fn stored_irradiance_is_already_divided_by_pi() {
     let white = || PBR.function("as_written::irradiance::lambert").over((UnitRgb, Just(Vec3::ONE)));
@@ -164,8 +164,8 @@ fn stored_irradiance_is_already_divided_by_pi() {
     }
 }
 
-/// E19: the last line of the article's shader, `return float4( PI * sampledColour / index), 1 );`,
-/// in WGSL.
+/// E19: the test has the last line of the article's shader, `return float4( PI * sampledColour / index), 1 );`, in
+/// WGSL.
 #[test]
 fn an_unbalanced_parenthesis_is_shown_where_it_is() {
     let text = "const PI: f32 = 3.14159265;\n\n\

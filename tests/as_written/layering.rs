@@ -1,4 +1,4 @@
-//! Tests layers that gain energy, or aren't reciprocal.
+//! Tests layers that gain energy, or that aren't reciprocal.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;
@@ -15,7 +15,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The light from the lecture's red plastic in a white furnace: diffuse and specular.
+/// The diffuse and the specular light from the lecture's red plastic in a white furnace.
 fn red_plastic(alpha: f64, degrees: f32) -> (Vec3, Vec3) {
     let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
     let (f0, v) = (DVec3::splat(0.04), DVec3::new(sin, 0.0, cos));
@@ -23,7 +23,6 @@ fn red_plastic(alpha: f64, degrees: f32) -> (Vec3, Vec3) {
     (Vec3::new(0.8, 0.05, 0.05), light.as_vec3())
 }
 
-/// E16.
 #[test]
 fn plastic_without_transmittance_gains_energy() {
     for alpha in [0.0, 0.05, 0.1, 0.2, 0.5] {
@@ -62,7 +61,7 @@ fn the_weight_of_a_thin_coat_is_not_reciprocal() {
     weight()
         .over(OneOf(vec![(0.1_f32, 1.0_f32), (1.0, 0.1)]))
         .agrees_with(|v: f64, _: f64| if v == 1.0 { 0.96 } else { 0.393 }, Abs(5e-4));
-    // This weight conserves energy over a white base: with F the sum is 1, for each view. The difference of two numbers
+    // This weight conserves energy over a white base: with F, the sum is 1 for each view. The difference of two numbers
     // near 1 is rounded to 1e-7 twice.
     weight()
         .over((0.0..=1.0, 0.0..=1.0))

@@ -1,5 +1,5 @@
-//! The mistakes of the source documents. An ordinary check catches each, with the number that the mistake produces. The
-//! functions are in `shaders/as_written/`.
+//! The mistakes of the source documents, with the functions in `shaders/as_written/`. An ordinary check catches each
+//! mistake, and finds the number that the mistake produces.
 
 mod brdf;
 mod distribution;

@@ -1,4 +1,4 @@
-//! E3 to E6: irradiance without a cosine, strict conservation, the wrong cosine, a mirror of 1.
+//! Tests the mistakes E3 to E6: irradiance without a cosine, strict conservation, the wrong cosine, and a mirror of 1.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use karat::prelude::*;
 use karat::unstable::check::Disagreement;
 use shaders::{PBR, radiometry};
 
-/// The disagreement that a check found. Fails if there is none.
+/// The disagreement that a check found. Panics if the check passed.
 #[track_caller]
 fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     match result {
@@ -17,14 +17,14 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The radiance, and the number of rings that divide the hemisphere. A sum of 64 terms is rounded 64 times.
+/// The radiance, and the number of rings that divide the hemisphere. A sum of 64 terms has 64 roundings.
 fn skies() -> impl Domain<Value = (f32, u32)> {
     (1e-3..=1e3_f32, Integers(1..=64_u32))
 }
 
 const SUM: Ulp = Ulp(64.0);
 
-/// E3. A uniform sky of radiance L gives pi L. Summed without the cosine, it gives 2 pi L.
+/// E3. A uniform sky of radiance L gives an irradiance of pi L. A sum without the cosine gives 2 pi L.
 #[test]
 fn radiance_summed_without_its_cosine() {
     let sky = || PBR.function("as_written::radiometry::irradiance_of_sky").over(skies());
@@ -37,7 +37,7 @@ fn radiance_summed_without_its_cosine() {
     sky().agrees_with(|radiance: f64, _: u32| 2.0 * PI * radiance, SUM);
 }
 
-/// E4. The strict law is wrong for a single albedo: it forbids the white Lambertian.
+/// E4. The strict law is wrong for one albedo: it forbids the white Lambertian.
 #[test]
 fn conservation_without_white() {
     let albedos = Grid::linear(0.0..=2.0, 201);
@@ -51,9 +51,9 @@ fn conservation_without_white() {
     }
 }
 
-/// E5. A Lambertian reflects its albedo for light from any direction. By the law as written it reflects 2 albedo (N.L).
-/// For a white one at normal incidence that is 2, so it would "create" energy. One of albedo 2 at N.L = 1/8 gets 1/2
-/// and passes, although it does create energy.
+/// E5. A Lambertian reflects its albedo for light from any direction. In the printed law it reflects 2 albedo (N.L).
+/// For a white Lambertian at normal incidence that is 2, so it would "create" energy. A Lambertian of albedo 2 at N.L =
+/// 1/8 gets 1/2 and passes, although it does create energy.
 #[test]
 fn conservation_with_the_incoming_cosine() {
     let over = |albedos: std::ops::RangeInclusive<f32>, n_dot_l: f32| {
@@ -74,14 +74,14 @@ fn conservation_with_the_incoming_cosine() {
     let claimed = |albedo: f64, n_dot_l: f64, _: u32| 2.0 * albedo * n_dot_l;
     everywhere().agrees_with(claimed, SUM.or(Abs(1e-30)));
 
-    // The purpose of the law: conserving surfaces reflect at most 1, others more.
+    // The purpose of the law is that conserving surfaces reflect at most 1, and other surfaces more.
     let conserves = |_, reflected: f32| reflected <= 1.0 + 1e-5;
     caught(over(1.0..=1.0, 1.0).unrecorded().try_satisfies("conserves energy", conserves));
     over(2.0..=2.0, 0.125).satisfies("is 1/2", |_, reflected: f32| (reflected - 0.5).abs() < 1e-5);
 }
 
-/// E6. A mirror keeps the radiance that arrives through a small solid angle dw: its BRDF is 1 / (cos dw). A BRDF of 1
-/// would keep only cos dw of it: 6.8e-5 of the sun's at normal incidence.
+/// E6. A mirror keeps the radiance that arrives through a small solid angle dw, so its BRDF is 1 / (cos dw). A BRDF of
+/// 1 would keep only cos dw of the radiance: 6.8e-5 of the sun's radiance at normal incidence.
 #[test]
 fn a_mirror_of_one() {
     let mirror = || PBR.function("as_written::radiometry::mirror_brdf");

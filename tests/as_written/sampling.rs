@@ -1,4 +1,4 @@
-//! Tests sampling as the sources write it.
+//! Tests samplers in the form that the sources print.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,7 +17,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The share of failing cases, which is the same on each path.
+/// The share of failing cases. It must be equal on each path.
 fn share(found: &Disagreement) -> f64 {
     let census = &found.paths[0].census;
     census.failures as f64 / census.cases as f64
@@ -39,7 +39,7 @@ fn azimuths_leave_the_range_of_sine_and_cosine() {
         .agrees_with(|u: f64| TAU * u, Ulp(1.0));
 }
 
-/// P3. At m = 0 and R.w = 1 the library's function returns the normal, this one 0 / 0.
+/// P3. At m = 0 and R.w = 1 the library's function returns the normal. The printed form computes 0 / 0.
 #[test]
 fn a_mirror_has_no_normal() {
     let edge = || (Just(0.0_f32), Just(Vec2::new(0.5, 1.0)));
@@ -54,9 +54,9 @@ fn a_mirror_has_no_normal() {
     PBR.function("sampling::ggx_normal").over(edge()).agrees_with(normal, Ulp(0.0));
 }
 
-/// The tangent that the sampler should return; the sine loses all of its digits.
+/// Arguments, and the tangent that the sampler should return for them. The sine loses all digits.
 fn smooth() -> impl Domain<Value = (f32, Vec2)> {
-    // Well inside the lobe, along -X, so that sine and cosine of the azimuth are nearly exact.
+    // Samples well inside the lobe, along -X, for which sine and cosine of the azimuth are nearly exact.
     (1e-4..=1e-3_f32, (0.0..=0.0_f32, 0.1..=0.9_f32).map(|(x, y)| Vec2::new(x, y)))
 }
 
@@ -83,11 +83,11 @@ fn sines_of_smooth_surfaces_are_lost() {
             .try_agrees_with(sine, Rel(1e-3)),
     );
     assert!(share(&found) > 0.9, "{found}");
-    // All digits are lost: the sine is 0.
+    // The sine is 0, so it has lost all digits.
     let lost = |path: &karat::unstable::check::PathDisagreement| {
         path.worst.expected.is_some_and(|expected| {
             let actual = f64::from(f32::from_bits(path.worst.actual));
-            // On NVIDIA the root of a negative number is NaN.
+            // On NVIDIA the square root of a negative number is NaN.
             let is_nan = actual.is_nan() && path.adapter.family() == "nvidia";
             is_nan || (actual - expected).abs() >= 0.9 * expected
         })
@@ -100,7 +100,7 @@ fn sines_of_smooth_surfaces_are_lost() {
         .agrees_with(sine, Rel(1e-6));
 }
 
-/// E14. Half of GGX's normals have a tangent below alpha: the lecture's lobe is wider than Karis' by 1 / roughness.
+/// E14. Half of GGX's normals have a tangent below alpha, so the lecture's lobe is wider than Karis' by 1 / roughness.
 #[test]
 fn roughness_is_not_squared() {
     let median = || PBR.function("as_written::sampling::median_tangent").over(0.05..=0.9);
@@ -110,7 +110,7 @@ fn roughness_is_not_squared() {
     median().agrees_with(|roughness: f64| roughness, Rel(1e-4));
 }
 
-/// The result is 1 if the lowest 25 bits are set: reversed, they are less than half an ulp below 1.
+/// If the lowest 25 bits are set, the result is 1: the reversed number is less than half an ulp below 1.
 #[test]
 fn a_radical_inverse_returns_one() {
     let inverse = || PBR.function("as_written::sampling::radical_inverse");
@@ -123,13 +123,13 @@ fn a_radical_inverse_returns_one() {
     );
     assert_eq!(share(&found), 1.0);
     inverse().over(OneOf(ends)).agrees_with(|_: u32| 1.0, Ulp(0.0));
-    // Below 2^24 nothing is rounded, so a counter that stays below is safe.
+    // Integers below 2^24 convert to f32 exactly, so a smaller counter is safe.
     inverse()
         .over(Integers(0..=(1_u32 << 24) - 1))
         .agrees_with(sampling::radical_inverse, Ulp(1.0));
 }
 
-/// 1 - 1/N, exactly.
+/// The result is exactly 1 - 1/N.
 #[test]
 fn plain_points_are_dark() {
     let furnace = || {
@@ -145,7 +145,7 @@ fn defect(basis: Mat3) -> f32 {
     difference.to_cols_array().into_iter().fold(0.0, |worst, entry| worst.max(entry.abs()))
 }
 
-/// Outside the special case of Frisvad's paper, down to a divisor of 2^-23.
+/// Vectors outside the special case of Frisvad's paper. The divisor goes down to 2^-23.
 fn near_the_lower_pole() -> impl Domain<Value = Vec3> {
     let around = (4.5e-4..=0.02_f32, 0.0..=1.0_f32).map(|(sine, turn)| {
         let (sine, phi) = (f64::from(sine), TAU * f64::from(turn));
@@ -154,7 +154,7 @@ fn near_the_lower_pole() -> impl Domain<Value = Vec3> {
     around.filter(|n| n.z >= -0.999_999_9)
 }
 
-/// The library's basis is orthonormal to 1e-6 everywhere. This one is off by 1.2 near -Z.
+/// The library's basis is orthonormal within 1e-6 everywhere. Frisvad's basis has an error of 1.2 near -Z.
 #[test]
 fn a_basis_breaks_at_the_lower_pole() {
     let frisvad = || PBR.function("as_written::sampling::frisvad_basis");
@@ -165,8 +165,8 @@ fn a_basis_breaks_at_the_lower_pole() {
             .try_satisfies("is orthonormal", |_, basis: Mat3| defect(basis) <= 1e-6),
     );
     assert!(found.paths.iter().all(|path| path.census.nan + path.census.infinite == 1), "{found}");
-    // A divisor of 2^-23 is off by about a quarter here: an entry is about 1 - 2 (5/4) = -1.48 in place of -1, and its
-    // square minus 1 is 1.2 in place of 0.
+    // A divisor of 2^-23 has an error of about a quarter here. An entry is about 1 - 2 (5/4) = -1.48 instead of -1, and
+    // its square minus 1 is 1.2 instead of 0.
     let near = |most: f32| {
         frisvad()
             .over(near_the_lower_pole())

@@ -1,4 +1,4 @@
-//! Tests specular light that exceeds a furnace, or comes from the wrong direction or level.
+//! Tests specular light that exceeds a furnace's light, or comes from a wrong direction or level.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;
@@ -26,7 +26,6 @@ fn view(degrees: f32) -> Vec3 {
     Vec3::new(sin, 0.0, cos)
 }
 
-/// E15.
 #[test]
 fn clamped_cosines_exceed_a_furnace() {
     let furnace = || probe("as_written::specular::estimate", CubeMap::constant(Vec3::ONE));
@@ -60,7 +59,6 @@ fn clamped_cosines_exceed_a_furnace() {
     }
 }
 
-/// E15.
 #[test]
 fn a_clamped_cosine_gives_no_mirror_direction() {
     let reflected = || PBR.function("as_written::specular::reflected");
@@ -71,7 +69,7 @@ fn a_clamped_cosine_gives_no_mirror_direction() {
     reflected().over(facing(1.0)).agrees_with(mirrored, Abs(1e-6));
     let found = reflected().over(facing(-1.0)).unrecorded().try_agrees_with(mirrored, Abs(1e-3));
     assert!(caught(found).paths.iter().all(|path| path.census.failures == path.census.cases));
-    // L is -V up to 0.002 H, so L.H = -V.H.
+    // L is -V plus at most 0.002 H, so L.H = -V.H.
     let found = reflected()
         .over(facing(-1.0))
         .unrecorded()
@@ -84,7 +82,7 @@ fn a_clamped_cosine_gives_no_mirror_direction() {
         .agrees_with(|_: DVec3, _: DVec3| DVec3::new(-0.8, 0.0, 0.6), Abs(2e-3));
 }
 
-/// Levels whose colour is their number, so that the result is the mean level.
+/// A cube map in which the colour of each level is the level's number, so the result is the mean level.
 fn numbered(size: u32) -> CubeMap {
     let last = size.ilog2();
     let levels = (0..=last).map(|level| vec![[level as f32; 4]; 6 << (2 * (last - level))]);
@@ -113,7 +111,7 @@ fn a_density_in_world_space_takes_the_last_level() {
     };
     let _ = found(|_| Vec3::Z).expect("it is right for upward normals");
     let _ = caught(found(|d| d));
-    // Each sample reads level 6. The right average is level 3.3.
+    // Each sample reads level 6. The right mean is level 3.3.
     probe("as_written::specular::filtered_estimate", numbered(size))
         .over(Just((Vec3::ONE, 0.1_f32, Vec3::X, Vec3::X, 16_u32, size)))
         .agrees_with(

@@ -1,4 +1,4 @@
-//! The same work without Karat: a hand-written wgpu loop for one function.
+//! Does the same work without Karat: a hand-written wgpu loop for one function.
 
 use glam::DVec2;
 use shaders::sampling;
@@ -6,7 +6,6 @@ use shaders::sampling;
 /// The function under test and its kernel, as an author would copy them into one file.
 const WGSL: &str = include_str!("bare.wgsl");
 
-/// An opened device.
 pub(crate) struct Bare {
     device: wgpu::Device,
     queue: wgpu::Queue,
@@ -30,7 +29,7 @@ impl Bare {
         Self { device, queue }
     }
 
-    /// Runs from source to verdict, and returns the largest absolute error over `cases` cases.
+    /// Runs from the source to the verdict, and returns the largest absolute error over `cases` cases.
     pub(crate) fn run(&self, cases: u32) -> f64 {
         let inputs = Self::inputs(cases);
         self.call(&inputs, |outputs| {
@@ -44,7 +43,6 @@ impl Bare {
         })
     }
 
-    /// Draws arguments.
     pub(crate) fn inputs(cases: u32) -> Vec<[f32; 3]> {
         let mut state = 1_u32;
         let mut random = || {
@@ -56,12 +54,12 @@ impl Bare {
             .collect()
     }
 
-    /// The sum of the reference's last components.
+    /// The sum of the last components of the reference's results.
     pub(crate) fn reference(inputs: &[[f32; 3]]) -> f64 {
         inputs.iter().map(|input| expected(*input)[2]).sum()
     }
 
-    /// Runs from source to results: upload, dispatch and read-back.
+    /// Runs from the source to the results: upload, dispatch and read-back.
     pub(crate) fn call<T>(&self, inputs: &[[f32; 3]], read: impl FnOnce(&[[f32; 3]]) -> T) -> T {
         let Self { device, queue } = self;
         let cases = u32::try_from(inputs.len()).expect("a dispatch of them");

@@ -1,4 +1,4 @@
-//! Times the engine, path `cpu`, beside lavapipe on the same cores.
+//! Times the engine (path `cpu`) and lavapipe on the same cores.
 
 use std::time::Instant;
 
@@ -8,11 +8,12 @@ use shaders::{PBR, fresnel, sampling};
 
 use super::{STARTS, Spread, spawn};
 
-/// The checks of a process: as many as a small library has functions, and as a large one has.
+/// The number of checks in a process: as many as a small library has functions. The next constant is for a large
+/// library.
 const FEW: usize = 10;
 const CHECKS: usize = 110;
 
-/// Runs a child's task on a path, with empty driver caches of its own if `cold`.
+/// Runs a child's task on a path. If `cold`, the child has its own empty driver caches.
 fn on(path: &str, task: &str, cold: bool) -> (f64, f64) {
     let cache = tempfile::tempdir().expect("a temporary folder");
     let folder = cache.path().display().to_string();
@@ -59,7 +60,7 @@ pub(super) fn run() {
     }
 }
 
-/// Times the sanitizer and other orders of invocations, relative to a plain pass.
+/// Times the sanitizer, and other orders of invocations, relative to a run of the pass only.
 pub(super) fn sanitizer() {
     println!(
         "\na pass of 65,536 invocations in the engine: the part beside a plain run [ratio of times]"
@@ -82,8 +83,8 @@ pub(super) fn sanitizer() {
 /// The number of orders that the benchmark runs.
 const ORDERS: &str = "6";
 
-/// A tile of 64 words for each workgroup, which its invocations sum up in turn. Each invocation then takes a ticket, so
-/// that the order matters.
+/// A shader in which each workgroup has a tile of 64 words, and its invocations add up the tile one after another. Each
+/// invocation then increments a counter, so the order matters.
 const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
     @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
     @group(0) @binding(2) var<storage, read_write> tickets: atomic<u32>;
@@ -97,7 +98,7 @@ const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
         sums[id.x] = sum + atomicAdd(&tickets, 1u);
     }";
 
-/// The times of a pass with the sanitizer, and of a test of it, as ratios to a plain run.
+/// The times of a pass with the sanitizer, and of a test of the pass, relative to a plain run.
 fn passes() -> [f64; 2] {
     const WORDS: u32 = 1 << 16;
     let package = Package::from_source("tiles", TILES);
@@ -123,7 +124,7 @@ fn passes() -> [f64; 2] {
         once();
         start.elapsed().as_secs_f64()
     };
-    // In turns, so that noise of the machine affects all. The first turn warms up.
+    // The tasks take turns, so that noise of the machine affects all tasks. The first turn warms up.
     let turns: Vec<[f64; 3]> =
         (0..6).map(|_| [timed(&plain), timed(&looked), timed(&test)]).collect();
     let median = |at: usize| Spread::of(turns[1..].iter().map(|turn| turn[at]).collect()).0[0];
@@ -149,7 +150,7 @@ pub(super) fn child(task: &str) -> bool {
     true
 }
 
-/// Millions of cases a second after warming up.
+/// The speed after warming up, in millions of cases per second.
 fn steady(cases: u64, check: fn(u64)) -> f64 {
     check(cases);
     let start = Instant::now();
@@ -187,7 +188,7 @@ fn ggx(cases: u64) {
         .agrees_with(sampling::ggx_normal, Abs(6e-4));
 }
 
-/// A sum over 64 filtered samples of a cube map. It has no reference: this measures the path.
+/// A sum over 64 filtered samples of a cube map. The check has no reference, so only the path is measured.
 fn estimate(cases: u64) {
     PBR.function("specular::estimate")
         .with("environment", CubeMap::from_fn(32, |direction| 1.0 + 0.5 * direction))

@@ -1,4 +1,4 @@
-//! Times comparing frames of 1920 x 1080 pixels with their goldens, on one thread.
+//! Times the comparison of frames of 1920 x 1080 pixels with their goldens, on one thread.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -14,7 +14,7 @@ use super::{Spread, spawn};
 const WIDTH: u32 = 1920;
 const HEIGHT: u32 = 1080;
 
-/// Gradients with edges, and a bright tenth, over seven stops.
+/// A golden with gradients, edges, and a bright tenth, over seven stops.
 fn golden() -> Image {
     let pixel = |index: u32| {
         let (x, y) = (index % WIDTH, index / WIDTH);
@@ -34,7 +34,7 @@ fn scaled(image: &Image, factor: f32) -> Image {
     scaled
 }
 
-/// A black square of 8 x 8 pixels.
+/// Adds a black square of 8 x 8 pixels.
 fn with_hole(image: &Image) -> Image {
     let mut changed = image.clone();
     for index in (500..508).flat_map(|y| (900..908).map(move |x| y * WIDTH + x)) {
@@ -43,7 +43,7 @@ fn with_hole(image: &Image) -> Image {
     changed
 }
 
-/// Measures the most memory for a frame that differs everywhere: both images, and FLIP for all pixels.
+/// Measures the peak memory for a frame that differs everywhere: both images, and FLIP for all pixels.
 pub(super) fn compare_one() {
     let golden = golden();
     let actual = scaled(&golden, 1.01);
@@ -98,7 +98,7 @@ fn measure() {
         let pair = pair(&golden, &hole).with_exposures(exposures);
         assert!(Flip::LARGEST_TILE.whole(&pair).expect("computed").largest_tile(&pair).0 > 0.01);
     };
-    // With a deviation that explains the drift.
+    // The variance is large enough to explain the drift.
     let variance = Image::new(WIDTH, HEIGHT, vec![[1e-4, 1e-4, 1e-4, 0.0]; golden.pixels().len()]);
     let noise = || {
         let noise = Noise { golden: &variance, actual: &variance };
@@ -128,7 +128,7 @@ fn measure() {
             task();
             start.elapsed().as_secs_f64() * 1e3
         };
-        // Each is timed next to a read of its own, since the speed of memory depends on other processes.
+        // The read of a golden is timed beside each task, because the speed of memory depends on other processes.
         let pair = |_| (time(&read), time(task));
         let pairs: Vec<(f64, f64)> = (0..repetitions).map(pair).collect();
         let ratios = Spread::of(pairs.iter().map(|(read, task)| task / read).collect());

@@ -1,7 +1,7 @@
-//! Karat's benchmark: `cargo ci bench`.
+//! Karat's benchmark, which `cargo ci bench` runs.
 //!
-//! It is built in the profile of `cargo test`, because that is what an author waits for. Machines are noisy, so
-//! compared tasks are measured alternately in one run, and each figure is a median with its spread.
+//! The benchmark is built in the profile of `cargo test`, because authors wait for that profile. Machines are noisy, so
+//! one run measures compared tasks alternately, and each figure is a median with its spread.
 
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
@@ -43,7 +43,7 @@ fn main() {
     if arguments.first().is_some_and(|first| first == "--child") {
         return child(&arguments[1]);
     }
-    // Cargo adds `--bench`.
+    // Cargo adds the argument `--bench`.
     let parts: Vec<&String> = arguments.iter().filter(|part| !part.starts_with('-')).collect();
     let asked = |name: &str| parts.is_empty() || parts.iter().any(|part| name.contains(*part));
     let chosen: Vec<_> = BENCHMARKS.into_iter().filter(|(name, _)| asked(name)).collect();
@@ -89,7 +89,6 @@ fn ggx(cases: u64) {
         .agrees_with(sampling::ggx_normal, Abs(6e-4));
 }
 
-/// The median, the smallest and the largest value.
 struct Spread([f64; 3]);
 
 impl Spread {
@@ -163,7 +162,7 @@ fn throughput() {
     }
 }
 
-/// Measures how the time of many cases is spent.
+/// Measures how much of the time of many cases each step takes.
 fn costs() {
     const CASES: u32 = 1_000_000;
     println!("\nsampling::ggx_normal with 1,000,000 cases: where the time goes [ns a case]");
@@ -190,7 +189,7 @@ fn costs() {
         for ((_, run), times) in rows.iter().zip(&mut times) {
             let start = Instant::now();
             run();
-            // The first one warms up.
+            // The first repetition warms up.
             if repetition > 0 {
                 times.push(start.elapsed().as_secs_f64() * 1e9 / f64::from(CASES));
             }
@@ -201,7 +200,8 @@ fn costs() {
     }
 }
 
-/// Times a sampler with its density: the pilot, the integrals of 512 cells, the samples, and the density of each.
+/// Times a sampler with its density: the pilot run, the integrals over 512 cells, the samples, and the density of each
+/// sample.
 fn samplers() {
     println!("\nsampling::ggx_visible_normal against its density, one configuration [s]");
     let v = glam::Vec3::new(0.6, 0.0, 0.8);
@@ -223,7 +223,7 @@ fn samplers() {
     }
 }
 
-/// The largest resident size of this process so far, in MB; 0 if the system doesn't report it.
+/// The peak memory of this process so far, in MB. 0 if the system doesn't report it.
 fn peak_memory() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|line| line.starts_with("VmHWM:"));

@@ -1,5 +1,5 @@
-//! Times a user's project, made as in the guide: its first `cargo test` from nothing, and the time from an edit of its
-//! Rust test to the verdict.
+//! Times a user's project, made as in the guide: its first `cargo test` without compiled files, and the time from an
+//! edit of its Rust test to the verdict.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -38,14 +38,14 @@ fn write_project(folder: &Path) {
          [dev-dependencies]\nkarat = {{ path = {karat:?} }}\n\n{profiles}"
     );
     write(folder, "Cargo.toml", &manifest);
-    // The versions that this machine already has.
+    // Uses the versions of libraries that this machine already has.
     let lock = std::fs::read_to_string(repository.join("Cargo.lock")).expect("it is there");
     write(folder, "Cargo.lock", &lock);
     write(folder, "src/lib.rs", "//! An application.\n");
     write(folder, "shaders/brdf.wgsl", SHADER);
 }
 
-/// Runs the test after so many edits.
+/// Runs the test with edit number `edit`.
 fn test(folder: &Path, edit: usize) -> f64 {
     let text = format!(
         "use karat::prelude::*;\n\nstatic SHADERS: Package = karat::package!(\"shaders\");\n\n\
@@ -58,7 +58,7 @@ fn test(folder: &Path, edit: usize) -> f64 {
     cargo_test(folder)
 }
 
-/// The time of `cargo test`, which has to pass.
+/// The time of a `cargo test` run that passes.
 fn cargo_test(folder: &Path) -> f64 {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     for (name, _) in std::env::vars_os() {

@@ -1,4 +1,4 @@
-//! Times `karat watch` from a change of a file to the verdict, in a library of a hundred tested functions.
+//! Times `karat watch` from the change of a file to the verdict, in a library of a hundred tested functions.
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader};
@@ -9,16 +9,14 @@ use std::time::{Duration, Instant};
 
 use super::Spread;
 
-/// The number of functions, each with a test.
 const FUNCTIONS: usize = 100;
 
-/// The number of test modules.
 const MODULES: usize = 10;
 
 /// The number of edits. The benchmark prints the median.
 const EDITS: usize = 20;
 
-/// A time limit that is far longer than a verdict takes.
+/// A limit far longer than the time to a verdict.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(super) fn run() {
@@ -29,7 +27,7 @@ pub(super) fn run() {
     println!(
         "\nkarat watch: edit of one of {FUNCTIONS} tested functions to its verdict, median of {EDITS} [ms]"
     );
-    // The benchmark has its own driver cache: the user's has the edits of an earlier run.
+    // The benchmark has its own driver cache, because the user's cache contains the edits of an earlier run.
     let cache = tempfile::tempdir().expect("a temporary folder");
     let own = Some(cache.path());
     let runs = [
@@ -48,7 +46,7 @@ pub(super) fn run() {
     }
 }
 
-/// The command line program of the same build.
+/// The command line program, if the same build has made it.
 fn karat() -> Option<PathBuf> {
     let own = std::env::current_exe().ok()?;
     let profile = own.ancestors().find(|folder| folder.join("deps").is_dir())?;
@@ -77,7 +75,7 @@ fn write_library(folder: &Path) {
     }
 }
 
-/// The library after so many edits, each of another function.
+/// The library after `edits` edits. Each edit changes another function.
 fn library(edits: usize) -> String {
     let mut text = String::new();
     for at in 0..FUNCTIONS {
@@ -99,7 +97,7 @@ struct Watch {
 }
 
 impl Watch {
-    /// Starts it with a folder for the driver's cache, or without one.
+    /// Starts `karat watch` with a folder for the driver's cache, or without a cache.
     fn start(program: &Path, folder: &Path, path: &str, cache: Option<&Path>) -> Self {
         let mut command = Command::new(program);
         command.arg("watch").arg(folder).args(["--paths", path, "--lines"]);
@@ -121,7 +119,7 @@ impl Watch {
         Self { child, lines }
     }
 
-    /// Waits for the path's verdict, which has to be that all tests pass. Returns the time in ms.
+    /// Waits for the path's verdict, which must be that all tests pass. Returns the time in ms.
     fn verdict(&mut self, path: &str) -> f64 {
         let (began, start) = (Instant::now(), format!("{path}: "));
         loop {

@@ -13,27 +13,27 @@ use shaders::maps::{self, MapSettings};
 use shaders::scene::{self, Painted, Samples};
 use shaders::{PBR, environment, probe_room, specular};
 
-/// Texels along a face of the environment: the sun is 10 texels wide.
+/// Texels along each side of the environment's faces. The sun is 10 texels wide.
 pub const ENVIRONMENT: u32 = 128;
-/// Texels along a side of the irradiance map's faces, as in the article.
+/// Texels along each side of the irradiance map's faces, as in the article.
 pub const IRRADIANCE: u32 = 32;
-/// Pixels along a face in the frame of the environment.
+/// Pixels along each side of a face in the frame of the environment.
 pub const FACE: u32 = 96;
-/// Texels along a side of the split sum's table.
+/// Texels along each side of the split sum's table.
 pub const TABLE: u32 = 128;
-/// Mip levels of the prefiltered environment. The faces of the last one have 4 texels a side.
+/// Mip levels of the prefiltered environment. The faces of the last level are 4 texels wide.
 pub const PREFILTERED_LEVELS: u32 = 6;
-/// Normals for each texel of a prefiltered level, and for each entry of the table.
+/// Sampled normals for each texel of a prefiltered level, and for each entry of the table.
 const PREFILTERED_SAMPLES: u32 = 1024;
-/// Bands and segments of a sphere: its facets have 5.6 degrees.
+/// Bands and segments of a sphere. Each facet is 5.6 degrees wide.
 const SPHERE: (u32, u32) = (32, 64);
 
-/// Returns `true` if long suites run whole, as under `cargo ci full`; otherwise they run a sample. The variable doesn't
-/// begin with `KARAT_`, because those belong to the harness.
+/// Checks if long suites run whole, as in `cargo ci full`. Otherwise they run a sample. The variable's name doesn't
+/// begin with `KARAT_`, because the harness reserves these names.
 ///
 /// # Panics
 ///
-/// If `SUITES` is anything but `whole`.
+/// If `SUITES` has any value except `whole`.
 #[must_use]
 pub fn are_suites_whole() -> bool {
     match std::env::var("SUITES") {
@@ -43,7 +43,7 @@ pub fn are_suites_whole() -> bool {
     }
 }
 
-/// The name and the description of each frame. The name is also that of its golden.
+/// The name and the description of each frame. The name of a frame is also the name of its golden.
 pub const FRAMES: [(&str, &str); 14] = [
     ("scene", "diffuse and specular light of the studio on 8 materials x 8 roughnesses"),
     ("diffuse", "the diffuse term alone: metals are black"),
@@ -64,48 +64,46 @@ pub const FRAMES: [(&str, &str); 14] = [
 /// The settings for drawing a frame.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// Pixels across and down. A map uses those that its six faces need.
+    /// Pixels across and down. A map ignores this size and uses the size of its six faces.
     pub size: Option<(u32, u32)>,
-    /// The number of directions for each term at each pixel, in place of the frame's own.
+    /// The number of directions for each term at each pixel. `None` uses the frame's own number.
     pub samples: Option<u32>,
-    /// The light of the scene, with mip levels; `None` for the studio.
+    /// The light of the scene, with mip levels. `None` uses the studio.
     pub environment: Option<CubeMap>,
     /// The path that computes the maps of the frame.
     pub path: Path,
-    /// `true` to draw depth first.
+    /// `true` draws depth first.
     pub prepass: bool,
 }
 
 impl Shot {
-    /// The frame of the golden, with maps computed on `path`.
+    /// The settings of the golden. The maps are computed on `path`.
     #[must_use]
     pub fn golden(path: Path) -> Self {
         Self { size: None, samples: None, environment: None, path, prepass: true }
     }
 
-    /// The same, `width` x `height` pixels large.
+    /// Sets the size of the frame to `width` x `height` pixels.
     #[must_use]
     pub fn sized(self, width: u32, height: u32) -> Self {
         Self { size: Some((width, height)), ..self }
     }
 
-    /// The light of the scene.
     fn light(&self) -> CubeMap {
         self.environment.clone().unwrap_or_else(studio)
     }
 
-    /// The number of directions from which a frame gathers light.
     fn samples(&self, usual: Samples) -> Samples {
         self.samples.map_or(usual, |samples| Samples { diffuse: samples, specular: samples })
     }
 }
 
-/// The paths that open, in the order of tests: those of each API, and further ones that the environment names, such as
-/// a second driver.
+/// Paths that open, in the order in which tests use them: one for each API, and paths that the environment variables
+/// name, such as a second driver.
 ///
 /// # Panics
 ///
-/// If there is none, because then nothing would be checked.
+/// If no path opens, because then the tests would check nothing.
 #[must_use]
 pub fn open_paths() -> Vec<Path> {
     let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
@@ -119,9 +117,9 @@ pub fn open_paths() -> Vec<Path> {
     open
 }
 
-/// Returns `true` if a driver snaps vertices to 16ths of a pixel, as SwiftShader does: its `subPixelPrecisionBits` is
-/// 4, the least that Vulkan allows; Mesa's is 8. A pixel interpolates its vertices, so it moves with them, by at most
-/// 1/32 of a pixel.
+/// Checks if a driver snaps vertices to 1/16 of a pixel, as SwiftShader does: its `subPixelPrecisionBits` is 4, the
+/// smallest number that Vulkan allows. Mesa's number is 8. A pixel interpolates its vertices, so its content moves with
+/// the vertices, by at most 1/32 of a pixel.
 ///
 /// # Panics
 ///
@@ -139,23 +137,23 @@ pub fn studio() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, texels).with_mips()
 }
 
-/// The room of the article's frames, as its probe sees it.
+/// The room in the article's frames, as the room's probe sees it.
 #[must_use]
 pub fn room() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, environment::cube_map(ENVIRONMENT, probe_room::walls))
 }
 
-/// The unit sphere of all frames.
+/// The unit sphere that all frames use.
 #[must_use]
 pub fn sphere() -> (Vec<Vec3>, Vec<u32>) {
     scene::sphere(SPHERE.0, SPHERE.1)
 }
 
-/// A frame by its name.
+/// Builds a frame by its name.
 ///
 /// # Errors
 ///
-/// If there is none with this name, or a map that it uses can't be drawn.
+/// If no frame has this name, or if drawing one of the frame's maps fails.
 pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> {
     let painted = scene::spheres();
     let usual = Samples::DEFAULT;
@@ -194,10 +192,10 @@ pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> 
     })
 }
 
-/// Large enough to distinguish the materials, small enough for a software rasteriser.
+/// A size at which the materials are distinguishable, and which a software rasteriser draws quickly.
 const SMALL: (u32, u32) = (480, 270);
 
-/// The 64 spheres, drawn after a depth pre-pass with one of the scene's fragment functions, and the light behind them.
+/// Draws the 64 spheres after a depth pre-pass with one of the scene's fragment functions, with the light behind them.
 fn spheres(
     shot: &Shot,
     fragment: &str,
@@ -227,7 +225,7 @@ fn spheres(
     if shot.prepass { frame.depth_prepass() } else { frame }
 }
 
-/// The 64 spheres alone, drawn with a fragment function of `module`.
+/// Draws only the 64 spheres, with a fragment function of `module`.
 pub fn grid(
     module: &str,
     fragment: &str,
@@ -244,7 +242,7 @@ pub fn grid(
     )
 }
 
-/// The article's spheres in their room.
+/// The article's spheres in the article's room.
 fn lambert_objects(
     shot: &Shot,
     fragment: &str,
@@ -266,7 +264,7 @@ fn lambert_objects(
         .depth_prepass())
 }
 
-/// Six faces, or a table, computed by a fragment function of `maps`.
+/// Draws six faces, or a table, with a fragment function of `maps`.
 fn map(light: CubeMap, fragment: &str, settings: MapSettings) -> Frame<'static> {
     let (width, height) = (maps::ACROSS * settings.side, maps::DOWN * settings.side);
     PBR.frame("maps", width, height)
@@ -276,27 +274,26 @@ fn map(light: CubeMap, fragment: &str, settings: MapSettings) -> Frame<'static> 
         .fullscreen("vertex", fragment)
 }
 
-/// The faces of the irradiance map of `light`.
 fn irradiance_map(light: CubeMap) -> Frame<'static> {
     let settings = MapSettings { side: IRRADIANCE, samples: 0, alpha: 0.0 };
     map(light, "irradiance_fragment", settings)
 }
 
-/// Irradiance over pi in `light`, by normal, computed on `path`.
+/// Computes the irradiance in `light`, divided by pi, for each normal. The computation runs on `path`.
 ///
 /// # Errors
 ///
-/// If it can't be drawn.
+/// If drawing the map fails.
 pub fn irradiance_cube(light: &CubeMap, path: Path) -> Result<CubeMap, Box<dyn Error>> {
     let faces = irradiance_map(light.clone()).render(path)?;
     Ok(CubeMap::from_faces(&maps::faces(&faces, IRRADIANCE))?)
 }
 
-/// The environment, filtered for the width of each mip level.
+/// The environment, filtered for the width that each mip level stands for.
 ///
 /// # Errors
 ///
-/// If a level can't be drawn.
+/// If drawing a level fails.
 pub fn prefiltered(shot: &Shot) -> Result<CubeMap, Box<dyn Error>> {
     let mut levels = Vec::new();
     for level in 0..PREFILTERED_LEVELS {
@@ -313,7 +310,7 @@ pub fn prefiltered(shot: &Shot) -> Result<CubeMap, Box<dyn Error>> {
 ///
 /// # Errors
 ///
-/// If it can't be drawn.
+/// If drawing the table fails.
 pub fn split_sum_table(shot: &Shot) -> Result<Texture, Box<dyn Error>> {
     let settings = MapSettings { side: TABLE, samples: PREFILTERED_SAMPLES, alpha: 0.0 };
     let table = PBR

@@ -1,4 +1,4 @@
-//! The frames of the shader library, for `karat render`.
+//! Draws the frames of the shader library for `karat render`.
 
 use std::error::Error;
 use std::path::Path as FilePath;
@@ -25,7 +25,7 @@ fn shot(options: &RenderOptions) -> Result<Shot, Box<dyn Error>> {
     })
 }
 
-/// Reads a panorama of latitude and longitude, or six faces in a row or a column.
+/// Reads a panorama in latitude and longitude, or six faces in a row or in a column.
 fn environment(file: &FilePath) -> Result<CubeMap, Box<dyn Error>> {
     let (image, _) = Image::read_exr(file)?;
     let cube = CubeMap::from_image(&image, ENVIRONMENT)?;

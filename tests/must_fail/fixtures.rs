@@ -1,4 +1,4 @@
-//! Tests fixtures against the variables that they are bound to.
+//! Tests that Karat compares fixtures with the variables to which they are bound.
 
 use karat::prelude::*;
 
@@ -12,7 +12,7 @@ karat::shareable! {
     struct Swapped mirrors SwappedMirror { bias: f32, gain: f32 }
 }
 
-/// Fixtures are compared with their variables by type and by the names of members.
+/// Karat compares a fixture with its variable by type and by the names of members.
 #[test]
 fn fixtures_of_another_type() {
     let wgsl = "struct Gains { gain: f32, bias: f32 }\n\
@@ -48,8 +48,8 @@ fn fixtures_of_another_type() {
     }
 }
 
-/// Two variables of a frame may have the same binding number in different draws: each draw reads its own fixture. In
-/// one draw they can't.
+/// Two variables of a frame may have the same binding number in different draws: each draw reads its own fixture. Two
+/// variables in one draw may not.
 // Lesson 70
 #[test]
 fn a_fixture_that_another_one_hides() {

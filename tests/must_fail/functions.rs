@@ -1,4 +1,4 @@
-//! Tests functions against references.
+//! Tests that checks of functions against references find faults.
 
 use glam::{DVec3, UVec3, Vec3};
 use karat::Goldens;
@@ -57,7 +57,7 @@ fn swapped_arguments() {
     disagreement(coat);
 }
 
-/// One of 65,536 inputs gives NaN or an infinity: found even with the loosest tolerance.
+/// One of 65,536 inputs gives NaN or an infinity. Even the loosest tolerance finds it.
 // Lesson 5
 #[test]
 fn one_bad_result_of_65536() {
@@ -80,7 +80,8 @@ fn one_bad_result_of_65536() {
     }
 }
 
-/// The same in the last of three components, of floats and of integers. The first two are right everywhere.
+/// One of 65,536 inputs gives NaN or an infinity in the last of three components, for floats and for integers. The
+/// first two components are always right.
 // Lesson 14
 #[test]
 fn one_bad_component_of_65536() {
@@ -106,7 +107,7 @@ fn one_bad_component_of_65536() {
     }
 }
 
-/// The tolerance of the last component counts: only `z` is wrong, and only `z` has a strict one.
+/// Only `z` is wrong, and only `z` has a strict tolerance, so the check must apply the tolerance of the last component.
 // Lesson 14
 #[test]
 fn a_fault_in_the_last_component() {
@@ -176,7 +177,7 @@ fn nothing_to_compare() {
     assert_eq!(error, "the domain of `g` is empty: the range of `alpha` ends at NaN");
 }
 
-/// A transformation without an effect, and bounds that exclude no value.
+/// The transformation has no effect, or the bounds exclude no value.
 // Lesson 13
 #[test]
 fn a_check_that_could_not_fail() {
@@ -201,8 +202,8 @@ fn a_check_that_could_not_fail() {
     }
 }
 
-/// A shader's own functions are called, even if they have the names of builtins that the kernel uses: the check sees
-/// their results.
+/// A shader may define functions with the names of builtins that Karat's kernel uses. The check calls the shader's
+/// functions and sees their results.
 #[test]
 fn shaders_that_redefine_what_the_kernel_uses() {
     let shadows = [
@@ -223,7 +224,7 @@ fn shaders_that_redefine_what_the_kernel_uses() {
     }
 }
 
-/// No case sees what another case writes: each has its own resources and its own workgroup.
+/// No case sees the writes of another case: each case has its own resources and its own workgroup.
 // Lesson 124
 #[test]
 fn functions_that_would_share_state_between_cases() {
@@ -266,8 +267,8 @@ fn functions_that_would_share_state_between_cases() {
     }
 }
 
-/// Functions that are NaN or infinite only where two arguments are equal, away from the axes and inside ranges.
-/// Components of a tuple that have the same type meet.
+/// The functions are NaN or infinite only where two arguments are equal, away from the axes and inside ranges. Karat
+/// tries equal values for components of a tuple that have the same type.
 // Lesson 64
 #[test]
 fn arguments_that_meet() {
@@ -294,7 +295,7 @@ fn arguments_that_meet() {
         "normalize(n - a)",
         "normalize(a + n)",
         "a / f32(!(all(n == a) && all(a == b)))",
-        // Close, but not equal.
+        // The arguments are close to each other, but not equal.
         "a / f32(!(distance(a, b) > 0.0 && distance(a, b) < 1e-5))",
         "a / f32(!(distance(a, -b) > 0.0 && distance(a, -b) < 1e-5))",
     ] {
@@ -309,7 +310,7 @@ fn arguments_that_meet() {
     let found =
         package.function("f").over(upper()).unrecorded().try_satisfies("is bounded", bounded);
     let found = disagreement(found);
-    // The arguments are simplified together; otherwise they would no longer be equal.
+    // Karat simplifies both arguments together, because otherwise they would no longer be equal.
     for path in &found.paths {
         let simplest = path.simplest.as_ref().unwrap_or_else(|| panic!("it is reduced: {found}"));
         let arguments = &simplest.failure.arguments;
@@ -329,7 +330,7 @@ fn arguments_that_meet() {
     }
 }
 
-/// Many threads share a device: each gets its own results, every time.
+/// Many threads share a device. Each thread gets its own results, every time.
 #[test]
 fn many_threads_on_one_device() {
     let package = Package::from_source("s", "fn f(x: f32, k: f32) -> f32 { return x + k; }");
@@ -431,7 +432,7 @@ fn an_unknown_function_and_a_missing_fixture() {
     );
 }
 
-/// A fault at one of many edge cases, in one of three arguments.
+/// The fault occurs at one of many edge cases, in one of three arguments.
 #[test]
 fn every_edge_of_a_tuple_is_tried() {
     let wgsl = "fn f(x: f32, y: f32, z: f32) -> f32 {\n    \
@@ -444,7 +445,7 @@ fn every_edge_of_a_tuple_is_tried() {
     }
 }
 
-/// A flushed result isn't a relative error, and a tolerance has to bound something.
+/// A flushed result isn't a relative error, and Karat refuses a tolerance that bounds nothing.
 #[test]
 fn bounds_near_zero() {
     let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x * y; }");
@@ -463,7 +464,7 @@ fn bounds_near_zero() {
     assert!(matches!(none, Err(Failure::Signature { .. })), "{none:?}");
 }
 
-/// If every result and its reference may be flushed to 0, nothing is compared.
+/// If a driver may flush each result and its reference to 0, the check compares nothing and fails.
 // Lesson 77
 #[test]
 fn results_that_may_all_be_flushed() {
@@ -479,7 +480,7 @@ fn results_that_may_all_be_flushed() {
     assert!(matches!(check(0.5, Rel(1e-3).into()), Err(Failure::Disagreement(_))));
 }
 
-/// The shader may flush as a driver would, which is the same on each driver: `flush` replaces numbers closer to 0 than
+/// Simulates flushing in the shader, so each driver gives the same results: `flush` replaces numbers closer to 0 than
 /// `least` with 0.
 fn flushing(least: &str, body: &str) -> Package {
     let wgsl = format!(
@@ -495,12 +496,13 @@ fn flushing(least: &str, body: &str) -> Package {
 const SUBNORMAL: &str = "0x800000u";
 const ONE_NORMAL: &str = "0x800001u";
 
-/// A step at 0; the second argument is returned with it.
+/// A step at 0. The function also returns the second argument.
 fn step(x: f64, y: f64) -> f64 {
     if x > 0.0 { 1.0 + y } else { y }
 }
 
-/// Subnormal arguments may be zeros, each on its own. Nothing else may.
+/// A driver may replace each subnormal argument with 0, independently of the other arguments. It may change nothing
+/// else.
 // Lesson 48
 #[test]
 fn only_subnormal_arguments_may_be_flushed() {
@@ -514,11 +516,11 @@ fn only_subnormal_arguments_may_be_flushed() {
     check(SUBNORMAL, right).expect("subnormals are zeros");
     check("0x400000u", right).expect("some of them are");
     for (least, body) in [
-        (ONE_NORMAL, right),                                // a normal is flushed, too
-        (SUBNORMAL, "select(y, 1.0 + y, flush(x) >= 0.0)"), // wrong at 0 as well
-        (SUBNORMAL, "select(y, 1.0 + y, flush(x) > 0.5)"),  // wrong at normals
+        (ONE_NORMAL, right),                                // also flushes normal numbers
+        (SUBNORMAL, "select(y, 1.0 + y, flush(x) >= 0.0)"), // is also wrong at 0
+        (SUBNORMAL, "select(y, 1.0 + y, flush(x) > 0.5)"),  // is wrong at normal numbers
         (SUBNORMAL, "select(y, 1.0 + y, flush(x) > 0.0) + select(0.0, 0.5, size(x) == 1.0)"),
-        (SUBNORMAL, "select(0.0, 1.0 + y, flush(x) > 0.0)"), // y goes with x
+        (SUBNORMAL, "select(0.0, 1.0 + y, flush(x) > 0.0)"), // also flushes y
         (SUBNORMAL, "select(y, 1.0 + y, flush(x) > 0.0) / select(1.0, 0.0, size(x) == 1.0)"),
     ] {
         let found = disagreement(check(least, body));
@@ -527,7 +529,7 @@ fn only_subnormal_arguments_may_be_flushed() {
     }
 }
 
-/// The same for statements and limits.
+/// Statements and limits may also be computed from flushed arguments.
 #[test]
 fn statements_and_limits_may_be_those_of_flushed_arguments() {
     let holds = |x: f32, result: f32| f64::from(result) == step(f64::from(x), 0.0);
@@ -551,7 +553,7 @@ fn statements_and_limits_may_be_those_of_flushed_arguments() {
     disagreement(limit(ONE_NORMAL));
 }
 
-/// A reference without a value at 0 is no excuse: the result is that of the given argument, or wrong.
+/// If the reference has no value at 0, the result must still be right for the given argument.
 #[test]
 fn nothing_is_excused_where_the_flushed_argument_has_no_reference() {
     let check = |result: &str| {

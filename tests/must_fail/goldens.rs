@@ -14,7 +14,7 @@ pub(crate) fn golden_fault(folder: &FilePath, environment: &[(&str, &str)]) -> (
     (output.status.success(), text)
 }
 
-/// Renders, accepts, agrees; then the test damages the golden in each possible way.
+/// The test renders and accepts a frame, and checks that it agrees. Then it damages the golden in each possible way.
 // Lesson 1: golden side
 // Lesson 2
 // Lesson 16: the golden records its tolerance
@@ -71,13 +71,13 @@ fn goldens_that_are_missing_shifted_resized_or_corrupt() {
     assert!(!agrees && text.contains("isn't a readable OpenEXR image"), "{text}");
     assert_eq!(std::fs::metadata(&golden).expect("there").len(), bytes.len() as u64 / 2);
 
-    // The pending frame was compared with another golden.
+    // The pending frame was compared with a golden that has changed since.
     plant(&shifted);
     original.write_exr(&golden, Precision::Half, metadata.as_deref()).expect("written");
     assert!(accept("stale").is_err_and(|error| error.to_string().contains("has changed since")));
 }
 
-/// A frame with NaN never passes, neither as a frame nor as a golden.
+/// A frame with NaN never passes, and neither does a golden with NaN.
 // Lesson 5
 #[test]
 fn a_frame_with_nan_is_not_accepted() {
@@ -97,7 +97,7 @@ fn a_frame_with_nan_is_not_accepted() {
     assert!(error.to_string().contains("no frame could ever agree with such a golden"), "{error}");
 }
 
-/// In CI nothing is written beside the goldens.
+/// In CI, Karat writes nothing beside the goldens.
 // Lesson 2
 // Lesson 42
 #[test]
@@ -115,12 +115,12 @@ fn ci_leaves_the_folder_of_goldens_alone() {
     );
 }
 
-/// A golden that wasn't rendered on lavapipe would fail on every other machine.
+/// Karat refuses to accept a golden from another driver than lavapipe, because it would fail on every other machine.
 // Lesson 17
 #[test]
 fn accepting_off_the_canonical_rasteriser_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    // Lavapipe is a Vulkan driver. Without GL, this machine's Vulkan is another driver.
+    // Lavapipe is a Vulkan driver. If this machine has no GL, its Vulkan driver isn't lavapipe.
     let path = if karat::unstable::path::adapter(Path::GL).is_ok() { "gl" } else { "vulkan" };
     let (_, text) = golden_fault(folder.path(), &[("KARAT_PATHS", path), ("KARAT_REQUIRE", path)]);
     assert!(text.contains("has no golden"), "{text}");
@@ -132,7 +132,7 @@ fn accepting_off_the_canonical_rasteriser_is_refused() {
     assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
 }
 
-/// A rasteriser with another vector width, as on another machine: the golden holds there, too.
+/// On a rasteriser with another vector width, as on another machine, the golden still agrees.
 // Lesson 18: another width
 #[test]
 fn a_golden_holds_at_another_vector_width() {
@@ -152,7 +152,7 @@ fn a_golden_holds_at_another_vector_width() {
     let narrow = [("LP_NATIVE_VECTOR_WIDTH", "128")];
     let (agrees, text) = golden_fault(folder.path(), &narrow);
     assert!(agrees, "{text}");
-    // The adapter's name in a new frame shows that the variable works.
+    // The adapter's name in a new frame shows that the environment variable has an effect.
     let other = tempfile::tempdir().expect("a temporary folder");
     golden_fault(other.path(), &narrow);
     let pending = Goldens::open(other.path()).select("gradient").expect("it is pending").frames;
@@ -161,7 +161,7 @@ fn a_golden_holds_at_another_vector_width() {
     assert!(!lavapipe || name.contains("128 bits"), "{name}");
 }
 
-/// Results of software rasterisers depend on their vector width and on the processor.
+/// The golden records vector width and processor, because the results of software rasterisers depend on both.
 // Lesson 18: a golden records adapter and processor
 #[test]
 fn a_golden_says_what_it_was_made_on() {

@@ -1,4 +1,4 @@
-//! Tests integrals.
+//! Tests that checks of integrals find faults.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;
@@ -8,8 +8,8 @@ use std::f64::consts::{PI, TAU};
 use crate::disagreement;
 use crate::processes::planted;
 
-/// The midpoint rule in the squared sine and the azimuth, with the cosine in the measure: the directions of a
-/// hemisphere about +Z, and the weights of an integral of `f cos`.
+/// The directions of a hemisphere about +Z with the weights of an integral of `f cos`, by the midpoint rule in the
+/// squared sine and the azimuth. The measure contains the cosine.
 pub(crate) fn hemisphere(size: u16) -> Vec<(Vec3, f64)> {
     let at = |index: u16| (f64::from(index) + 0.5) / f64::from(size);
     let node = |row: u16, column: u16| {
@@ -41,7 +41,7 @@ const ALBEDO: Rel = Rel(1.2e-7);
 fn an_integral_that_is_right() {
     let package = diffuse("0.318309886");
     let integral = || package.function("brdf::eval").integral(UnitRgb, albedo_rule);
-    // An albedo / pi below the least normal f32 may be flushed: 3.7e-38 of the integral.
+    // WGSL may flush an albedo / pi below the least normal f32: 3.7e-38 of the integral.
     let tolerance = ALBEDO.or(Abs(3.7e-38));
     let agreement = integral().agrees_with(|albedo| albedo.as_dvec3(), tolerance);
     assert_eq!(agreement.cases, 256);
@@ -53,7 +53,7 @@ fn an_integral_that_is_right() {
     assert_eq!(agreement.expect("each value of a finite domain").cases, 3);
 }
 
-/// A third in place of 1/pi makes every albedo pi/3 times as large.
+/// With a third in place of 1/pi, every albedo is pi/3 times too large.
 #[test]
 fn a_wrong_constant_in_an_integral() {
     let package = diffuse("0.33333334");
@@ -103,11 +103,11 @@ fn an_integral_above_its_bound() {
     assert!(text.contains(part), "`{part}` is missing in:\n{text}");
     integral().unrecorded().try_is_at_most(|_| 0.75, 0.036).expect("the excess is 0.0354");
     integral().unrecorded().try_is_at_most(|_| 0.786, 0.0).expect("the bound is larger");
-    // A bound for each component. Only that of the last one is exceeded.
+    // Each component has its own bound. The integral exceeds only the bound of the last component.
     let found =
         disagreement(integral().unrecorded().try_is_at_most(|_| DVec3::new(1.0, 1.0, 0.7), 0.0));
     assert!(found.paths.iter().all(|path| path.worst.component == ".z"), "{found}");
-    // Exactly the bound: each term and their sum are powers of two.
+    // The integral is exactly the bound: each term and their sum are powers of two.
     let package = diffuse("0.5");
     let four = |albedo: &Vec3| vec![((*albedo, Vec3::Z), 0.5); 4];
     let integral = || package.function("brdf::eval").integral(Just(Vec3::splat(0.25)), four);
@@ -115,7 +115,7 @@ fn an_integral_above_its_bound() {
     disagreement(integral().unrecorded().try_is_at_most(|_| 0.25_f64.next_down(), 0.0));
 }
 
-/// 100,000 nodes in two dispatches. One gives NaN or an infinity, with any weight.
+/// The integral has 100,000 nodes in two dispatches. One node gives NaN or an infinity, with any weight.
 // Lesson 5
 #[test]
 fn one_bad_node_of_an_integral() {
@@ -153,7 +153,7 @@ fn one_bad_node_of_an_integral() {
     }
 }
 
-/// A rule without nodes, with weights that aren't finite, and expectations that aren't.
+/// Karat refuses a rule without nodes, weights that aren't finite, and expectations that aren't finite.
 // Lesson 4
 #[test]
 fn an_integral_of_nothing() {
@@ -289,7 +289,8 @@ fn an_integral_is_replayed_and_recorded() {
     assert_eq!(shown(&text), shown(&again));
 }
 
-/// A wrong constant; and a lobe between the rings, for which no rule finds the integral.
+/// One function has a wrong constant. Another has a lobe between the rings of directions, so no rule finds the
+/// integral.
 // Lesson 67
 #[test]
 fn an_integral_over_directions() {
@@ -327,7 +328,8 @@ fn an_integral_over_directions() {
     let (equal, below) = check("0.999 * l.z / radians(180.0)", Directions::hemisphere(), 1.0);
     disagreement(equal);
     below.expect("it is less");
-    // Both rules are far from the expected value, and farther than from each other: a failure that shows both.
+    // The results of both rules differ more from the expected value than from each other. The failure shows both
+    // results.
     let lobe = "1e5 * exp(1e3 * (l.z - 1.0))";
     let coarse = Directions::hemisphere().rings(32);
     for found in <[_; 2]>::from(check(lobe, coarse, 1.0)) {
@@ -343,7 +345,7 @@ fn an_integral_over_directions() {
         assert!(text.contains("     control = "), "{text}");
         assert!(text.contains("the two rules disagree: try more `rings`"), "{text}");
     }
-    // A failing case is a verdict, even if other cases have none.
+    // A failing case is a verdict, even if other cases have no verdict.
     let mixed =
         "select(2.0 * l.z / radians(180.0), exp(1e3 * (l.z - 1.0)) / 6.2831853e-3, k < 1.0)";
     for found in <[_; 2]>::from(check(mixed, coarse, 1.0)) {
@@ -366,7 +368,7 @@ fn an_integral_over_directions() {
     }
     let (equal, _) = check("sqrt(l.z)", Directions::sphere(), 1.0);
     assert!(disagreement(equal).paths.iter().all(|path| path.census.nan > 0));
-    // The direction is the only argument.
+    // The direction is the function's only argument.
     let package = Package::from_source("planted", "fn f(l: vec3f) -> f32 { return 0.25; }");
     let found = package.function("f").over(()).unrecorded().try_integrates_to(
         Directions::sphere(),

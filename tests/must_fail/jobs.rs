@@ -1,4 +1,4 @@
-//! Tests programs that run jobs: an honest one agrees, and each faulty one is detected.
+//! Tests programs that run jobs. An honest program agrees, and Karat detects each faulty program.
 
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -7,7 +7,7 @@ use karat::unstable::job::{Answer, Job, Problem, Reply};
 use karat::unstable::path::{Ability, Greeting};
 use serde_json::{Value, json};
 
-/// The output of `planted pipe` on a path whose program is `planted executor`, itself with a path of its own and a
+/// The output of `planted pipe` on a path with `planted executor` as its program. The executor has its own path and a
 /// fault.
 fn piped(path: &str, fault: &str) -> String {
     let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
@@ -22,7 +22,7 @@ fn told(executors: &str, paths: &str, environment: &[(&str, &str)]) -> String {
     String::from_utf8(output.stderr).expect("it is text")
 }
 
-/// The engine behind a pipe calls functions and dispatches passes as in this process, and refuses frames.
+/// Through a pipe, the engine calls functions and dispatches passes as in this process, and refuses frames.
 #[test]
 fn the_engine_behind_a_pipe_is_a_path() {
     let text = piped("cpu", "");
@@ -38,7 +38,7 @@ fn the_engine_behind_a_pipe_is_a_path() {
     );
 }
 
-/// A driver behind a pipe draws, too.
+/// Through a pipe, a driver also draws frames.
 #[test]
 fn a_driver_behind_a_pipe_draws_frames() {
     let text = piped("vulkan", "");
@@ -47,7 +47,7 @@ fn a_driver_behind_a_pipe_draws_frames() {
     assert!(text.contains("frame: agrees"), "{text}");
 }
 
-/// The checks of evidence work above any executor.
+/// Karat checks for any executor that the executor has really done the work.
 #[test]
 fn a_program_that_does_not_do_its_work_is_found_out() {
     for (fault, function, pass) in [
@@ -56,7 +56,8 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
             "the kernel of `half` wrote no result for 4096 of 4096 cases on path `process@mine`",
             "`data` after `add` fails",
         ),
-        // The pass keeps its first word, and two of two rotated words stay the same.
+        // The pass leaves its first word unchanged, so a dropped write has no effect. It has two words, and rotating
+        // two words by two has no effect either.
         ("dropped", "never wrote 1 of 4096 result words", "pass: agrees"),
         ("shifted", "wrote no result for", "pass: agrees"),
         ("wrong", "`half` fails agrees_with", "`data` after `add` fails"),
@@ -99,7 +100,7 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
 /// The deadline ends a program that hangs, and the check fails with the setting's name.
 #[test]
 fn a_program_that_hangs_is_ended() {
-    // The second one reads no job, so its pipe is full. The test waits for both at once.
+    // The second program reads no job, so its pipe is full. The test waits for both programs at once.
     let is_ended = |fault: &str| {
         let executor = format!("mine={} executor cpu {fault}", env!("CARGO_BIN_EXE_planted"));
         let text = told(&executor, "process@mine", &[("KARAT_TIMEOUT", "0.5")]);
@@ -111,7 +112,7 @@ fn a_program_that_hangs_is_ended() {
     });
 }
 
-/// An extra line, a reply to another job and an invalid place are errors. No job gets another job's verdict.
+/// An extra line, a reply to another job and an invalid position are errors. No job gets another job's verdict.
 #[test]
 fn a_line_belongs_to_its_job() {
     let text = piped("cpu", "noisy");
@@ -119,7 +120,7 @@ fn a_line_belongs_to_its_job() {
         text.contains("function: the driver of path `process@mine` reports: it wrote a line that isn't an answer"),
         "{text}"
     );
-    // Another process is started, and it is faulty, too.
+    // Karat starts another process, which is also faulty.
     assert_eq!(
         text.matches("it wrote a line that isn't an answer: by the way").count(),
         4,
@@ -133,7 +134,7 @@ fn a_line_belongs_to_its_job() {
     assert_eq!(text.matches("look there").count(), 4, "{text}");
 }
 
-/// Another program doesn't open, and the reason explains it.
+/// A program that runs no jobs doesn't open as a path, and the message says why.
 #[test]
 fn programs_that_run_no_jobs_do_not_open() {
     let planted = env!("CARGO_BIN_EXE_planted");
@@ -181,7 +182,7 @@ fn programs_that_run_no_jobs_do_not_open() {
     }
 }
 
-/// If a check needs an ability that the program doesn't report, it is refused before anything runs.
+/// Before anything runs, Karat refuses a check that needs an ability which the program doesn't report.
 #[test]
 fn a_check_that_needs_more_is_refused() {
     let text = piped("cpu", "plain");
@@ -193,7 +194,8 @@ fn a_check_that_needs_more_is_refused() {
     assert!(text.contains("function: agrees"), "{text}");
 }
 
-/// The answers of a program to jobs with known answers, by name. Its exit code says whether all are right.
+/// Verdicts of a program on jobs with known results, by name. Also checks that the exit code says if all results are
+/// right.
 fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
     let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
@@ -208,7 +210,7 @@ fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
     answers
 }
 
-/// Honest programs answer each job as expected. Jobs beyond the engine's abilities aren't asked.
+/// Honest programs return the known result of each job. Karat skips jobs beyond the engine's abilities.
 // Lesson 87
 #[test]
 fn honest_programs_conform() {
@@ -217,7 +219,7 @@ fn honest_programs_conform() {
         for (name, answer) in &answers {
             match unasked.contains(&&**name) {
                 true => {
-                    assert_eq!(answer["why"], "its greeting has no `frames`", "{path}: {name}")
+                    assert_eq!(answer["why"], "the greeting has no `frames`", "{path}: {name}")
                 }
                 false => assert_eq!(answer["answer"], "right", "{path}: {name}"),
             }
@@ -226,7 +228,7 @@ fn honest_programs_conform() {
     }
 }
 
-/// Each lie is found by the jobs about it, and the reason shows the reply.
+/// The jobs that test an ability find each wrong claim about it, and the reason shows the reply.
 // Lesson 87
 #[test]
 fn lies_do_not_conform() {
@@ -238,11 +240,7 @@ fn lies_do_not_conform() {
         ("short", "grid", "it returned outputs of [71] words, but the job needs [72]"),
         ("few", "outputs", r#"its reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
         ("late", "outputs", r#"its reply is {"done":[["#),
-        (
-            "refuses",
-            "refusal",
-            r#"behind a job that it refused a valid one gets {"refused":{"message":"#,
-        ),
+        ("refuses", "refusal", r#"after a refused job, a valid job gets {"refused":{"message":"#),
         ("dies", "function", "it ended (exit status: 3): out of memory"),
     ] {
         let answers = conformed("cpu", fault);
@@ -251,15 +249,16 @@ fn lies_do_not_conform() {
         let told = one["why"].as_str().expect("it has a reason");
         assert!(told.contains(reason), "{fault}: {told}");
     }
-    // No question can be answered by its initial words.
+    // No job has its initial words as its result.
     let idle = conformed("cpu", "idle");
     assert!(idle.values().all(|one| one["answer"] != "right"), "{idle:?}");
-    // It reports only buffers, and so gets only such jobs.
+    // The program reports only buffers, so Karat sends only jobs with buffers.
     let plain = conformed("cpu", "plain");
     assert_eq!(plain.values().filter(|one| one["answer"] == "right").count(), 12, "{plain:?}");
 }
 
-/// The first part of a value that violates a schema, as far as `jobs.schema.json` uses the language.
+/// The first part of a value that violates a schema. Supports only the parts of the schema language that
+/// `jobs.schema.json` uses.
 fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
     if let Some(name) = schema["$ref"].as_str() {
         let name = name.strip_prefix("#/$defs/").expect("a definition of this file");
@@ -316,7 +315,7 @@ fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
     })
 }
 
-/// Jobs, greeting and answers follow the published schema, and each required member exists.
+/// Jobs, greeting and replies follow the published schema, and each required member exists.
 // Lesson 87
 #[test]
 fn jobs_are_as_the_schema_says() {

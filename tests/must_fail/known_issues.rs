@@ -1,4 +1,4 @@
-//! Tests declared failures, and tolerances of single paths.
+//! Tests declared failures, and tolerances for single paths.
 
 use karat::Goldens;
 use karat::Path;
@@ -10,7 +10,7 @@ use karat::unstable::run::WrongDeclaration;
 use crate::disagreement;
 use crate::processes::planted;
 
-/// The paths on which a function that is wrong everywhere is checked.
+/// The selected paths, on which the tests check a function that is wrong everywhere.
 pub(crate) fn selected() -> Vec<Path> {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
     let found = disagreement(
@@ -20,12 +20,12 @@ pub(crate) fn selected() -> Vec<Path> {
     paths.collect::<Result<_, _>>().expect("a path has its own name")
 }
 
-/// Returns `true` if a declaration for one path covers another: `vulkan` is Vulkan with any driver.
+/// Checks if a declaration for one path covers another path: `vulkan` covers Vulkan with any driver.
 fn covers(declared: Path, path: Path) -> bool {
     declared.api() == path.api() && declared.driver().is_none_or(|own| path.driver() == Some(own))
 }
 
-/// A declared failure has to fail, and isn't counted among the paths that agree.
+/// A declared failure must fail, and Karat doesn't count it among the paths that agree.
 // Lesson 8: a declared failure must fail
 // Lesson 45
 #[test]
@@ -44,7 +44,7 @@ fn a_known_issue_is_no_agreement() {
         assert_eq!((&*issue.reason, issue.cases, issue.failures), ("bug 1", 65_536, 65_536));
     }
     assert!(agreement.to_string().contains("fails 65536 cases as declared: bug 1"), "{agreement}");
-    // Other paths are judged as usual.
+    // Karat judges other paths as usual.
     for path in &paths {
         let found =
             over().fails_on(*path, "bug 1").unrecorded().try_agrees_with(|x: f64| x, Abs(0.5));
@@ -89,7 +89,7 @@ fn an_issue_that_is_gone_or_has_no_reason() {
     );
 }
 
-/// A frame that is declared to differ from its golden must differ, and no declaration replaces a missing golden.
+/// A frame that is declared to differ from its golden must differ. No declaration replaces a missing golden.
 // Lesson 8: a declared failure must fail
 // Lesson 71
 // Lesson 173
@@ -111,12 +111,12 @@ fn a_frame_that_is_declared_to_fail() {
     let error = frame().fails_on(paths[0], "").unrecorded().try_matches(&goldens, "gradient");
     assert!(error.expect_err("no reason").to_string().contains("has no reason"));
 
-    // A frame with another size has no comparable values.
+    // A frame of another size has no values to compare.
     let mut small = pictures.frame("", 16, 16).fullscreen("corners", "gradient");
     small = paths.iter().fold(small, |frame, path| frame.fails_on(*path, "bug 1"));
     let error = small.unrecorded().try_matches(&goldens, "gradient").expect_err("another size");
     assert!(error.to_string().contains("16 x 16"), "{error}");
-    // Not a constant, because WGSL refuses those.
+    // The expression isn't constant, because WGSL refuses a constant NaN.
     let nan = include_str!("../planted/gradient.wgsl").replace("0.5, 1.0)", "sqrt(-at.x), 1.0)");
     let nan = Package::from_source("gradient", nan);
     let nan = nan.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
@@ -134,7 +134,7 @@ fn a_frame_that_is_declared_to_fail() {
     assert!(agreement.known_issues.iter().all(|issue| (issue.cases, issue.failures) == (512, 1)));
 }
 
-/// An endless loop, or a workgroup that no device accepts, gives no values, so no declaration covers it: neither
+/// An endless loop, or a workgroup that no device accepts, gives no values, so no declaration covers it, neither
 /// `fails_on` nor `refused_on`.
 // Lesson 173
 #[test]
@@ -173,7 +173,7 @@ fn a_pass_that_stops_is_no_known_issue() {
     }
 }
 
-/// Samples and means may be declared to fail, and then have to.
+/// Checks of samples and means may also be declared to fail. Then they must fail.
 // Lesson 79
 #[test]
 fn samples_and_means_that_are_declared_to_fail() {
@@ -205,7 +205,7 @@ fn samples_and_means_that_are_declared_to_fail() {
     assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
 }
 
-/// The record says that the issue is known, and doesn't count it as a pass.
+/// The record marks the issue as known, and doesn't count it as a pass.
 // Lesson 8: a declared failure must fail
 #[test]
 fn known_issues_are_recorded() {
@@ -228,7 +228,7 @@ fn known_issues_are_recorded() {
         for path in &record.paths {
             assert_eq!(path.known_issue.as_deref(), Some("bug 1234"));
             assert_eq!(path.failures > 0, fault == "known_issue");
-            // Reports show errors above the bound, and their places.
+            // Reports show errors above the bound, with their positions.
             let errors = path.errors.as_ref().expect("it is judged case by case");
             let above: u64 = errors.powers.range(1..).map(|(_, count)| count).sum();
             assert_eq!(above + errors.not_finite > 0, path.failures > 0, "{errors:?}");
@@ -243,10 +243,10 @@ fn known_issues_are_recorded() {
     }
 }
 
-/// A verb that returns its failure also records it, unless its author disables that.
+/// A verb that returns its failure also records the failure, unless the test disables recording.
 #[test]
 fn returned_failures_are_recorded_by_default() {
-    // Without frames, the recorded one isn't drawn.
+    // On a path without frames, Karat draws no recorded frame.
     let runs = [("recorded", "on", 5, 5), ("unrecorded", "on", 5, 0)];
     let without = [("recorded", "off", 4, 4), ("unrecorded", "off", 5, 0)];
     for (fault, frames, failures, expected) in runs.into_iter().chain(without) {
@@ -264,7 +264,7 @@ fn returned_failures_are_recorded_by_default() {
     }
 }
 
-/// Every verdict under an overlay says so in the record: for values, samples and frames.
+/// The record of each verdict names the overlay: for values, samples and frames.
 // Lesson 74
 #[test]
 fn records_name_the_overlay() {
@@ -283,7 +283,7 @@ fn records_name_the_overlay() {
     }
 }
 
-/// A path's own tolerance applies only to it, and is as strict as any.
+/// A path's own tolerance applies only to this path, and Karat enforces it as strictly as any tolerance.
 // Lesson 13
 // Lesson 22: a tolerance of one path
 // Lesson 26

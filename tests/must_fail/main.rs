@@ -21,7 +21,7 @@ use karat::prelude::*;
 use karat::unstable::check::Disagreement;
 use shaders::{PBR, fresnel};
 
-/// The shader library with a text replaced in one module.
+/// The shader library with a fault in place of a text in one module.
 pub(crate) fn mutant(module: &str, original: &str, fault: &str) -> Package {
     let mut modules = Vec::new();
     for name in PBR.modules().expect("the library is readable") {

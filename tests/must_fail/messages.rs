@@ -5,7 +5,7 @@ use karat::unstable::check::Disagreement;
 
 use crate::{disagreement, mutant, schlick};
 
-/// The message of a failure, without the parts that differ between machines.
+/// The test removes the parts of the message that differ between machines.
 // Lesson 19
 // Lesson 21
 #[test]
@@ -37,7 +37,7 @@ fn the_message_shows_line_inputs_values_error_census_and_replay() {
     }
 }
 
-/// Paths with equal values share one text with one replay command. Another path has its own.
+/// Paths with equal values share one message with one replay command. A path with other values has its own message.
 #[test]
 fn paths_with_equal_failures_share_one_message() {
     let package = Package::from_source("planted", "fn f(x: u32) -> u32 { return x + 1u; }");
@@ -52,7 +52,7 @@ fn paths_with_equal_failures_share_one_message() {
     assert_eq!((shown(&found, "worst ("), shown(&found, "replay: ")), (2, 2), "{found}");
 }
 
-/// A function that is checked twice by one verb: each check has its own cases, name and replay.
+/// If two checks of a function use the same verb, each check has its own cases, name and replay command.
 #[test]
 fn two_checks_of_one_function_have_different_names() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return sqrt(x); }");

@@ -1,10 +1,10 @@
-//! Tests that passes whose results depend on the order of invocations are found by default, and that others aren't.
+//! Tests that Karat finds passes with results that depend on the order of invocations, and reports no other passes.
 
 use karat::check::HazardKind;
 use karat::compute::ComputeError;
 use karat::prelude::*;
 
-/// Dispatches `main` over words `a` of atomics, words `d` and a flag `out`, and asserts the final `out`.
+/// Dispatches `main` with an array `a` of atomics, an array `d` and a flag `out`, and asserts the final `out`.
 fn left(body: &str, size: u32, groups: u32, expected: u32) -> Result<(), ComputeError> {
     let text = format!(
         "@group(0) @binding(0) var<storage, read_write> a: array<atomic<u32>, 8>;
@@ -27,7 +27,7 @@ var<workgroup> shared_count: atomic<u32>;
     after.try_agrees_with([expected], Abs(0.0)).map(drop)
 }
 
-/// Each assertion holds in the usual order.
+/// Each assertion holds in the usual order, but not in all orders.
 // Lesson 216
 #[test]
 fn results_of_an_order() {
@@ -116,7 +116,7 @@ fn results_of_an_order() {
     }
 }
 
-/// Results that are equal in each order, late stores included.
+/// The results are equal in each order, also if stores happen late.
 // Lesson 216: passes with one outcome are green
 #[test]
 fn results_of_no_order() {
@@ -180,7 +180,7 @@ fn results_of_no_order() {
     }
 }
 
-/// Races that need a certain order of three workgroups, or an invocation that stalls.
+/// The races need a certain order of three workgroups, or an invocation that pauses.
 // Lesson 216
 #[test]
 fn races_of_an_order() {
@@ -214,7 +214,8 @@ fn races_of_an_order() {
     }
 }
 
-/// A subgroup operation in workgroups of all sizes up to which its result doesn't depend on the size of subgroups.
+/// Tests a subgroup operation in workgroups of all sizes, up to the size from which the result depends on the size of
+/// subgroups.
 // Lesson 218
 #[test]
 fn subgroups_in_workgroups_of_each_size() {
@@ -222,7 +223,7 @@ fn subgroups_in_workgroups_of_each_size() {
         for (operation, expected) in [
             ("subgroupAdd(1u) * 0u + i", Some(size - 1)),
             ("subgroupMax(i) * 0u + u32(subgroupAny(true))", Some(1)),
-            // The size of the subgroup that begins here.
+            // The result is the size of the subgroup that begins here.
             ("subgroupAdd(1u)", None),
         ] {
             let text = format!(
@@ -248,7 +249,7 @@ fn subgroups_in_workgroups_of_each_size() {
     }
 }
 
-/// A read accesses its whole memory view, used or not.
+/// A read accesses its whole memory view, even if the shader doesn't use all of it.
 // Lesson 220
 #[test]
 fn a_read_without_use_still_races() {
@@ -303,14 +304,14 @@ fn a_read_without_use_still_races() {
         assert!(found.first().is_some_and(|own| own.starts_with(element)), "{body}: {found:?}");
     }
     for body in [
-        // A member, and not the whole structure.
+        // The shader reads a member instead of the whole structure.
         "pairs[i].count = i; let other = pairs[next].kept; out[i] = other;",
         "deep[i].list[1] = i; out[i] = deep[next].list[0];",
         "v[i].w = 1.0; let other = v[next].x; out[i] = u32(other);",
-        // Its own element, and after a barrier.
+        // The invocation reads its own element, or reads after a barrier.
         "pairs[i].count = i; let other = pairs[i]; out[i] = other.kept;",
         "pairs[i].count = i; storageBarrier(); let other = pairs[next]; out[i] = other.kept;",
-        // No invocation writes it.
+        // No invocation writes the element.
         "let other = given[next]; out[i] = other.kept;",
         "_ = pairs[next];",
     ] {

@@ -1,4 +1,4 @@
-//! Tests the common verbs: each finds the faults that it is for, and refuses what it can't judge.
+//! Tests the common verbs. Each verb finds the faults that it is made for, and refuses functions that it can't judge.
 
 use glam::{Vec2, Vec3};
 use karat::check::Failure;
@@ -45,11 +45,11 @@ fn results_outside_of_their_range() {
     let over = || cosine.function("f").over(-1.0..=1.0);
     over().stays_within(0.0..=1.0);
     over().stays_within(0.0..);
-    // One component, at one value of many.
+    // Only one component at one of many values is wrong.
     let found = disagreement(over().unrecorded().try_stays_within(0.0..=0.999_999));
     assert_eq!((found.check, &*found.assertion), ("stays_within", "lies in 0..=0.999999"));
     disagreement(over().unrecorded().try_stays_within(1e-6..=1.0));
-    // The float nearest to 2 pi stands for it, and is larger.
+    // The float nearest to 2 pi is larger than 2 pi.
     let turn = package("fn f(x: f32) -> f32 { return 6.2831855 + x; }");
     turn.function("f").over(Just(0.0)).stays_within(0.0..=std::f64::consts::TAU);
     let next = turn.function("f").over(Just(4.8e-7));
@@ -67,7 +67,7 @@ fn results_outside_of_their_range() {
     unsuited(truth.function("f").over(-1.0..=1.0).unrecorded().try_stays_within(0.0..=1.0));
 }
 
-/// A range without its end: no result may round to the end.
+/// The range excludes its end, so no result may round to the end.
 #[test]
 fn results_at_the_end_of_a_half_open_range() {
     let part = package(
@@ -95,9 +95,10 @@ fn results_at_the_end_of_a_half_open_range() {
     nth().stays_within(0.0..8.0);
     let half = part.function("half").over((0.0..=1.0, 0.0..=1.0)).stays_within(0.0..1.0);
     let wide = part.function("half").over((0.0..=1.0, 0.0..=1.0)).stays_within(0.0..=0.625);
-    // Around an integer, `x - floor(x)` has bounds from -1 to 1: intervals don't know that both are the same x.
+    // Around an integer, the interval of `x - floor(x)` is -1 to 1, because interval arithmetic doesn't know that both
+    // x are equal.
     assert_eq!([half.proved, wide.proved, closed.proved, cell.proved], [true, true, false, false]);
-    // No case is 0.3333, but the check finds it.
+    // No case is 0.3333, but the check finds the peak there.
     let peak = part.function("peak").over(0.0..=1.0).stays_within(0.0..=1.0);
     assert!(!peak.proved);
     disagreement(nth().unrecorded().try_stays_within(0.0..7.0));
@@ -108,7 +109,7 @@ fn results_at_the_end_of_a_half_open_range() {
         let reason = unsuited(nth().unrecorded().try_stays_within(range));
         assert!(reason.contains("no result passes this check, or every result does"), "{reason}");
     }
-    // A smooth peak.
+    // The function has a smooth peak.
     let hill = part.function("hill").over((0.0..=1.0, 0.0..=1.0)).unrecorded();
     disagreement(hill.try_stays_within(0.0..1.0));
     // A range from 0 doesn't contain -0, for which the result is -pi.
@@ -141,7 +142,7 @@ fn vectors_of_another_length() {
     assert!(reason.contains("f32, which isn't a vector of floats"), "{reason}");
 }
 
-/// A basis around `n`, with a planted sign and a planted addition to its tangent.
+/// A basis around `n`, with a planted sign and a planted term in the tangent.
 fn basis(sign: &str, lean: &str) -> Package {
     package(&format!(
         "struct Frame {{ t: vec3f, b: vec3f, n: vec3f }}
@@ -217,7 +218,7 @@ fn functions_that_are_not_their_other_form() {
     );
     let error = compared(&text("1.0"), "exakt").expect_err("there is none").to_string();
     assert!(error.contains("did you mean `exact`?"), "{error}");
-    // Textures that are parameters are matched by position.
+    // Karat matches textures that are parameters by position.
     let image = |factor: &str| {
         package(&format!(
             "fn f(a: texture_2d<f32>, b: texture_2d<f32>, x: f32) -> f32 {{
@@ -235,7 +236,7 @@ fn functions_that_are_not_their_other_form() {
     };
     textures(&image("1.0")).expect("the same");
     disagreement(textures(&image("1.01")));
-    // The reference is evaluated in f64, so it differs from the driver's result for the same text.
+    // The reference is evaluated in f64, so its result differs from the driver's result for the same WGSL.
     let body = "(x: vec2f) -> f32 { return x.x * x.x - x.y * x.y; }";
     let same = package(&format!("fn f{body}\nfn g{body}"));
     let same = || {
@@ -243,7 +244,7 @@ fn functions_that_are_not_their_other_form() {
         same.function("f").over(squares)
     };
     disagreement(same().unrecorded().try_agrees_with_function("g", Rel(1e-7)));
-    // A function compared with itself can't show a mistake of its own, only a driver's violation of WGSL.
+    // A function compared with itself can't show its own mistake, only a driver's violation of WGSL.
     let reason = unsuited(same().unrecorded().try_agrees_with_function("f", Rel(1e-7)));
     assert!(reason.contains("is compared with itself"), "{reason}");
     same()
@@ -265,7 +266,7 @@ fn excluded_grazing_directions_are_not_drawn() {
     assert_eq!(Hemisphere.above(1.0).edges(), [Vec3::Z]);
 }
 
-/// Only some kinds of hazards, and accepted ones.
+/// The check reports only some kinds of hazards, and accepts declared hazards.
 #[test]
 fn hazards_of_a_kind() {
     use karat::check::HazardKind as Kind;
@@ -280,7 +281,7 @@ fn hazards_of_a_kind() {
         (found.check, &*found.assertion),
         ("has_none_of", "no operation has the hazard infinite")
     );
-    // Of its kinds of hazards, only the requested ones are shown.
+    // Of the kinds of hazards in the function, the message shows only the requested kinds.
     assert!(!found.to_string().contains("unbounded at"), "{found}");
     disagreement(capped().try_has_none_of([Kind::Nan, Kind::Infinite]));
     capped().try_has_none_of([Kind::Nan, Kind::OutOfRange]).expect("it has others");
@@ -292,7 +293,8 @@ fn hazards_of_a_kind() {
     let both = || capped().accept_hazard("1.0  /  x", meant).accept_hazard("pow(x, 5.0)", meant);
     both().try_has_no_hazards().expect("both are meant");
     for (reason, part) in [
-        // A missing operation, a kind that isn't requested, no reason, and a place that takes none.
+        // Karat refuses an operation that doesn't exist, a kind that isn't requested, a missing reason, and an argument
+        // that accepts no hazard.
         (unsuited(both().accept_hazard("2.0 / x", meant).try_has_no_hazards()), "isn't needed"),
         (unsuited(both().try_has_none_of([Kind::Infinite])), "`pow(x, 5.0)`, which isn't needed"),
         (unsuited(both().try_has_none_of([Kind::Nan])), "isn't needed: remove it"),

@@ -1,9 +1,10 @@
-//! Tests reads outside arrays: those that matter, because WGSL allows other results for them, and those that don't.
+//! Tests reads outside arrays. Some matter, because WGSL allows other results for them. Others don't matter.
 
 use karat::check::HazardKind;
 use karat::prelude::*;
 
-/// The lines with reads or writes outside that matter, for one workgroup of four invocations over `d` with these words.
+/// Lines with reads or writes outside an array that matter, for one workgroup of four invocations over the array `d`
+/// with these words.
 fn lines(body: &str, words: &[u32]) -> Vec<usize> {
     let text = format!(
         "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -32,7 +33,7 @@ const table = array<u32, 3>(5u, 6u, 7u);
 #[test]
 fn reads_outside_that_matter() {
     let all: &[(&str, &[u32], &[usize])] = &[
-        // The write of the other line restores the word that the read has lost.
+        // The write in the other line restores the word that the read has lost.
         (
             "for (var k = 0u; k < 8u; k++) {
     let a = 2u * i + (k & 1u);
@@ -44,26 +45,26 @@ fn reads_outside_that_matter() {
             &[7, 2, 3, 4, 6, 5, 1, 8],
             &[4],
         ),
-        // Two reads that only matter together. The second runs if the first is 0.
+        // The two reads matter only together. The second read runs if the first gives 0.
         ("if d[i + 1u] == 0u && d[i + 2u] == 0u { out[i] = 1u; }", &[1, 1, 1, 1], &[1]),
-        // Two reads that only matter together, and both run.
+        // The two reads matter only together, and both run.
         (
             "let x = d[i + 1u];\nlet y = d[i + 2u];\nif x + y == 0u { out[i] = 1u; }",
             &[1, 1, 1, 1],
             &[1],
         ),
-        // Three such reads.
+        // Three reads matter only together.
         (
             "let x = d[i + 1u];\nlet y = d[i + 2u];\nlet z = d[i + 3u];\nif x + y + z == 0u { out[i] = 1u; }",
             &[2, 2, 2, 2],
             &[1],
         ),
-        // A branch that isn't taken if the read is clamped.
+        // The branch isn't taken if the read is clamped.
         ("if i < 3u && d[i ^ 1u] < d[i] { out[i] = 1u; }", &[2, 3, 4], &[1]),
-        // An element that only some index reaches.
+        // Only some indices reach the element.
         ("if d[i + 4u] == 7u { out[i] = 1u; }", &[1, 1, 7, 1], &[1]),
         ("if d[i + 4u] == 8u { out[i] = 1u; }", &[1, 8, 1, 1], &[1]),
-        // A sum, a minimum, and a result of the read as an index.
+        // The result of the read is part of a sum, of a minimum, or an index.
         ("out[i] = d[i] + d[i + 1u];", &[1, 2, 3, 4], &[1]),
         ("out[i] = min(d[i], d[i + 1u]);", &[1, 2, 3, 4], &[1]),
         (
@@ -71,10 +72,10 @@ fn reads_outside_that_matter() {
             &[0, 1, 2, 3],
             &[2],
         ),
-        // Of workgroup memory, of a variable, of a constant.
+        // The array is in workgroup memory, a variable or a constant.
         ("var own = array<u32, 3>(1u, 2u, 3u);\nout[i] = own[i];", &[0; 4], &[2]),
         ("out[i] = table[i];", &[0; 4], &[1]),
-        // A write always matters, even of the same word.
+        // A write outside an array always matters, even if it writes the same word.
         ("if i == 3u { d[i + 1u] = 4u; }", &[1, 2, 3, 4], &[1]),
     ];
     for (body, words, expected) in all {
@@ -86,17 +87,17 @@ fn reads_outside_that_matter() {
 #[test]
 fn reads_outside_that_do_not_matter() {
     let all: &[(&str, &[u32])] = &[
-        // The word is dropped, or has no weight.
+        // The shader drops the word, or the word has no weight.
         ("out[i] = select(0u, d[i + 1u], i < 3u);", &[1, 2, 3, 4]),
         ("out[i] = d[i] + 0u * d[i + 1u];", &[1, 2, 3, 4]),
         ("let x = d[i + 1u];\nif i < 3u { out[i] = x; }", &[1, 2, 3, 4]),
-        // The read doesn't affect the condition: no element, and no zero, is above 9.
+        // The read doesn't affect the condition: no element is above 9, and neither is zero.
         ("if d[i + 1u] > 9u { out[i] = 1u; }", &[1, 2, 3, 4]),
-        // A number that no element has, and that isn't zero.
+        // The shader compares with a number that no element has, and that isn't zero.
         ("if d[i + 1u] == 47u { out[i] = 1u; }", &[1, 2, 3, 4]),
-        // Two reads; one is dropped.
+        // Of two reads, the shader drops one.
         ("out[i] = select(0u, d[i + 1u] + d[i + 2u], i < 2u);", &[1, 2, 3, 4]),
-        // All elements are zero anyway.
+        // All elements are zero.
         ("out[i] = d[i + 1u];", &[0, 0, 0, 0]),
         ("out[i] = max(d[i + 1u], 4u);", &[1, 2, 3, 4]),
         ("out[i] = table[min(i, 2u)];", &[0; 4]),
@@ -107,7 +108,7 @@ fn reads_outside_that_do_not_matter() {
     }
 }
 
-/// A pass with more lines that read outside than there are runs reports how many weren't tried.
+/// If more lines of a pass read outside an array than there are runs, the report says how many lines weren't tried.
 // Lesson 219
 #[test]
 fn lines_that_are_not_tried_are_counted() {

@@ -1,4 +1,4 @@
-//! Tests faults that need their own process: hangs, missing adapters, replays, settings.
+//! Tests faults that need their own process, such as hangs, missing adapters, replays and settings.
 
 use karat::Path;
 use std::process::{Command, Output};
@@ -29,7 +29,7 @@ fn no_fault_succeeds() {
     assert!(output.status.success(), "{text}");
 }
 
-/// A check that doesn't fit its function is recorded at the function's place, and names the difference.
+/// A check that doesn't fit its function is recorded with the function's line, and names the difference.
 #[test]
 fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -45,7 +45,7 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     assert_eq!(location, "<planted>:2:1");
 }
 
-/// The validity of a whole package is a check, which the record lists like others.
+/// A check that a whole package is valid is recorded like other checks.
 // Lesson 184
 #[test]
 fn the_validity_of_a_package_is_recorded() {
@@ -74,8 +74,8 @@ fn the_validity_of_a_package_is_recorded() {
     }
 }
 
-/// A replay that matches nothing fails, and names the check that was probably meant. One that replays the second check
-/// of a program passes.
+/// A replay that matches no check fails, and suggests the most similar check. A replay of the second check of a program
+/// passes.
 // Lesson 65
 #[test]
 fn a_replay_of_nothing() {
@@ -96,7 +96,7 @@ fn a_replay_of_nothing() {
     }
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/65536")]);
     assert!(!output.status.success() && text.contains("no case with index 65536"), "{text}");
-    // A case that a transformation doesn't change proves nothing about the others.
+    // A case that a transformation doesn't change proves nothing about the other cases.
     for case in ["f/invariant_under/0", "f/invariant_under/1"] {
         let (output, text) = planted(&["mirrored"], &[("KARAT_CASE", case)]);
         assert!(output.status.success(), "{text}");
@@ -112,7 +112,7 @@ fn a_replay_of_nothing() {
     assert!(text.contains("names none of its checks: `frame gradient`"), "{text}");
 }
 
-/// The same in the threads of Rust's test runner: this program runs one of its own tests.
+/// A replay also works in the threads of Rust's test runner. For that, this program runs one of its own tests.
 // Lesson 65
 #[test]
 fn a_test_that_replays_nothing() {
@@ -126,7 +126,7 @@ fn a_test_that_replays_nothing() {
         let output = command.output().expect("it runs");
         (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
-    // The test expects all cases, so replaying one makes it fail by itself.
+    // The test expects all cases, so it fails if only one case is replayed.
     let (passed, text) = run("fresnel::schlick/agrees_with/7");
     assert!(!passed && !text.contains("replays nothing"), "{text}");
     let (passed, text) = run("fresnel::schlik/agrees_with/7");
@@ -138,7 +138,7 @@ fn a_test_that_replays_nothing() {
     assert!(text.contains("; did you mean `fresnel::schlick/agrees_with`?"), "{text}");
 }
 
-/// Each name and value of the environment is read, or refused.
+/// Karat reads or refuses each name and value of the environment variables.
 // Lesson 66
 #[test]
 fn settings_with_a_slip() {
@@ -161,7 +161,7 @@ fn settings_with_a_slip() {
     }
 }
 
-/// A fault that shows only on the last path is simplified on that path.
+/// Karat simplifies a fault that only appears on the last path on that path.
 // Lesson 73
 #[test]
 fn a_fault_of_the_last_path_is_reduced_there() {
@@ -198,7 +198,7 @@ fn replay() {
     assert!(!output.status.success() && text.contains("no case with index 99999999"), "{text}");
 }
 
-/// Mesa and the loader find no driver: a required path must run, and at least one path must.
+/// Mesa and the loader find no driver. Each required path must run, and at least one path must run.
 // Lesson 3
 // Lesson 112
 #[test]
@@ -214,7 +214,7 @@ fn no_adapter() {
     let (output, text) = planted(&["none"], &[("KARAT_ADAPTER", "no such adapter")]);
     assert!(!output.status.success(), "{text}");
     assert!(text.contains("no execution path opens on this machine"), "{text}");
-    // If no driver is required and none exists, the engine runs functions, but no frame.
+    // If no driver is required and none exists, the engine runs functions, but no frames.
     let mut bare = vec![("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null"), ("KARAT_REQUIRE", "")];
     bare.extend([hidden[0], hidden[1], ("KARAT_PATHS", "")]);
     let (_, text) = planted(&["too_large"], &bare);
@@ -233,7 +233,7 @@ fn no_adapter() {
     assert!(!output.status.success() && text.contains("did you mean `vulkan`?"), "{text}");
 }
 
-/// A shader that never ends is reported within the deadline, and leaves no process behind.
+/// Karat reports a shader that never ends within the deadline, and leaves no process running.
 // Lesson 23
 #[test]
 fn an_endless_loop() {
@@ -245,7 +245,7 @@ fn an_endless_loop() {
         let environment = [("KARAT_TIMEOUT", "1.5"), ("KARAT_PATHS", path.name())];
         let (output, text) = planted(&["endless_loop"], &environment);
         assert!(!output.status.success(), "{text}");
-        // On a fast driver the number of rounds ends the loop, and then the engine finds it.
+        // On a fast driver the limit of rounds ends the loop, and then the engine finds it.
         let driver = format!("`endless` (<planted>:1:1) on path {path}");
         let by_driver = text.contains(&driver) && text.contains("did not finish within 1.5 s");
         let engine =
@@ -253,7 +253,7 @@ fn an_endless_loop() {
         let slow = karat::unstable::path::adapter(path)
             .is_ok_and(|adapter| adapter.family() == "llvmpipe");
         assert!(by_driver || !slow && text.contains(engine), "{text}");
-        // Collecting its output has waited for the process, so it is gone and not a zombie.
+        // Collecting the output has waited for the process, so the process is gone and isn't a zombie.
         assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());
     }
 }

@@ -1,4 +1,4 @@
-//! Tests verbs without a reference: statements, symmetries, monotony, limits.
+//! Tests the verbs without a reference: statements, symmetries, monotony and limits.
 
 use glam::{DQuat, Vec3};
 use karat::check::Failure;
@@ -28,8 +28,8 @@ fn a_function_that_is_not_symmetric() {
     assert_eq!(disagreement(found).check, "invariant_under");
 }
 
-/// If its directions are swapped, a reciprocal BRDF with its cosine scales by the quotient of the cosines; one that
-/// isn't reciprocal doesn't. A factor that isn't finite is an error, not a verdict.
+/// If a reciprocal BRDF includes the cosine, swapping the directions scales it by the quotient of the cosines. A BRDF
+/// that isn't reciprocal scales otherwise. A factor that isn't finite is an error, not a verdict.
 #[test]
 fn a_function_that_does_not_scale() {
     let eval = |body: &str| {
@@ -52,7 +52,7 @@ fn a_function_that_does_not_scale() {
     assert!(error.contains("at factor for case"), "{error}");
 }
 
-/// The message names a common property of the failing cases, if one distinguishes them from the others.
+/// The message names a property that all failing cases have and the other cases lack, if such a property exists.
 #[test]
 fn the_cause_is_named() {
     let package = Package::from_source(
@@ -68,7 +68,7 @@ fn the_cause_is_named() {
     assert!(found.contains(cause), "{found}");
 }
 
-/// Verbs that call the function twice show both calls, with a name for each.
+/// The messages of verbs that call the function twice show both calls, each with a name.
 #[test]
 fn messages_of_properties_show_both_calls() {
     let package = Package::from_source(
@@ -92,7 +92,7 @@ fn messages_of_properties_show_both_calls() {
        error = 8.39e6 ulp (4 allowed), rel 1, abs 1
 ";
     assert!(text.contains(expected), "{text}");
-    // A step of 1/500 between numbers that are closer together.
+    // The step is 1/500 high, between numbers that are closer together.
     let g = package.function("g").over(0.0..=1.0);
     let found = disagreement(g.unrecorded().try_is_monotone_in("x", Trend::Increasing, Ulp(1.0)));
     assert!(found.paths.iter().all(|path| path.census.failures < 100), "{found}");
@@ -112,7 +112,7 @@ fn changes_within_the_tolerance() {
     assert!(matches!(check(0.1), Err(Failure::Disagreement(_))));
 }
 
-/// A bump of a hundredth of the range, a slope with the wrong sign, NaN.
+/// The functions have a bump of a hundredth of the range, a slope with the wrong sign, or a NaN.
 #[test]
 fn a_function_that_is_not_monotone() {
     let check = |body: &str, direction, tolerance: Tolerance| {
@@ -186,7 +186,7 @@ fn a_limit_that_is_not_approached() {
         let wgsl = format!("fn f(x: f32, alpha: f32) -> f32 {{ return x + {error}; }}");
         let package = Package::from_source("planted", wgsl);
         let over = package.function("f").over((0.0..=1.0, Just(7.0)));
-        // The reference gets the limit, not the values of the domain.
+        // The reference gets the limit instead of the domain's values.
         let limit = |x: f64, alpha: f64| x + alpha;
         over.unrecorded().try_at_limit("alpha", Limit::toward(0.0, steps), limit, Abs(2e-3))
     };

@@ -1,4 +1,5 @@
-//! Tests compute passes whose results depend on something that WGSL doesn't order or define. A driver may hide that.
+//! Tests compute passes with results that depend on something that WGSL doesn't order or define. A driver may hide this
+//! dependence.
 
 use karat::check::HazardKind;
 use karat::compute::ComputeError;
@@ -12,7 +13,7 @@ var<workgroup> tile: array<u32, 64>;
     @builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u) {
 ";
 
-/// The violations of a body, dispatched over so many workgroups.
+/// The violations in a body that is dispatched over `groups` workgroups.
 fn races(body: &str, groups: u32) -> Vec<Violation> {
     let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
     let mut passes = package.compute().with("data", Storage::new((0..64 * groups).map(|i| i + 1)));
@@ -39,7 +40,7 @@ fn races(body: &str, groups: u32) -> Vec<Violation> {
     }
 }
 
-/// The first race: its kind, its element, both lines of the body, and invocations of the first workgroup.
+/// The first race: its kind, its element, and the two lines of the body. Both invocations are in the first workgroup.
 fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
     let races = races(body, groups);
     let race = races.first().unwrap_or_else(|| panic!("the fault was not seen:\n{body}"));
@@ -55,7 +56,7 @@ fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
     (race.kind, race.element.clone(), [access(0), access(1)])
 }
 
-/// Blelloch's sum of a workgroup in a tree, with one barrier of a round missing.
+/// Blelloch's sum over a workgroup in a tree, with one barrier of each round missing.
 // Lesson 215
 #[test]
 fn a_scan_without_its_second_barrier() {
@@ -77,7 +78,7 @@ data[id.x] = tile[i];"
     assert_eq!((kind, &*element), (HazardKind::Race, "tile[0]"));
     assert_eq!(one, "4 local (1) of workgroup (0) reads 1");
     assert!(other.starts_with("6 local (0) of workgroup (0) writes "), "{other}");
-    // Only the barrier at the end of the round is missing, though there is one between both lines.
+    // Only the barrier at the end of the round is missing. There is still a barrier between both lines.
     let late = scan("workgroupBarrier();").replace("left;\n    workgroupBarrier();", "left;");
     let package = Package::from_source("races", format!("{HEAD}{late}\n}}\n"));
     let compute = package.compute().with("data", Storage::new((0..64_u32).map(|i| i + 1)));
@@ -98,7 +99,7 @@ if i == 0u { for (var k = 0u; k < 64u; k++) { sums[0] += tile[k]; } }";
     assert!(races(&reduce.replace("sums[0]", "sums[group.x]"), 2).is_empty());
 }
 
-/// One invocation of each workgroup uses a counter that another one may have changed since.
+/// One invocation of each workgroup uses a counter that another invocation may have changed since.
 #[test]
 fn a_count_that_another_workgroup_changes_meanwhile() {
     let package = |takes: &str, fills: &str| {
@@ -138,11 +139,12 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     let Err(ComputeError::Order(order)) = error else { panic!("{error:?}") };
     assert_eq!(order.swap, "the invocations take turns, each to its next atomic");
     assert!(order.to_string().contains("`atomicLoad(&count)` gives local (0, 0, 0)"), "{order}");
-    // Each of the six loads and stores, in the order of the failing run.
+    // The report lists each of the six loads and stores, in the order of the failing run.
     assert_eq!(order.turns[0].matches("`atomic").count(), 12, "{order}");
 }
 
-/// A flag is set before the word that it announces: another invocation may read between the two atomics.
+/// The shader sets a flag before it writes the word that the flag announces. Another invocation may read between the
+/// two atomics.
 #[test]
 fn a_word_that_is_published_before_it_is_written() {
     let head = "@group(0) @binding(0) var<storage, read_write> flag: atomic<u32>;
@@ -153,7 +155,7 @@ fn a_word_that_is_published_before_it_is_written() {
         format!("{first} {second}")
     };
     let (publish, write) = ("atomicStore(&flag, 1u);", "atomicStore(&value, 42u);");
-    // One workgroup publishes and another one reads; or two invocations of one workgroup do.
+    // One workgroup publishes and another reads, or two invocations of one workgroup do.
     let entries = |writes: &str| {
         let reads = "got[0] = 42u; if atomicLoad(&flag) == 1u { got[0] = atomicLoad(&value); }";
         format!(
@@ -167,7 +169,7 @@ fn a_word_that_is_published_before_it_is_written() {
                 {last}
             }}",
             last = match writes.starts_with(publish) {
-                // Counts itself before its part is written.
+                // The workgroup increments the counter before it writes its part.
                 true =>
                     "let n = atomicAdd(&flag, 1u); atomicAdd(&value, w.x + 1u); if n == 3u { got[0] = 32u + atomicLoad(&value); }",
                 false =>
@@ -189,14 +191,14 @@ fn a_word_that_is_published_before_it_is_written() {
             let Err(ComputeError::Order(order)) = wrong else { panic!("{entry}: {wrong:?}") };
             let operation = order.operation.as_deref().expect("a load gives something else");
             assert!(operation.starts_with("`atomic"), "{entry}: {operation}");
-            // Even in the right order it fails: WGSL has no atomic that orders others.
+            // The shader fails even in the right order: no atomic of WGSL orders other accesses.
             let told = order.to_string();
             assert_eq!(told.contains("WGSL's atomics are relaxed"), is_relaxed, "{entry}: {told}");
             let late = "take effect late";
             assert_eq!(order.swap.contains(late), is_relaxed, "{entry}: {}", order.swap);
         }
     }
-    // A barrier orders them for the invocations of a workgroup.
+    // For the invocations of a workgroup, a barrier orders the accesses.
     let text = format!(
         "{head}@compute @workgroup_size(2) fn own(@builtin(local_invocation_index) i: u32) {{
             if i == 0u {{ {write} }}
@@ -253,7 +255,7 @@ fn barriers_that_some_invocations_miss() {
     assert_eq!(other, "1 local (0) of workgroup (0) takes another branch here");
     let behind = |parts: &str| format!("{parts}\n\nworkgroupBarrier();\ndata[id.x] += 1u;");
     let inside = |parts: &str| format!("{parts}\ndata[id.x] += 1u;");
-    // The line at which they went different ways, however far it is from the barrier.
+    // The report names the line at which the invocations diverged, however far it is from the barrier.
     for (body, line) in [
         (behind("if i > 3u { return; }"), 2),
         (behind("if i > 3u {\ndata[id.x] = 1u;\n} else {\nreturn; }"), 5),
@@ -278,7 +280,7 @@ fn barriers_that_some_invocations_miss() {
     }
 }
 
-/// Reading workgroup memory too early is a hazard, in each workgroup separately, but fails no test.
+/// A shader that reads workgroup memory before writing it has a hazard in each workgroup, but no test fails.
 #[test]
 fn workgroup_memory_that_is_read_before_it_is_written() {
     let text = "var<workgroup> tile: array<vec2f, 8>;
@@ -320,7 +322,7 @@ fn workgroup_memory_that_is_read_before_it_is_written() {
     assert_eq!(found("right").len(), 0);
 }
 
-/// A blur that reads the buffer that it writes.
+/// The blur reads the buffer that it writes.
 #[test]
 fn a_ping_pong_buffer_used_as_one() {
     let blur = |to: &str| {
@@ -333,8 +335,8 @@ fn a_ping_pong_buffer_used_as_one() {
     assert!(races(&blur("sums"), 1).is_empty());
 }
 
-/// `w[i] = d[i]; d[i] = w[63 - i];` gives the right result on the engine, whose invocations run in lockstep, but not
-/// reliably on any driver.
+/// `w[i] = d[i]; d[i] = w[63 - i];` gives the right result on the engine, because the engine's invocations run in
+/// lockstep. No driver guarantees this result.
 #[test]
 fn a_reversal_without_a_barrier() {
     let text =
@@ -344,11 +346,11 @@ fn a_reversal_without_a_barrier() {
     assert_eq!(accesses[0], "1 local (63) of workgroup (0) writes 64");
     assert_eq!(accesses[1], "3 local (0) of workgroup (0) reads 64");
     assert!(races(&text("workgroupBarrier();"), 1).is_empty());
-    // A barrier for another address space orders nothing here.
+    // A barrier for another address space doesn't order these accesses.
     assert_eq!(first(&text("storageBarrier();"), 1).1, "tile[63]");
 }
 
-/// A blur that reads one element beyond the end, and one that drops what it reads there.
+/// One blur reads an element beyond the end. Another blur drops the element that it reads there.
 #[test]
 fn an_index_one_beyond_the_end() {
     let blur = |right: &str| format!("let right = {right};\nsums[id.x] = data[id.x] + right;");
@@ -363,10 +365,10 @@ fn an_index_one_beyond_the_end() {
     assert_eq!(accesses[0].does, "has index 128, but `data` has 128 elements");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 1)));
     assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
-    // The element decides about the result only if it is a certain number.
+    // The element changes the result only if it is a certain number.
     let kind = races(&blur("select(1u, 2u, data[id.x + 1u] == 3u)"), 2);
     assert_eq!(kind[0].kind, HazardKind::OutOfRange);
-    // One driver drops the write, another one writes the last element.
+    // One driver drops the write, and another driver writes the last element.
     let tail = "if id.x == 5u { data[id.x + 123u] = 7u; }";
     assert_eq!(races(tail, 2)[0].kind, HazardKind::OutOfRange);
     assert!(races("if id.x == 5u { data[id.x + 122u] = 7u; }", 2).is_empty());
@@ -374,7 +376,7 @@ fn an_index_one_beyond_the_end() {
         let seen = races(&format!("if id.x == 5u {{ data[{constant}] = 7u; }}"), 2);
         assert_eq!(seen.iter().map(|one| one.kind).collect::<Vec<_>>(), kinds, "{constant}");
     }
-    // Writes in the tail are clamped to an element that already has the value.
+    // Clamping moves the writes in the tail to an element that already has the value.
     let tail = "data[min(id.x, 200u) + 64u] = 7u;";
     let kinds: Vec<_> = races(tail, 2).iter().map(|one| (one.kind, one.count)).collect();
     assert_eq!(kinds, [(HazardKind::OutOfRange, 64)]);
@@ -382,7 +384,7 @@ fn an_index_one_beyond_the_end() {
     assert_eq!(reading.len(), 1, "one statement has one violation: {reading:?}");
 }
 
-/// A product that exceeds 32 bits, and still reaches an element of the array.
+/// The product exceeds 32 bits, and still reaches an element of the array.
 #[test]
 fn an_index_that_wraps_around() {
     let row = |stride: &str| {
@@ -417,7 +419,7 @@ fn a_size_that_is_an_override() {
     assert_eq!(who, "local (1, 0, 0) of workgroup (0, 0, 0)");
 }
 
-/// An invocation that waits for another one never ends, but the sanitizer still finds the race.
+/// An invocation that waits for another invocation never ends, but the sanitizer still finds the race.
 #[test]
 fn a_loop_that_waits_hides_no_race() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -434,7 +436,7 @@ fn a_loop_that_waits_hides_no_race() {
     assert!(waits.to_string().contains("has a race on `data[0]`: two writes"), "{waits}");
 }
 
-/// The message for a body with these accepted races; empty if it passes.
+/// The message for a body with these accepted races. It is empty if the check passes.
 fn accepting(how: &str, body: &str) -> String {
     let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
     let passes = package.compute().with("data", Storage::new(vec![0_u32; 64]));
@@ -451,7 +453,7 @@ fn accepting(how: &str, body: &str) -> String {
     any.err().map_or_else(String::new, |error| error.to_string())
 }
 
-/// An accepted race has to occur, needs a reason, and covers no other race.
+/// An accepted race must occur, needs a reason, and covers no other race.
 #[test]
 fn races_that_are_accepted() {
     assert_eq!(accepting("race", "data[0] = i + 1u;"), "");
@@ -474,7 +476,7 @@ fn races_that_are_accepted() {
     }
 }
 
-/// Elements appended with an atomic counter have another order on each driver.
+/// Elements that a shader appends with an atomic counter have another order on each driver.
 #[test]
 fn an_append_whose_order_matters() {
     let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -521,7 +523,7 @@ fn an_append_whose_order_matters() {
     assert!(seen.swap.ends_with("the last one first"), "{}", seen.swap);
     let holds = |found: &[u32]| found.is_sorted();
     order(after("groups", 8, "found").try_satisfies("rises", holds));
-    // Side by side, both invocations have counted before either one reads, with a barrier or without.
+    // If both invocations run in lockstep, both have counted before either reads, with or without a barrier.
     let text = "var<workgroup> count: atomic<u32>;
                 @group(0) @binding(1) var<storage, read_write> found: array<u32>;
                 @compute @workgroup_size(8) fn free(@builtin(local_invocation_index) i: u32) {
@@ -553,17 +555,17 @@ fn an_append_whose_order_matters() {
         assert!(seen.swap.contains("one after the other"), "{entry}: {}", seen.swap);
     }
     counted("ordered").expect("a barrier lies between them");
-    // A set has no order, and neither does a sum.
+    // A set and a sum have no order.
     after("invocations", 1, "found").up_to_order().agrees_with(thirds, Abs(0.0));
     after("groups", 8, "found").up_to_order().agrees_with(all, Abs(0.0));
     after("sum", 1, "count").agrees_with([28_u32], Abs(0.0));
     after("sum", 1, "found").agrees_with(all, Abs(0.0));
-    // But different sets still differ.
+    // Different sets still differ.
     let other = after("groups", 8, "found").up_to_order().try_agrees_with([1_u32; 8], Abs(0.0));
     assert!(matches!(other, Err(ComputeError::Differs(_))));
 }
 
-/// Of two invocations that write one atomic, in different statements, either may come last.
+/// If two invocations write one atomic in different statements, either write may come last.
 #[test]
 fn an_order_of_two_invocations_that_matters() {
     for (first, second) in [(31, 32), (32, 31), (0, 63), (63, 0), (5, 40), (40, 6), (17, 18)] {
@@ -582,7 +584,8 @@ fn an_order_of_two_invocations_that_matters() {
     }
 }
 
-/// The usual order hides it: the last workgroup publishes, and an atomic sends the last invocation another way.
+/// The usual order hides the faults: the last workgroup publishes, or an atomic sends the last invocation into another
+/// branch.
 #[test]
 fn faults_of_another_order_alone() {
     let text = "@group(0) @binding(0) var<storage, read_write> word: u32;
@@ -642,8 +645,8 @@ fn faults_of_another_order_alone() {
     seen("in_order", 1, &["flag"]).expect("barriers order it in each order");
 }
 
-/// A driver may give the asserted result where the engine doesn't, because it rounds differently, or its subgroups have
-/// another size. All orders have to give the same result anyway.
+/// A driver may give the asserted result where the engine gives another, because the driver rounds differently, or
+/// because its subgroups have another size. Even then, all orders on the engine must give the same result.
 #[test]
 fn an_order_that_matters_where_the_usual_one_fails() {
     let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -665,7 +668,7 @@ fn an_order_that_matters_where_the_usual_one_fails() {
         };
         passes.dispatch(name, [1, 1, 1])
     };
-    // No path gives this result, as if a driver had its own arithmetic.
+    // No path gives this result, so it stands for a driver with its own arithmetic.
     let others = (0..8_u8).map(|i| 0.5 * f64::from(i) + 0.25);
     let seen = passes("append").after("out").unrecorded().try_agrees_with(others.clone(), Abs(0.0));
     let Err(ComputeError::Order(order)) = seen else { panic!("{seen:?}") };
@@ -679,12 +682,12 @@ fn an_order_that_matters_where_the_usual_one_fails() {
         .unrecorded()
         .try_satisfies("is 8", |count: &[u32]| count == [8]);
     assert!(matches!(seen, Err(ComputeError::Order(_))), "it holds in one order: {seen:?}");
-    // If no order changes a result, it differs only in its numbers.
+    // If no order changes a result, the message shows only the difference of numbers.
     let seen = passes("own").after("out").unrecorded().try_agrees_with(others, Abs(0.0));
     assert!(matches!(seen, Err(ComputeError::Differs(_))), "{seen:?}");
 }
 
-/// A device has its own subgroup size, so a shader that relies on 32 is right by chance.
+/// A device has its own subgroup size, so a shader that assumes 32 is right only by chance.
 #[test]
 fn a_reduction_that_assumes_subgroups_of_32() {
     let text = "@group(0) @binding(0) var<storage, read_write> sums: array<u32>;
@@ -749,7 +752,7 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     }
 }
 
-/// A dispatch that rounds down leaves the tail unchanged, which equal values hide.
+/// A number of workgroups that is rounded down leaves the tail unchanged. Equal values hide this.
 #[test]
 fn a_tail_that_no_invocation_writes() {
     let text = "enable f16;
@@ -796,7 +799,7 @@ fn a_tail_that_no_invocation_writes() {
     }
 }
 
-/// A pass over a texture whose guard is too strict by one, and a buffer that nothing writes.
+/// In one pass over a texture, the guard is too strict by one texel. In another case nothing writes a buffer.
 #[test]
 fn texels_that_no_invocation_writes() {
     let text = "@group(0) @binding(0) var image: texture_storage_2d<rgba16float, write>;
@@ -827,7 +830,7 @@ fn texels_that_no_invocation_writes() {
     }
 }
 
-/// A blur within one texture: the report has the read and the written value, in the texel's own type.
+/// The blur reads and writes one texture. The report shows the read and the written value, in the texel's own type.
 #[test]
 fn texels_that_race_have_their_values() {
     let text = "@group(0) @binding(0) var image: texture_storage_2d<r32float, read_write>;
@@ -853,7 +856,8 @@ fn texels_that_race_have_their_values() {
     assert_eq!(does, expected, "{found}");
 }
 
-/// The neighbour of the last texel: its coordinate and the texture's size, for floats and for integers.
+/// The shader reads the neighbour of the last texel. The report has its coordinate and the texture's size, for floats
+/// and for integers.
 #[test]
 fn a_texel_beyond_the_edge() {
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
@@ -883,7 +887,7 @@ fn a_texel_beyond_the_edge() {
     }
 }
 
-/// The message about two passes names the one whose order matters, with its place.
+/// The message about two passes names the pass that depends on its order, with its line.
 #[test]
 fn one_pass_of_several_depends_on_its_order() {
     let text = "@group(0) @binding(0) var<storage, read_write> last: atomic<u32>;
@@ -904,7 +908,7 @@ fn one_pass_of_several_depends_on_its_order() {
     assert!(order.location.starts_with("<two>:3:"), "{order}");
 }
 
-/// A function that is written above its caller isn't a loop: a barrier between both lines orders them.
+/// A function written above its caller isn't a loop: a barrier between both lines orders them.
 #[test]
 fn a_race_with_a_function_above() {
     let load = "fn load(i: u32) -> u32 { return tile[i]; }";

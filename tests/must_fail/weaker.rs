@@ -1,4 +1,4 @@
-//! Tests that checks refuse to claim more than they can see, and that checks that couldn't fail are errors.
+//! Tests that checks claim only facts that they can see, and that checks that can't fail are errors.
 
 use std::collections::HashSet;
 use std::sync::Mutex;
@@ -19,7 +19,7 @@ fn package(text: &str) -> Package {
     Package::from_source("weaker", text)
 }
 
-/// Steps down that only neighbouring arguments show.
+/// The function falls in steps so short that only neighbouring arguments show them.
 // Lesson 177
 #[test]
 fn a_function_that_falls_in_short_steps() {
@@ -30,13 +30,14 @@ fn a_function_that_falls_in_short_steps() {
         check.unrecorded().try_is_monotone_in("x", Trend::Increasing, Abs(1e-6))
     };
     for path in disagreement(rises(1)).paths {
-        // Steps of 2e-5 or less fall. The nearest of 32 samples is rarely that near: in one of 2,000 pairs.
+        // The function falls only over steps of 2e-5 or less. The nearest of 32 samples is rarely that near: in one of
+        // 2,000 pairs.
         let share = path.census.failures * 200;
         assert!(share > path.census.cases, "{} of {}", path.census.failures, path.census.cases);
     }
 }
 
-/// Two rules that agree only in the first component.
+/// The results of the two rules agree only in the first component.
 // Lesson 177
 #[test]
 fn rules_of_an_integral_that_differ_in_the_second_component() {
@@ -73,7 +74,7 @@ fn integers_have_an_upper_bound_too() {
     disagreement(signed(-9.0, 10.0));
 }
 
-/// The range that WGSL allows reaches far on only one side of the reference: above it, or below.
+/// The range that WGSL allows is wide on only one side of the reference: above or below.
 // Lesson 177
 #[test]
 fn an_allowed_interval_is_wide_at_either_end() {
@@ -93,7 +94,7 @@ fn an_allowed_interval_is_wide_at_either_end() {
     }
 }
 
-/// No two cases are equal, however many there are.
+/// No two cases are equal, for any number of cases.
 // Lesson 177
 #[test]
 fn cases_beyond_the_first_dispatch_are_new() {
@@ -114,7 +115,7 @@ fn cases_beyond_the_first_dispatch_are_new() {
     assert!(all > 2 * first, "{first} of 65536, and {all} of 200000");
 }
 
-/// In the dark a gate allows its share of the frame's key, and not a multiple of it.
+/// In dark pixels, a gate allows a share of the frame's key, not a multiple of the key.
 // Lesson 178
 #[test]
 fn the_floor_of_a_gate() {
@@ -126,7 +127,7 @@ fn the_floor_of_a_gate() {
     let gate = FrameTolerance::gate(1e-2);
     let passes =
         |dark: f32, alpha: f32| gate.compare(&image(0.0, 0.0), &image(dark, alpha), None).is_ok();
-    // 1e-2 of a ten-thousandth of the key, which is 1; for alpha, of a hundredth.
+    // The floor is 1e-2 of a ten-thousandth of the key. The key is 1. For alpha, the floor is 1e-2 of a hundredth.
     assert!(passes(0.9e-6, 0.9e-4), "less than the floor");
     assert!(!passes(1.5e-6, 0.0), "more than the floor of a colour");
     assert!(!passes(0.0, 1.5e-4), "more than the floor of alpha");
@@ -142,7 +143,7 @@ fn an_edit_of_one_ulp_is_a_change() {
     assert!(matches!(change, Change::Changed { .. }), "{change:?}");
 }
 
-/// Any case may be the one that reads outside an array.
+/// Karat reports a read outside an array for any case.
 // Lesson 178
 #[test]
 fn each_case_out_of_range_is_reported() {
@@ -159,7 +160,7 @@ fn each_case_out_of_range_is_reported() {
     }
 }
 
-/// Bounds that no value can exceed, and ranges that contain all values.
+/// Karat refuses bounds that no value can exceed, and ranges that contain all values.
 // Lesson 175
 #[test]
 fn bounds_that_nothing_exceeds_are_refused() {
@@ -183,7 +184,7 @@ fn bounds_that_nothing_exceeds_are_refused() {
     all(f64::from(u32::MAX) - 1.0).expect("they do");
 }
 
-/// Passes that leave everything unchanged prove nothing, whatever is asserted.
+/// Passes that leave everything unchanged prove nothing, for any assertion.
 // Lesson 176
 #[test]
 fn passes_that_change_no_word() {
@@ -209,12 +210,12 @@ fn passes_that_change_no_word() {
         .unrecorded()
         .try_satisfies("is in order", in_order)
         .expect("it is sorted");
-    // A failure does prove something.
+    // A failure is still a verdict.
     let found = after("idle", [2, 1]).unrecorded().try_satisfies("is in order", in_order);
     assert!(!unchanged(&found.expect_err("it isn't in order")));
 }
 
-/// A mesh completely outside the frame leaves the clear colour.
+/// A mesh completely outside the frame leaves only the clear colour.
 // Lesson 176
 #[test]
 fn a_draw_that_touches_no_pixel() {
@@ -236,17 +237,17 @@ fn a_draw_that_touches_no_pixel() {
         let found = frame.clone().unrecorded().try_matches(&goldens, "mesh");
         (found.map_err(|error| error.to_string()), frame.render(path))
     };
-    // With an empty golden, and without one.
+    // The test compares with an empty golden, and without a golden.
     let (without, empty) = compared("8.0");
     assert!(without.expect_err("nothing is drawn").contains("no draw touches a pixel"));
     let empty = empty.expect("it is drawn");
     empty.write_exr(&folder.path().join("mesh.exr"), Precision::Float, None).expect("written");
     assert!(compared("8.0").0.expect_err("nothing is drawn").contains("no draw touches a pixel"));
-    // A difference from the golden is the better message.
+    // If the frame differs from the golden, the message says so.
     assert!(compared("0.0").0.expect_err("it is drawn").contains("differs from its golden"));
 }
 
-/// If a variable had two fixtures, one would be ignored.
+/// Karat refuses two fixtures for one variable, because it would ignore one.
 // Lesson 175
 #[test]
 fn a_variable_is_given_once() {

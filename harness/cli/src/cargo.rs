@@ -17,7 +17,7 @@ fn main() -> ExitCode {
     match Command::new(&program).args(arguments).status() {
         Ok(status) => match status.code().and_then(|code| u8::try_from(code).ok()) {
             Some(code) => ExitCode::from(code),
-            None => ExitCode::from(2), // a signal ended it
+            None => ExitCode::from(2), // a signal ended the program
         },
         Err(error) => {
             eprintln!("error: `cargo karat` can't run `{}`: {error}", program.display());

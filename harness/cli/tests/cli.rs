@@ -367,7 +367,7 @@ fn a_table_may_name_its_columns_in_any_order_or_not_at_all() {
 fn a_faulty_table_is_an_error_that_names_the_line() {
     let project = project();
     for (text, message) in [
-        ("x\n1\n2,3\n4\n", "`in.csv` line 3 has 2 columns, a case has 1: x"),
+        ("x\n1\n2,3\n4\n", "`in.csv` line 3 has 2 columns, but a case has 1: x"),
         ("# why\r\n\r\nx\r\n\r\ntwo", "`in.csv` line 5, column `x`: `two`"),
         ("x\n1\n\n\ntwo\n", "`in.csv` line 5, column `x`: `two` isn't a value of type f32"),
         (
@@ -377,7 +377,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ("1\n#2\n3\n", "`in.csv` line 2 begins with `#`"),
         ("note,x\n#ff8000,1\n", "`in.csv` line 2 begins with `#`"),
         ("1\n\n1e99\n", "`in.csv` line 3, column `x`: `1e99` is too large for f32"),
-        ("1,2\n", "`in.csv` line 1 has 2 columns, a case has 1: x"),
+        ("1,2\n", "`in.csv` line 1 has 2 columns, but a case has 1: x"),
         ("value\n1\n", "`in.csv` has no column `x`; it has value"),
         ("", "`in.csv` has no cases"),
         ("x\n", "`in.csv` has no cases"),
@@ -408,7 +408,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
             "can't write `in.csv/out.csv`",
         ),
         (&["calc::double", "--table", "missing.csv"], "can't read `missing.csv`"),
-        (&["calc::third", "--table", "in.csv"], "`calc::third` takes no arguments"),
+        (&["calc::third", "--table", "in.csv"], "`calc::third` has no parameters"),
         (&["calc::double", "1", "--table", "in.csv"], "cannot be used with"),
     ] {
         let error = karat(project.path(), &[&["call"], arguments].concat()).error();
@@ -443,7 +443,7 @@ fn list_shows_signatures_and_what_is_broken_beside_the_rest() {
         "calc::add(a: vec3<f32>, b: f32) -> vec3<f32>",
         "shaders/calc.wgsl:4:4",
         "broken::sound(x: f32) -> f32",
-        "can't be called   shaders/broken.wgsl:2:4",
+        "can't be called  shaders/broken.wgsl:2:4",
         "--> shaders/broken.wgsl:2:",
     ] {
         assert!(out.contains(part), "`{part}` is missing in:\n{out}");
@@ -596,8 +596,8 @@ fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
         assert!(error.contains(part), "no `{part}` in:\n{error}");
     }
     for (arguments, message) in [
-        (&["--size", "0x5"][..], "a side has 0 pixels, but must have 1 to 16384 pixels"),
-        (&["--size", "16385x1"], "a side has 16385 pixels, but must have 1 to 16384 pixels"),
+        (&["--size", "0x5"][..], "a side has 0 pixels; use 1 to 16384 pixels"),
+        (&["--size", "16385x1"], "a side has 16385 pixels; use 1 to 16384 pixels"),
         (&["--size", "640"], "`640` isn't width x height in pixels; write digits, as in 640x360"),
         (&["--size", "640X360"], "`640X360` isn't width x height in pixels"),
         (&["--samples", "0"], "invalid value '0' for '--samples <N>': 0 is not in 1.."),

@@ -214,9 +214,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         // Digits that overflow are out of range, too.
         match digits.parse() {
             Ok(side) if (1..=LONGEST_SIDE).contains(&side) => Ok(side),
-            _ => {
-                Err(format!("a side has {digits} pixels, but must have 1 to {LONGEST_SIDE} pixels"))
-            }
+            _ => Err(format!("a side has {digits} pixels; use 1 to {LONGEST_SIDE} pixels")),
         }
     };
     Ok((side(width)?, side(height)?))
@@ -295,8 +293,8 @@ mod tests {
     #[test]
     fn bad_arguments_are_explained() {
         for (words, message) in [
-            (&["--size", "0x5"][..], "a side has 0 pixels, but must have 1 to 16384 pixels"),
-            (&["--size", "5x16385"], "a side has 16385 pixels, but must have"),
+            (&["--size", "0x5"][..], "a side has 0 pixels; use 1 to 16384 pixels"),
+            (&["--size", "5x16385"], "a side has 16385 pixels; use"),
             (&["--size", "5x99999999999"], "a side has 99999999999 pixels"),
             (
                 &["--size", "640"],

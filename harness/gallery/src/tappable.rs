@@ -66,9 +66,7 @@ impl Tappable for Frame<'_> {
         at: (u32, u32),
     ) -> Result<String, Box<dyn Error>> {
         if tapped.name.as_ref().is_some_and(|name| name.contains(['.', '['])) {
-            return Ok(
-                "the engine shows only whole values: name the value without its part".to_owned()
-            );
+            return Ok("the engine shows whole values only: remove the part".to_owned());
         }
         let traced = self.trace(path, at)?;
         let steps = traced.steps;

@@ -787,7 +787,6 @@ struct Stateful {
     large: Option<(String, usize)>,
 }
 
-/// What a name refers to, before and after the edit.
 #[derive(Debug)]
 enum Pair {
     /// A function with its stage, before and after the edit.
@@ -886,13 +885,11 @@ fn with_place(error: &str) -> String {
     format!("{line}{place}{hint}")
 }
 
-/// Returns the first line of an error, without the word `error`.
 fn first_line(error: &str) -> String {
     let reason = error.replacen("error: ", "", 1);
     reason.lines().next().unwrap_or_default().to_owned()
 }
 
-/// The coverage of a function before and after an edit.
 #[derive(Default)]
 struct Both {
     sides: [Coverage; 2],
@@ -1826,7 +1823,8 @@ mod tests {
         }
         let same = changes(left, &left.replace("n = 1u", "n = 3u - 2u"));
         assert!(same.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{same:?}");
-        // A private variable that no function writes keeps its initial value. A first call also reads the initial value
+        // A private variable that no function writes keeps its initial value. At a function's first call, all other
+        // private variables have their initial values, too.
         // of others.
         let table = "var<private> table: array<f32, 3> = array(1.0, 2.0, 4.0);
             fn at(i: u32) -> f32 { return table[i % 3u]; }";

@@ -61,7 +61,7 @@ pub struct Answered {
     pub why: String,
 }
 
-/// The result of a question.
+/// The kind of answer to a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
@@ -78,7 +78,6 @@ pub enum Answer {
 
 /// The reason why the answer to a question isn't right.
 enum Stop {
-    /// The executor refused the shader.
     Refused(String),
     Wrong(String),
 }
@@ -104,7 +103,7 @@ pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, Pa
             let name = serde_json::to_value(ability).expect("an ability serializes to JSON");
             format!("its greeting has no `{}`", name.as_str().unwrap_or_default())
         });
-        let over = (hung >= MOST_HUNG).then(|| format!("it hung {hung} times"));
+        let over = (hung >= MOST_HUNG).then(|| format!("the program hung {hung} times"));
         let (answer, why) = match lacks.or(over) {
             Some(why) => (Answer::NotAsked, why),
             None => {
@@ -130,12 +129,7 @@ type Question =
     (&'static str, Option<Ability>, &'static str, fn(&dyn Executor) -> Result<(), Stop>);
 
 const QUESTIONS: [Question; 21] = [
-    (
-        "bits",
-        None,
-        "a buffer's bits don't change: NaN, -0 and subnormal numbers come back unchanged",
-        bits,
-    ),
+    ("bits", None, "bits come back unchanged, also of NaN, -0 and subnormal numbers", bits),
     (
         "untouched",
         None,
@@ -181,7 +175,7 @@ const QUESTIONS: [Question; 21] = [
     (
         "immediates",
         Some(Ability::Immediates),
-        "`var<immediate>` has the resource whose `at` is null",
+        "the resource with a null `at` goes into `var<immediate>`",
         immediates,
     ),
     (
@@ -235,14 +229,9 @@ impl<'a> Passes<'a> {
     }
 }
 
-/// Compares two lists, and reports the first difference.
 fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
     if words.len() != expected.len() {
-        return Err(format!(
-            "{} {what}s came back, and {} were expected",
-            words.len(),
-            expected.len()
-        ));
+        return Err(format!("{} {what}s came back, not {}", words.len(), expected.len()));
     }
     let differing: Vec<usize> = (0..words.len()).filter(|at| words[*at] != expected[*at]).collect();
     let Some(at) = differing.first() else { return Ok(()) };
@@ -386,7 +375,6 @@ fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     Job::new(Work::Passes(passes), held, outputs.to_vec())
 }
 
-/// A reply as JSON.
 fn shown(reply: &Reply) -> String {
     serde_json::to_string(reply).expect("a reply serializes to JSON")
 }
@@ -401,7 +389,7 @@ fn outputs(executor: &dyn Executor) -> Result<(), Stop> {
     match executor.run(&job).map_err(|error| error.to_string())? {
         reply if reply == wanted => Ok(()),
         reply => Err(format!(
-            "the reply with outputs 2 and 0 is {}, and {} was expected",
+            "with outputs 2 and 0, its reply is {}, not {}",
             shown(&reply),
             shown(&wanted)
         )
@@ -424,7 +412,7 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
         _ => {
             return Err(format!(
                 "the second pass isn't valid: answer `refused` with a message, \"pass\": 1 and, if they are known, \
-                 bytes of that pass's text; its reply is {}",
+                 bytes of that pass's text; the program's reply is {}",
                 shown(&reply)
             )
             .into());
@@ -432,10 +420,7 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
     }
     match ask(&[valid])? {
         Reply::Done(words) if words == [[1]] => Ok(()),
-        reply => {
-            Err(format!("after a refused job, the reply to a valid job is {}", shown(&reply))
-                .into())
-        }
+        reply => Err(format!("after a refused job, a valid job gets {}", shown(&reply)).into()),
     }
 }
 
@@ -504,7 +489,7 @@ fn stored(executor: &dyn Executor) -> Result<(), Stop> {
         Reply::Refused(problem) => Err(Stop::Refused(problem.message)),
         reply => {
             let wanted = shown(&Reply::Done(vec![vec![90, 90, 90, 90, 1, 2, 3, 4]]));
-            Err(format!("its reply is {}, not {wanted}", shown(&reply)).into())
+            Err(format!("the program's reply is {}, not {wanted}", shown(&reply)).into())
         }
     }
 }
@@ -541,7 +526,6 @@ const CORNERS: &str = "fn corner(i: u32, z: f32) -> vec4f {
     @vertex fn near(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.25); }
     @vertex fn far(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.75); }";
 
-/// The bits of a frame's pixels.
 fn image(frame: &karat::Frame<'_>, executor: &dyn Executor) -> Result<Vec<u32>, Stop> {
     let image = frame.render(executor.path()).map_err(|error| match &error {
         FrameError::Draw(DrawError::Path(PathError::Refused { message, .. })) => {

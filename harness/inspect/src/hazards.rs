@@ -552,23 +552,19 @@ struct Seen {
     drawn: Drawn,
     /// The number of inputs that didn't run because their loops were too long.
     cut: usize,
-    /// `true` if the function has more operations than Karat records.
     in_part: bool,
     /// `true` if the function has private variables that keep their initial values.
     of_state: bool,
-    /// The function's trial, and the keys of its findings.
     trial: Option<(Box<Trial>, Vec<function::Key>)>,
 }
 
 impl Seen {
-    /// Classifies the findings as faults or requirements.
     fn judge(&mut self) {
         if let Some((trial, keys)) = &self.trial {
             trial.judge(&mut self.hazards, keys);
         }
     }
 
-    /// The inputs that avert a finding.
     fn needs(&self, hazard: &Hazard) -> Option<Vec<String>> {
         let (trial, keys) = self.trial.as_ref()?;
         let is_it = |one: &Hazard| {
@@ -578,7 +574,6 @@ impl Seen {
     }
 }
 
-/// The lines that no input of any function reached.
 fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
     let mut lines: BTreeMap<(&str, usize), usize> = BTreeMap::new();
     for (place, cases) in looked.flat_map(|seen| &seen.reached) {
@@ -758,7 +753,6 @@ impl Acceptance for AcceptedHazard {
 }
 
 impl Hazard {
-    /// Lists all functions in which the operation goes wrong.
     pub(super) fn functions(&self) -> impl Iterator<Item = &str> {
         std::iter::once(&self.function).chain(&self.also).map(String::as_str)
     }

@@ -39,7 +39,6 @@ pub struct Ranges {
     declared: BTreeMap<String, Declaration>,
     /// The paths of arguments and members that are builtin values, with the builtins' names.
     builtins: Vec<(String, String)>,
-    /// The size of a compute pass's dispatch, if the function is a pass.
     extents: Option<Extents>,
     /// `true` if a range that a name suggests counts as declared.
     named: bool,
@@ -79,7 +78,6 @@ impl Ranges {
         self.declared.keys()
     }
 
-    /// Returns the ranges without the declaration of an input.
     pub(crate) fn without(&self, name: &str) -> Self {
         let mut all = self.clone();
         all.declared.remove(name);
@@ -154,7 +152,6 @@ impl Ranges {
         Self { named: true, ..self.clone() }
     }
 
-    /// Returns the ranges without the ranges that names suggest.
     #[must_use]
     pub(crate) fn without_names(&self) -> Self {
         Self { nameless: true, ..self.clone() }
@@ -177,7 +174,6 @@ impl Ranges {
         self.overrides.insert(name.to_owned(), value);
     }
 
-    /// The values of the overrides that a function uses.
     pub(crate) fn overrides_of(&self, package: &Package, name: &str) -> BTreeMap<String, f64> {
         if self.overrides.is_empty() {
             return BTreeMap::new();
@@ -230,7 +226,6 @@ impl Ranges {
         Self { builtins: function.form.builtins.clone(), ..self.scoped(&function.name) }
     }
 
-    /// The declaration for a path such as `params.groups`.
     pub(crate) fn get(&self, path: &str) -> Option<&Declaration> {
         let own = path.rsplit('.').next().unwrap_or(path);
         self.declared.get(path).or_else(|| self.declared.get(own))
@@ -254,7 +249,6 @@ pub fn suggested(name: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Part>
 /// The largest change of a number from a pixel to its neighbour.
 const STEEPEST: f64 = 0.5;
 
-/// The name of derivatives in a list of ranges.
 const DERIVATIVES: &str = "derivatives";
 
 /// One number or direction in an argument or a resource.
@@ -447,7 +441,6 @@ fn exact(scalar: Scalar, x: f64) -> Option<u32> {
     }
 }
 
-/// The domain of a function's arguments.
 pub(crate) struct Arguments {
     pub(crate) domain: Dynamic,
     described: Vec<Described>,
@@ -526,7 +519,6 @@ impl Arguments {
         (at.len(), at.iter().flat_map(|at| &rows[at * width..][..width]).copied().collect())
     }
 
-    /// The number of lanes in a row.
     pub(crate) fn width(&self) -> usize {
         self.domain.width()
     }
@@ -535,7 +527,6 @@ impl Arguments {
         self.described.iter().flat_map(|one| one.scalars.iter().map(move |scalar| (one, *scalar)))
     }
 
-    /// Checks if all arguments are declared.
     pub(crate) fn are_declared(&self) -> bool {
         self.described.iter().all(|one| one.declared || one.path.is_empty())
     }
@@ -668,7 +659,6 @@ impl Arguments {
         })
     }
 
-    /// Lists the range of each number, for a report.
     pub(crate) fn drawn(&self) -> Drawn {
         let mut drawn = Drawn::default();
         self.described.iter().for_each(|one| drawn.note(one));
@@ -753,7 +743,6 @@ impl MadeUp {
     }
 }
 
-/// The number of cases.
 const CASES: usize = 1024;
 
 /// The ranges from which inputs were sampled, for a report.

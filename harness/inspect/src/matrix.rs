@@ -336,13 +336,11 @@ impl Request {
         self
     }
 
-    /// The values of the overrides that a program uses.
     fn overrides_of(&self, program: &Program) -> BTreeMap<String, f64> {
         let own = self.overrides.iter().filter(|(name, _)| program.has_override(name));
         own.map(|(name, value)| (name.clone(), *value)).collect()
     }
 
-    /// A function with the overrides' values.
     fn probed(&self, name: &str) -> Result<Probed, ProbeError> {
         let own = match self.overrides.is_empty() {
             true => BTreeMap::new(),

@@ -64,7 +64,6 @@ impl Usual {
         Self::with_overrides(package, name, &Overrides::new())
     }
 
-    /// Does the same as [`of`](Self::of), with values for overrides.
     pub(crate) fn with_overrides(
         package: &Package,
         name: &str,

@@ -27,11 +27,9 @@ impl Side<'_> {
     }
 }
 
-/// The selected cases.
 pub(crate) struct Chosen {
     pub(crate) count: usize,
     pub(crate) rows: Vec<u32>,
-    /// The number of cases that weren't selected.
     pub(crate) cut: usize,
     /// The rows in which a loop has too many rounds, each with the loop's position.
     pub(crate) long: Vec<(Vec<u32>, Span)>,

@@ -14,7 +14,7 @@ fn found(text: &str) -> Vec<Hazard> {
     look(text).found
 }
 
-/// The finding of a kind at an operation. Panics if there is none.
+/// Returns the finding of a kind at an operation. Panics if there is no such finding.
 fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     let hazards = look(text);
     let mut all = hazards.found.iter().chain(&hazards.others);
@@ -555,7 +555,7 @@ fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
     }
 }
 
-/// Members of buffers have names, ranges and several contents.
+/// Members of buffers have names and ranges, and run with several contents.
 // Lesson 149
 #[test]
 fn members_of_buffers_are_drawn_and_declared() {
@@ -608,7 +608,7 @@ fn unchecked_inputs_and_functions_are_counted() {
         hazards
             .skipped
             .iter()
-            .any(|(name, why)| name == "unseen" && why.contains("writes what others"))
+            .any(|(name, why)| name == "unseen" && why.contains("writes memory that other calls"))
     );
     let long = look(
         "fn f(x: f32) -> f32 { var s = x; for (var i = 0; i < 3000; i++) { s = s * 0.5 + x; }\n\
@@ -617,7 +617,7 @@ fn unchecked_inputs_and_functions_are_counted() {
     assert_eq!(long.unseen.in_part, 1);
 }
 
-/// A name doesn't relate the sizes of two textures. An array is as long as the dispatch.
+/// Names don't relate the sizes of two textures. An array is as long as the dispatch.
 #[test]
 fn a_texel_outside_may_be_one_of_another_size() {
     let of = |source: &str, value: &str| {
@@ -715,7 +715,7 @@ fn inputs_are_declared_and_hazards_accepted() {
     write("karat.toml", &accepted("maths::other"));
     match look() {
         Err(HazardError::Declaration(text)) => {
-            assert!(text.contains("there is none: delete it"), "{text}")
+            assert!(text.contains("has no such hazard: delete it"), "{text}")
         }
         other => panic!("{other:?}"),
     }
@@ -1586,7 +1586,7 @@ fn declared_inputs_of_the_host_are_used() {
             "[inputs]\nplaces = { distinct = true, range = [0, 10] }",
             "different elements, but there are only 11 numbers",
         ),
-        ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
+        ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer has the name `summ`"),
         ("[inputs]\nk = { one_of = [0.5] }", "some of these aren't u32"),
         ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", but its type is u32"),
         ("[inputs]\nk = \"unit vector\"", "the input `k` must be a number"),

@@ -50,7 +50,6 @@ pub struct Difference {
     /// The arguments' types, if the difference depends only on arguments and on no feature.
     #[serde(skip)]
     types: Option<Vec<Shape>>,
-    /// The type of the function's result.
     #[serde(skip)]
     result: Option<Shape>,
 }
@@ -137,7 +136,8 @@ pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -
     }
 }
 
-/// The combined result of several comparisons: a difference if there is one, otherwise an unknown one. `None` if
+/// The combined result of several comparisons: a difference if one was found, otherwise an unknown result, otherwise no
+/// difference. `None` if nothing was compared.
 /// nothing was compared.
 fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>) -> Option<Lived> {
     let (mut cases, mut unknown) = (0, None);
@@ -365,7 +365,6 @@ fn rust_of(value: &str, shape: &Shape, reference: bool) -> Option<String> {
     })
 }
 
-/// The Rust type of a reference's parameter.
 fn rust_type(shape: &Shape) -> Option<String> {
     Some(match shape {
         Shape::Scalar(Scalar::F32) => "f64".to_owned(),
@@ -381,7 +380,6 @@ fn rust_type(shape: &Shape) -> Option<String> {
     })
 }
 
-/// The numbers in a value's text, such as `(1, NaN)`.
 fn numbers(text: &str) -> Vec<f64> {
     let is_part = |c: char| c.is_ascii_alphanumeric() || ".+-".contains(c);
     text.split(|c| !is_part(c)).filter_map(|word| word.parse().ok()).collect()

@@ -281,7 +281,6 @@ impl<'a> Maker<'a> {
         arguments.or_else(|| (name < self.tokens.len()).then_some(name))
     }
 
-    /// Makes the mutants of function bodies and constants' values.
     fn items(&mut self) {
         let mut at = 0;
         while at < self.tokens.len() {

@@ -114,7 +114,7 @@ fn equal_mutants_are_no_gaps() {
     assert!(matches!(fate("g", "1.0", "2.0"), Fate::Lived { .. }));
 }
 
-/// Without a guard that never acts, a function stays equivalent. Without a guard that acts for some argument, it
+/// Removing a guard that never acts gives an equivalent function. Removing a guard that acts for some argument doesn't.
 /// doesn't.
 #[test]
 fn guards_that_never_act_are_equal() {

@@ -74,14 +74,13 @@ pub(crate) fn switched(
 ) -> Result<Option<What>, Misdeclared> {
     match value {
         Some(false) => {
-            Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: leave it out")))
+            Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: remove the key")))
         }
         on => Ok(on.map(|_| what)),
     }
 }
 
 impl What {
-    /// The assertion's key in the test file.
     pub(crate) fn key(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "agrees_with",
@@ -106,7 +105,6 @@ impl What {
         }
     }
 
-    /// The assertion's part of the test's name.
     pub(crate) fn name(&self) -> String {
         match self {
             Self::Monotone(argument, _) => format!("monotone in {argument}"),

@@ -40,7 +40,7 @@ pub(crate) struct Declared {
     /// Textures, samplers and buffers, each under its variable's name.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
-    /// Values of `override`s, by their names or numbers.
+    /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     overrides: BTreeMap<String, OverrideValue>,
     /// Paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
@@ -49,10 +49,10 @@ pub(crate) struct Declared {
     /// Paths that can't run the test, each with the reason. These paths must refuse the test.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// Variables with accepted races, each with the reason.
+    /// The variables with accepted races, each with the reason.
     #[serde(default)]
     accept_race: BTreeMap<String, String>,
-    /// Variables into which several invocations may write the same value, each with the reason.
+    /// The variables into which several invocations may write the same value, each with the reason.
     #[serde(default)]
     accept_equal_writes: BTreeMap<String, String>,
     /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. A table below has the
@@ -207,7 +207,7 @@ impl Expected {
             )));
         }
         if self.up_to_order == Some(false) {
-            let off = "`up_to_order = false` asserts nothing: leave it out".to_owned();
+            let off = "`up_to_order = false` asserts nothing: remove the key".to_owned();
             return Err(Misdeclared::of("up_to_order")(off));
         }
         let written = |key: &str| match key {
@@ -238,15 +238,12 @@ impl Declared {
             (None, None, [_, ..]) => {
                 Ok(self.passes.iter().map(|one| (path(&one.entry), one.workgroups.0)).collect())
             }
-            _ => {
-                Err("either `entry` and `workgroups` are written, or `passes = [{ entry = \"a\", \
+            _ => Err("write either `entry` and `workgroups`, or `passes = [{ entry = \"a\", \
                       workgroups = 1 }]`"
-                    .to_owned())
-            }
+                .to_owned()),
         }
     }
 
-    /// The declared tests, by name.
     pub(crate) fn tests(
         self,
         module: &str,
@@ -305,7 +302,6 @@ impl Declared {
 }
 
 impl Assertion {
-    /// The entry points, in the order of their dispatch.
     pub(crate) fn entries(&self) -> impl Iterator<Item = &str> {
         self.passes.iter().map(|(name, _)| name.as_str())
     }
@@ -319,7 +315,6 @@ impl Assertion {
         self.what.key()
     }
 
-    /// The name that the check has in records.
     pub(crate) fn check(&self) -> String {
         self.own(self.key())
     }
@@ -332,7 +327,6 @@ impl Assertion {
         }
     }
 
-    /// The position of a key in the test file.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&karat::unstable::diagnostic::Span> {
         // The key belongs to the assertion, or to the whole `[[compute]]`.
         let keys = key.into_iter().flat_map(|key| [self.own(key), key.to_owned()]);
@@ -340,7 +334,6 @@ impl Assertion {
         named.next().or_else(|| self.keys.place_of(&self.check()))
     }
 
-    /// The table or golden with the expected contents.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         match &self.what {
             What::Table(file) => vec![self.folder.join(file)],
@@ -400,7 +393,6 @@ impl Assertion {
         }
     }
 
-    /// The tolerance. The default is an exact comparison.
     fn tolerance(&self) -> Result<Tolerance, Misdeclared> {
         let text = self.tolerance.as_deref().unwrap_or("exact");
         tolerance(text).map_err(Misdeclared::of("tolerance"))
@@ -627,7 +619,7 @@ impl Assertion {
                 };
                 if content.shape.lanes().iter().all(all) {
                     return Err(format!(
-                        "every {} would be in range, so it can't fail",
+                        "every {} is in this range, so the assertion can't fail",
                         content.shape
                     )
                     .into());
@@ -640,7 +632,7 @@ impl Assertion {
                 let content = self.content(compute)?;
                 if !content.shape.lanes().iter().any(|scalar| scalar.is_float()) {
                     return Err(format!(
-                        "`finite` holds for every {}, so it can't fail",
+                        "`finite` holds for every {}, so the assertion can't fail",
                         content.shape
                     )
                     .into());
@@ -661,7 +653,6 @@ impl Assertion {
         }
     }
 
-    /// The contents of the asserted resource before the passes.
     fn content(&self, compute: &Compute<'_>) -> Result<Content, Stop> {
         match untyped::before(compute, &self.variable) {
             Ok(content) => Ok(content),
@@ -685,7 +676,6 @@ impl Assertion {
     }
 }
 
-/// The reason why a check didn't succeed.
 pub(crate) enum Stop {
     Misdeclared(Misdeclared),
     /// The check didn't begin, so there is no record of it.
@@ -747,11 +737,10 @@ fn values(content: &Content) -> Vec<f64> {
     scalars.iter().zip(&content.lanes).map(|(scalar, word)| scalar.decode(*word)).collect()
 }
 
-/// The scalar type of the elements; an error if they aren't scalars.
 fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     match content.element() {
         Shape::Scalar(scalar) => Ok(*scalar),
-        other => Err(format!("`{key}` is for numbers, and an element is a {other}")),
+        other => Err(format!("`{key}` needs numbers, but an element is a {other}")),
     }
 }
 
@@ -760,7 +749,7 @@ fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     let scalars = content.shape.lanes();
     match scalars.first() {
         Some(first) if scalars.iter().all(|scalar| scalar == first) => Ok(*first),
-        _ => Err(format!("`{key}` is for numbers of one type, and this is {}", content.shape)),
+        _ => Err(format!("`{key}` needs numbers of one type, but this is {}", content.shape)),
     }
 }
 

@@ -2,12 +2,12 @@
 //!
 //! ```toml
 //! [[test]]
-//! function = "schlick"                          # of this module; "other::f" of another
-//! over = { f0 = "0..1", v_dot_h = "0..1" }      # what isn't named comes from its name and type
-//! where = "f0 <= v_dot_h"                       # keeps the arguments for which this holds, in WGSL
+//! function = "schlick"                          # in this module; "other::f" is in another module
+//! over = { f0 = "0..1", v_dot_h = "0..1" }      # names and types give the other domains
+//! where = "f0 <= v_dot_h"                       # tests only arguments for which this is true
 //! in_range = [0, 1]                             # each assertion is a test
 //! monotone = { v_dot_h = "decreasing" }
-//! agrees_with = "reference::schlick"            # another function, in f64
+//! agrees_with = "reference::schlick"            # another function, executed in f64
 //! tolerance = "4 ulp"                           # or "rel 1e-4 or abs 1e-6", or "spec"
 //!
 //! [[test]]
@@ -49,17 +49,17 @@
 //! | `no_hazards = true` | no value in the function becomes NaN or infinite, or loses half of its digits |
 //! | `no_hazards = ["nan", "out_of_range"]` | no operation in the function has a hazard of these kinds |
 //!
-//! An entry point is a function, too: `function = "fs_main"`, over its inputs. Compute passes are dispatched:
+//! An entry point is a function, too: `function = "fs_main"` calls it with its inputs. Compute passes are dispatched:
 //!
 //! ```toml
 //! [[compute]]
-//! entry = "sort"                                # of this module; several: passes = [{ entry = "..", workgroups = 4 }]
+//! entry = "sort"                                # in this module; or passes = [{ entry = "..", workgroups = 4 }]
 //! workgroups = [4, 1, 1]                        # or 4
 //! with = { keys = { size = 256, range = "0..99" } }
-//! accept_equal_writes = { flag = "any of them sets it" }   # a race that is meant; or accept_race
-//! [compute.after.keys]                          # what it holds afterwards
+//! accept_equal_writes = { flag = "any of them sets it" }   # an accepted race; or accept_race
+//! [compute.after.keys]                          # the expected contents after the passes
 //! sorted = true                                 # or "descending"
-//! permutation_of = "keys"                       # of what that buffer holds before
+//! permutation_of = "keys"                       # of the buffer's contents before the passes
 //! ```
 //!
 //! | assertion of a resource | holds if |
@@ -145,7 +145,7 @@ pub(crate) struct Declared {
     /// Textures, samplers and buffers, each under its variable's name.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
-    /// Values of `override`s, by their names or numbers.
+    /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
     /// Asserts that another WGSL function, which Karat executes in `f64`, returns the same result.
@@ -219,12 +219,12 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
 
     fn try_from(list: Vec<T>) -> Result<Self, String> {
         list.try_into().map(Self).map_err(|list: Vec<T>| {
-            format!("a list of two is wanted, and this one has {}", list.len())
+            format!("the list must have two entries, but has {}", list.len())
         })
     }
 }
 
-/// `true` for any kind; or a list of kinds.
+/// `true` for any kind, or a list of kinds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct NoHazards(pub(crate) Option<Vec<HazardKind>>);
@@ -236,7 +236,7 @@ impl TryFrom<Value> for NoHazards {
         match value {
             Value::Boolean(true) => Ok(Self(None)),
             Value::Boolean(false) => {
-                Err("`no_hazards = false` asserts nothing: leave it out".to_owned())
+                Err("`no_hazards = false` asserts nothing: remove the key".to_owned())
             }
             Value::Array(kinds) if kinds.is_empty() => {
                 Err("`no_hazards = []` asserts nothing: name kinds, or write `true`".to_owned())
@@ -332,7 +332,7 @@ pub(crate) struct Frame {
     /// Textures, samplers and buffers, each under its variable's name.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
-    /// Values of `override`s, by their names or numbers.
+    /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
     /// The largest relative difference that a pixel may have: `1e-3`. By default, HDR-FLIP may pass a pixel with a
@@ -388,24 +388,23 @@ pub(crate) struct Assertion {
 }
 
 impl Frame {
-    /// The frame's draws, in order.
     pub(crate) fn draws(&self) -> Result<Vec<draws::Declared>, String> {
         match (&self.vertex, &self.fragment, &*self.draws) {
             (vertex, Some(fragment), []) => {
                 Ok(vec![draws::Declared::covering(vertex.clone(), fragment.clone())])
             }
             (_, None, []) => {
-                Err("it draws nothing: name a `fragment` function, or write `draws`".to_owned())
+                Err("the frame draws nothing: name a `fragment` function, or write `draws`"
+                    .to_owned())
             }
             (None, None, all) => Ok(all.to_vec()),
             _ => Err(
-                "each of `draws` names its functions: write no `vertex` and `fragment` beside it"
+                "each of `draws` names its own functions: remove `vertex` and `fragment` beside it"
                     .to_owned(),
             ),
         }
     }
 
-    /// The files of the frame's meshes.
     pub(crate) fn meshes(&self) -> impl Iterator<Item = PathBuf> {
         self.draws.iter().filter_map(|draw| draw.mesh_file(&self.folder))
     }
@@ -414,7 +413,6 @@ impl Frame {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
-    /// The paths of the frame's entry points.
     pub(crate) fn entries(&self) -> Vec<String> {
         let module = self.module.as_deref().filter(|module| !module.is_empty());
         let named = |name: String| match module {
@@ -456,7 +454,6 @@ impl Assertion {
         }
     }
 
-    /// The golden file of the assertion's values, if the assertion has one.
     pub(crate) fn golden_file(&self) -> Option<PathBuf> {
         let What::Golden(name) = &self.what else { return None };
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
@@ -623,7 +620,6 @@ pub(crate) fn read(
     Ok((tests, wrong))
 }
 
-/// The tables that declare tests.
 const TABLES: [&str; 3] = ["test", "frame", "compute"];
 
 /// The byte ranges of a file's tables, each with its subtables. The first range is the text before the first table.
@@ -737,7 +733,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
         match (&integral.equals, &integral.at_most) {
             (Some(_), None) if integral.slack.is_some() => {
                 return Err(Misdeclared::of("integral.slack")(
-                    "`slack` does nothing beside `equals`, which has a `tolerance`: leave it out"
+                    "`slack` does nothing beside `equals`, which has a `tolerance`: remove it"
                         .to_owned(),
                 ));
             }
@@ -881,9 +877,9 @@ mod tests {
             ),
             ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
             ("[[test]\n", "brdf.test.toml:1"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this list has 1"),
-            ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: leave it out"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "the list must have two"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "but has 1"),
+            ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: remove the key"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = []\n", "asserts nothing: name kinds"),
             ("[compute]\nentry = \"f\"\n", "begins with double brackets"),
@@ -902,7 +898,7 @@ mod tests {
             (
                 "[[test]]\nfunction = \"f\"\nfinite = true\nno_hazards = true\n\
                  tolerance_on = { gl = \"4 ulp\" }\n",
-                "`tolerance_on` does nothing here: `finite`, `no_hazards` takes none",
+                "`tolerance_on` does nothing here: `finite`, `no_hazards` can't have this key",
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\n\
@@ -911,7 +907,7 @@ mod tests {
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\ncases = 9\n",
-                "`cases` does nothing here: `table` takes none",
+                "`cases` does nothing here: `table` can't have this key",
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\nseed = 9\n",
@@ -920,7 +916,7 @@ mod tests {
             (
                 "[[test]]\nfunction = \"f\"\ntolerance = \"4 ulp\"\n\
                  integral = { over = \"sphere\", at_most = 1, slack = 0 }\n",
-                "`integral at_most` takes none",
+                "`integral at_most` can't have this key",
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntolerance = \"4 ulp\"\n\

@@ -84,7 +84,7 @@ pub(crate) fn parts(
             let of = |lane: usize| match value {
                 Value::Array(list) if list.len() == scalars.len() => Ok(&list[lane]),
                 Value::Array(list) => Err(format!(
-                    "a list has one entry for each of {} components, this one has {}; for a list of \
+                    "the list must have one entry for each of {} components, but has {}; for a list of \
                      values write {{ one_of = [...] }}",
                     scalars.len(),
                     list.len()
@@ -173,7 +173,9 @@ fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
     };
     match part {
         Some(part) => Ok(Some(part)),
-        None => Err(format!("`{text}` is a {sizes} of f32, and this is a {shape}")),
+        None => {
+            Err(format!("`{text}` is a domain for a {sizes} of f32, but the argument is a {shape}"))
+        }
     }
 }
 
@@ -192,24 +194,24 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
                 let near = nearest(text, names);
                 let near =
                     near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-                return Err(format!("`{text}` is no domain of a number, such as `0..1`{near}"));
+                return Err(format!("`{text}` isn't a domain of a number, such as `0..1`{near}"));
             };
             let end = |text: &str| {
                 let text = text.strip_prefix('=').unwrap_or(text).trim();
                 if text.starts_with('.') {
                     // Rejects `0...1`, which isn't `0..` followed by the fraction `.1`.
                     return Err(format!(
-                        "`{text}` is no number: a range has two dots, and a fraction begins with 0: `0.5`"
+                        "`{text}` isn't a number: a range has two dots, and a fraction begins with 0: `0.5`"
                     ));
                 }
                 text.parse::<f64>().map_err(|_| match text.starts_with('<') {
                     true => "a domain includes both ends: write `0..1` without `<`".to_owned(),
-                    false => format!("`{text}` is no number"),
+                    false => format!("`{text}` isn't a number"),
                 })
             };
             let range = end(least)?..=end(most)?;
             Part::range(scalar, range)
-                .ok_or_else(|| format!("`{text}` is no range of {scalar}", scalar = name(scalar)))
+                .ok_or_else(|| format!("`{text}` isn't a range of {scalar}", scalar = name(scalar)))
         }
         one => Ok(Part::just(scalar, lane(scalar, one)?)),
     }
@@ -221,7 +223,7 @@ fn name(scalar: Scalar) -> String {
 
 /// The bits of one number, exactly as the shader receives it.
 fn lane(scalar: Scalar, value: &Value) -> Result<u32, String> {
-    let wrong = || format!("`{value}` is no {}", name(scalar));
+    let wrong = || format!("`{value}` isn't of type {}", name(scalar));
     #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
     match (scalar, value) {
         (Scalar::F32 | Scalar::F16, Value::Float(number)) => {
@@ -307,12 +309,12 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
             scalars.iter().zip(flat).map(|(scalar, value)| lane(*scalar, value)).collect()
         }
         (Shape::Array { length, .. }, Value::Array(list)) => {
-            Err(format!("a list of {length} is wanted, and this one has {}", list.len()))
+            Err(format!("the list must have {length} entries, but has {}", list.len()))
         }
         (Shape::Vector { .. } | Shape::Matrix { .. }, one) => {
             shape.lanes().iter().map(|scalar| lane(*scalar, one)).collect()
         }
-        _ => Err(format!("`{value}` is no {shape}")),
+        _ => Err(format!("`{value}` isn't of type {shape}")),
     }
 }
 
@@ -448,17 +450,25 @@ mod tests {
         let count = Shape::Scalar(Scalar::U32);
         let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };
         for (shape, text, part) in [
-            (&float, "\"0-1\"", "no domain"),
-            (&float, "\"a..1\"", "`a` is no number"),
+            (&float, "\"0-1\"", "isn't a domain"),
+            (&float, "\"a..1\"", "`a` isn't a number"),
             (&float, "\"-1...1\"", "a range has two dots"),
             (&float, "true", "no f32"),
             (&float, "\"ani\"", "did you mean `any`?"),
-            (&float, "\"unit_vector\"", "is a vec2, vec3 or vec4 of f32, and this is a f32"),
-            (&count, "\"-1..1\"", "no range of u32"),
+            (
+                &float,
+                "\"unit_vector\"",
+                "is a domain for a vec2, vec3 or vec4 of f32, but the argument is a f32",
+            ),
+            (&count, "\"-1..1\"", "isn't a range of u32"),
             (&count, "0.5", "no u32"),
-            (&vector, "\"unit_rgb\"", "is a vec3 of f32"),
-            (&vector, "\"hemisphere above 0.5\"", "is a vec3 of f32"),
-            (&float, "\"hemisphere above 0.5\"", "is a vec3 of f32, and this is a f32"),
+            (&vector, "\"unit_rgb\"", "is a domain for a vec3 of f32"),
+            (&vector, "\"hemisphere above 0.5\"", "is a domain for a vec3 of f32"),
+            (
+                &float,
+                "\"hemisphere above 0.5\"",
+                "is a domain for a vec3 of f32, but the argument is a f32",
+            ),
             (&vector, "\"sphere\"", "write `sphere 2`"),
             (&vector, "\"ball -1\"", "write `ball 2`"),
             (&float, "\"hemisphere over 0.5\"", "write `hemisphere above 0.01`"),

@@ -75,7 +75,6 @@ fn named<T: Copy>(
 }
 
 impl Declared {
-    /// Makes a draw that covers the frame.
     pub(crate) fn covering(vertex: Option<String>, fragment: String) -> Self {
         Self {
             vertex,
@@ -117,7 +116,7 @@ impl Declared {
                 return Err(wrong("`mesh` and `vertices` need a `vertex` function: name one"));
             }
             (None, None, ..) => {
-                return Err(wrong("a draw has a `fragment` function, or a `vertex` one"));
+                return Err(wrong("a draw needs a `fragment` or a `vertex` function"));
             }
             (None, Some(fragment), None, None) => Draw::fragment(fragment),
             (Some(vertex), None, Some(_), None) => {
@@ -196,7 +195,7 @@ impl Declared {
         }
         if let Some(beyond) = indices.iter().find(|index| **index as usize >= count) {
             return Err(wrong(format!(
-                "the index {beyond} is beyond the {count} rows of the mesh"
+                "the index {beyond} is too large: the mesh has {count} rows"
             )));
         }
         // The index of an input's first lane among the lanes of all inputs.
@@ -216,12 +215,7 @@ impl Declared {
         let mut mesh = Mesh::new(positions, indices);
         for (number, input) in inputs.iter().enumerate().filter(|(_, input)| input.location != 0) {
             mesh = with_attribute(mesh, input.location, &input.shape, &column(number)).ok_or_else(
-                || {
-                    wrong(format!(
-                        "`{}` can't be an attribute of a mesh: its type is {}",
-                        input.name, input.shape
-                    ))
-                },
+                || wrong(format!("`{}` can't be a mesh attribute: {}", input.name, input.shape)),
             )?;
         }
         Ok(mesh)

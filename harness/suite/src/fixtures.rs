@@ -80,19 +80,19 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
             }
         )
     };
-    let text = value.as_str().ok_or_else(|| wrong(&format!("{value} is no sampler")))?;
+    let text = value.as_str().ok_or_else(|| wrong(&format!("{value} isn't a sampler")))?;
     let mut words = text.split_whitespace();
     let mut sampler = match words.next() {
         Some("linear") => Sampler::LINEAR,
         Some("nearest") => Sampler::NEAREST,
-        _ => return Err(wrong(&format!("\"{text}\" is no sampler"))),
+        _ => return Err(wrong(&format!("\"{text}\" isn't a sampler"))),
     };
     let (mut compares, mut addressed) = (None, None);
     for word in words {
         let compare = match word {
             "clamp" | "repeat" | "mirror" => {
                 if let Some(other) = addressed.replace(word) {
-                    return Err(wrong(&format!("`{other}` and `{word}` can't both be")));
+                    return Err(wrong(&format!("use `{other}` or `{word}`, not both")));
                 }
                 sampler = match word {
                     "repeat" => sampler.repeat(),
@@ -112,7 +112,7 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
             other => return Err(wrong(&format!("`{other}` isn't a property of a sampler"))),
         };
         if let Some(other) = compares.replace(word) {
-            return Err(wrong(&format!("`{other}` and `{word}` can't both be")));
+            return Err(wrong(&format!("use `{other}` or `{word}`, not both")));
         }
         sampler = sampler.compare(compare);
     }
@@ -193,7 +193,6 @@ fn texel(value: &Value) -> Option<[f64; 4]> {
     }
 }
 
-/// One layer, slice or face of a texture.
 struct Layer {
     width: u32,
     height: u32,
@@ -258,7 +257,9 @@ fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer
         .iter()
         .fold(1_u64, |all, side| all.saturating_mul(u64::from(*side)));
     if all > MOST_TEXELS {
-        return Err(format!("it has {all} texels, and {MOST_TEXELS} at most without an image"));
+        return Err(format!(
+            "the texture has {all} texels, but without an image may have {MOST_TEXELS} at most"
+        ));
     }
     let value =
         match table.get("value") {
@@ -333,9 +334,8 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     of_layers(kind, &layers).map(Fixture::from)
 }
 
-/// Makes a texture from layers, slices or faces.
 fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
-    let first = layers.first().ok_or("a texture without an image")?;
+    let first = layers.first().ok_or("a texture needs an image")?;
     let (width, height) = (first.width, first.height);
     if layers.iter().any(|layer| (layer.width, layer.height) != (width, height)) {
         return Err("its images must have the same size".to_owned());
@@ -350,10 +350,10 @@ fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
         #[expect(clippy::cast_possible_truncation, reason = "it is asked whether it fits")]
         let overflows = value.is_finite() && !(*value as f32).is_finite();
         if integer && value.fract() != 0.0 {
-            return Err(format!("a texel is {value}, and its texels are integers"));
+            return Err(format!("a texel is {value}, but the texture's texels are integers"));
         }
         if overflows || integer && !(least..=most).contains(value) {
-            return Err(format!("a texel is {value}, and its texels are {name}"));
+            return Err(format!("a texel is {value}, but the texture's texels are {name}"));
         }
     }
     let at = |layer: usize, x: u32, y: u32| layers[layer].texels[(y * width + x) as usize];
@@ -461,7 +461,7 @@ fn buffer(
             Some("toml") => Value::Table(read()?.parse().map_err(|error| inside(&error))?),
             _ => {
                 return Err(format!(
-                    "`{name}` is no value; a buffer is a number, a list, a table of its members, or a \
+                    "`{name}` isn't a value; a buffer is a number, a list, a table of its members, or a \
                      file: values.json, values.toml, bytes.bin"
                 ));
             }
@@ -575,7 +575,7 @@ fn spread(
     let size = match whole("size") {
         Some((value, size)) if let Some(length) = fixed => match size {
             Some(size) if usize::try_from(size) == Ok(length) => length,
-            _ => return Err(format!("size = {value}, and the array has {length} elements")),
+            _ => return Err(format!("size = {value}, but the array has {length} elements")),
         },
         Some((_, Some(size))) if size > 0 && size as u64 <= (MOST / width) as u64 => size as usize,
         Some((value, _)) => {
@@ -613,7 +613,7 @@ fn drawn(
     };
     let Some(range) = table.get("range") else {
         return match table.contains_key("seed") {
-            true => Err("`seed` does nothing without a `range`: leave it out".to_owned()),
+            true => Err("`seed` does nothing without a `range`: remove it".to_owned()),
             false => Ok(None),
         };
     };
@@ -682,7 +682,7 @@ mod tests {
             bound(declared, value).unwrap_or_else(|error| panic!("{declared}: {error}"));
         }
         for (declared, value, part) in [
-            ("sampler", "\"linaer\"", "is no sampler"),
+            ("sampler", "\"linaer\"", "isn't a sampler"),
             ("sampler", "\"linear repaet\"", "`repaet` isn't a property of a sampler"),
             ("sampler", "\"linear less\"", "compares nothing"),
             ("sampler_comparison", "\"linear\"", "so the sampler needs a comparison"),
@@ -793,8 +793,8 @@ mod tests {
             of(value).unwrap_or_else(|error| panic!("{value}: {error}"));
         }
         for (value, part) in [
-            ("{ size = 4 }", "size = 4, and the array has 3 elements"),
-            ("{ size = -3 }", "size = -3, and the array has 3 elements"),
+            ("{ size = 4 }", "size = 4, but the array has 3 elements"),
+            ("{ size = -3 }", "size = -3, but the array has 3 elements"),
             ("{ sise = 3 }", "did you mean `size`?"),
             ("{ seed = 1 }", "`seed` does nothing without a `range`"),
         ] {

@@ -87,11 +87,11 @@ pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, Strin
         "false" => Some(0.0),
         cell => hexadecimal(cell).or_else(decimal),
     };
-    let none = || format!("`{cell}` is no finite number, and nothing else can be compared");
+    let none = || format!("`{cell}` isn't a finite number, and Karat compares only finite numbers");
     let value = value.ok_or_else(none)?;
     match fits(scalar, value) {
         true => Ok(value),
-        false => Err(format!("`{cell}` is no {}, so nothing equals it", scalar.wgsl())),
+        false => Err(format!("`{cell}` isn't of type {}, so no result equals it", scalar.wgsl())),
     }
 }
 
@@ -138,7 +138,9 @@ mod tests {
         for (scalar, cell) in
             [(Scalar::U32, "5.5"), (Scalar::I32, "-2147483649"), (Scalar::Bool, "2")]
         {
-            assert!(expected(scalar, cell).is_err_and(|why| why.contains("so nothing equals it")));
+            assert!(
+                expected(scalar, cell).is_err_and(|why| why.contains("so no result equals it"))
+            );
         }
         assert_eq!(argument(Scalar::F32, "-inf"), Some(f32::NEG_INFINITY.to_bits()));
         assert!(argument(Scalar::F32, "nan").is_some_and(|lane| f32::from_bits(lane).is_nan()));

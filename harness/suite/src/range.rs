@@ -16,7 +16,6 @@ pub(crate) struct Range {
 }
 
 impl Range {
-    /// The range's two bounds.
     pub(crate) fn bounds(self) -> (Bound<f64>, Bound<f64>) {
         let most = if self.half_open { Bound::Excluded } else { Bound::Included };
         (Bound::Included(self.least), most(self.most))
@@ -30,9 +29,8 @@ impl Range {
     pub(crate) fn checked(self) -> Result<Self, String> {
         let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
         let quote = if self.half_open { "\"" } else { "" };
-        let wrong = || {
-            format!("in_range = {quote}{self}{quote} contains no number: write the lower end first")
-        };
+        let wrong =
+            || format!("in_range = {quote}{self}{quote} has no number: write the lower end first");
         if is_some { Ok(self) } else { Err(wrong()) }
     }
 }
@@ -51,7 +49,7 @@ impl TryFrom<toml::Value> for Range {
         #[expect(clippy::cast_precision_loss, reason = "ends of 2^53 and above are rounded")]
         let number = |value: &toml::Value| {
             let number = value.as_float().or_else(|| value.as_integer().map(|one| one as f64));
-            number.ok_or_else(|| format!("an end of a range is a number, and this is {value}"))
+            number.ok_or_else(|| format!("an end of a range must be a number, but this is {value}"))
         };
         match &value {
             toml::Value::Array(list) => match &**list {
@@ -59,15 +57,10 @@ impl TryFrom<toml::Value> for Range {
                     let (least, most) = (number(least)?, number(most)?);
                     Ok(Self { least, most, half_open: false })
                 }
-                list => Err(format!(
-                    "a range is a list of two numbers, and this list has {}",
-                    list.len()
-                )),
+                list => Err(format!("a range is a list of two, and this one has {}", list.len())),
             },
             toml::Value::String(text) => {
-                let wanted = || {
-                    format!("`{text}` isn't a range: write [0, 1], or \"0..<1\" without its end")
-                };
+                let wanted = || format!("`{text}` isn't a range: write [0, 1], or \"0..<1\"");
                 let (least, most) = text.split_once("..").ok_or_else(wanted)?;
                 let end = most.strip_prefix('<');
                 // Rejects `0...1`, which isn't `0..` followed by the fraction `.1`.
@@ -81,7 +74,7 @@ impl TryFrom<toml::Value> for Range {
                     half_open: end.is_some(),
                 })
             }
-            other => Err(format!("a range is [0, 1] or \"0..<1\", and this is {other}")),
+            other => Err(format!("a range is [0, 1] or \"0..<1\", but this is {other}")),
         }
     }
 }

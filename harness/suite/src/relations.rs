@@ -107,12 +107,12 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
         }));
     };
     if other.path == own.path {
-        return Err(wrong("no unit vector is perpendicular to itself".to_owned()));
+        return Err(wrong("a unit vector can't be perpendicular to itself".to_owned()));
     }
     match other.lanes.len() == own.lanes.len() {
         true => Ok(other),
         false => Err(wrong(format!(
-            "it has {} components, and `{name}` has {}",
+            "the vector has {} components, but `{name}` has {}",
             own.lanes.len(),
             other.lanes.len()
         ))),
@@ -209,14 +209,14 @@ mod tests {
             ("t = { perpendicular_to = \"m\" }", "`t`: there is no vector `m`"),
             ("t = { perpendicular_to = \"nn\" }", "did you mean `n`?"),
             ("t = { perpendicular_to = \"t\" }", "perpendicular to itself"),
-            ("t = { perpendicular_to = \"uv\" }", "it has 3 components, and `uv` has 2"),
+            ("t = { perpendicular_to = \"uv\" }", "the vector has 3 components, but `uv` has 2"),
             ("t = { perpendicular_to = 1 }", "the name of a vector, or a list"),
             ("t = { perpendicular_to = [] }", "the name of a vector, or a list"),
             ("t = { perpendicular_to = \"n\", x = 1 }", "takes no other key"),
             ("uv = { perpendicular_to = [\"w\", \"w\"] }", "can't be perpendicular to 2 vectors"),
             (
                 "t = { perpendicular_to = \"n\" }\nn = { perpendicular_to = \"t\" }",
-                "of `n`, `t` goes round in a circle",
+                "of `n`, `t` forms a circle",
             ),
         ] {
             let error = of(&three, text).expect_err(text);

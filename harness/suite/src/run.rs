@@ -294,7 +294,6 @@ fn unbound(failure: &Failure) -> Option<String> {
     ))
 }
 
-/// The verdict of a check, or the reason why it couldn't begin.
 type Judged<E> = Result<Result<Agreement, Failure>, E>;
 
 fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdeclared> {
@@ -333,16 +332,14 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
             let kind = kind.wgsl();
-            let wrong = format!("`{name}` is {kind}, and {on} isn't one: write a number");
+            let wrong = format!("`{name}` is {kind}, but {on} isn't: write a number");
             return Err(Misdeclared::of("override")(wrong));
         }
     }
     // With a constant argument, each derivative is 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
-            return Err(
-                "the function takes derivatives, and an integral's directions don't vary".into()
-            );
+            return Err("it takes derivatives, and an integral's directions don't vary".into());
         }
         _ => probed.with_varying(),
     };
@@ -426,7 +423,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Finite => {
             if !result.lanes().iter().any(|lane| lane.is_float()) {
-                return Err("`finite` can't fail: it returns no float".into());
+                return Err("`finite` can't fail: the function returns no float".into());
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_is_finite())
         }
@@ -444,7 +441,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let range = range.checked()?;
             if result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
                 return Err(
-                    format!("`in_range` is for numbers, and the result is a {result}").into()
+                    format!("`in_range` needs numbers, but the result is a {result}").into()
                 );
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
@@ -454,7 +451,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let [first, second] = [first, second].map(|name| place(&parameters, name));
             let (first, second) = (first?, second?);
             if first.0 == second.0 {
-                return Err("it swaps a parameter with itself, which changes nothing".into());
+                return Err("a parameter can't be swapped with itself: name two parameters".into());
             }
             if parameters[first.0].1 != parameters[second.0].1 {
                 return Err("the two parameters have different types".into());
@@ -488,7 +485,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             place(&parameters, argument)?;
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
-                let wrong = format!("`{text}` names `{argument}`, and the limit says what it is");
+                let wrong = format!("`{text}` names `{argument}`, and the limit sets its value");
                 return Err(Misdeclared::of("where")(wrong));
             }
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
@@ -507,10 +504,10 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Integral(Integral { over, equals: is, at_most, slack, rings }) => {
             if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
-                return Err("an integral is over the last parameter, a vec3f".into());
+                return Err("an integral needs a last parameter of type vec3f".into());
             }
             if *rings == Some(0) {
-                return Err("an integral with 0 rings has no node".into());
+                return Err("an integral with 0 rings has no directions".into());
             }
             let directions = match over {
                 Region::Sphere => Directions::sphere(),
@@ -520,7 +517,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let directions = rings.map_or(directions, |rings| directions.rings(rings));
             let last = parameters.last().map_or("", |(name, _)| name);
             if test.over.contains_key(last) {
-                let wrong = format!("`{last}` is what is integrated over: leave it out");
+                let wrong = format!("the integral sets `{last}`: leave it out");
                 return Err(Misdeclared::of("over")(wrong));
             }
             let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), assertion)?;
@@ -533,7 +530,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                     Ok(check.try_integrates_to(directions, &expect, tolerance))
                 }
                 None => {
-                    let slack = slack.ok_or("at_most needs `slack`, what rounding may add")?;
+                    let slack = slack.ok_or("`at_most` needs `slack` for rounding errors")?;
                     Ok(check.try_integrates_to_at_most(directions, &expect, slack))
                 }
             }
@@ -549,7 +546,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         | What::SumOf(_)
         | What::PermutationOf(_)
         | What::Unchanged
-        | What::Written => unreachable!("no function has it: `Declared` has no such key"),
+        | What::Written => unreachable!("`Declared` has no key for this assertion"),
     }
 }
 
@@ -610,11 +607,11 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
         one => is_switch(one),
     };
     if switches && !scalars.contains(&Scalar::Bool) {
-        return Err(format!("{value} isn't a number, and the result is one"));
+        return Err(format!("{value} isn't a number, and the result is a number"));
     }
     let expect = |scalar: &Scalar, number: f64| match numbers::fits(*scalar, number) {
         true => Ok(meant((scalar, number))),
-        false => Err(format!("{number} is no {}, and the result is one", scalar.wgsl())),
+        false => Err(format!("{number} isn't a {}, and the result is one", scalar.wgsl())),
     };
     if let Some(number) = number(value) {
         return scalars.iter().map(|scalar| expect(scalar, number)).collect();
@@ -629,7 +626,6 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
     Ok(scalars.iter().zip(words).map(|(scalar, word)| scalar.decode(word)).collect())
 }
 
-/// The fixtures of a test.
 fn bound(
     program: &Program,
     bindings: &[Binding],
@@ -643,7 +639,7 @@ fn bound(
         let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
         let Some(binding) = bindings.iter().find(is_it) else {
             let message = match bindings {
-                [] => format!("it reads no variable, so `{name}` binds nothing"),
+                [] => format!("the function reads no variable, so `{name}` binds nothing"),
                 _ => no_such("variable", name, known()),
             };
             return Err(Misdeclared::of_resource(name)(message));
@@ -746,7 +742,7 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
     match (declared.target, declared.depth) {
         (Some(_), true) => {
             return Err(Misdeclared::of("depth")(
-                "it compares `target` or `depth`, not both".to_owned(),
+                "a frame compares `target` or `depth`, not both".to_owned(),
             ));
         }
         (Some(target), false) => frame = frame.target(target),

@@ -19,10 +19,8 @@ pub(crate) struct Table {
     pub(crate) expected: HashMap<Vec<u32>, Vec<f64>>,
 }
 
-/// The name of the columns with expected results.
 const RESULT: &str = "result";
 
-/// Reads a table of a function's arguments and results.
 pub(crate) fn read(
     file: &Path,
     parameters: &[(String, Shape)],
@@ -64,7 +62,9 @@ pub(crate) fn read(
             let cell = &record[*column];
             let word = numbers::argument(*scalar, cell);
             words.push(
-                word.ok_or_else(|| wrong(*column, &format!("is no {}", type_name(*scalar))))?,
+                word.ok_or_else(|| {
+                    wrong(*column, &format!("isn't of type {}", type_name(*scalar)))
+                })?,
             );
         }
         let mut lanes = Vec::with_capacity(results.len());
@@ -82,7 +82,7 @@ pub(crate) fn read(
         rows.push(words);
     }
     if rows.is_empty() {
-        return Err(format!("`{name}` has no row, so nothing would be compared").into());
+        return Err(format!("`{name}` has no rows, so Karat would compare nothing").into());
     }
     Ok(Table { rows, expected })
 }
@@ -104,8 +104,7 @@ pub(crate) fn elements(
     let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?;
     if head.iter().ne(wanted.iter().map(String::as_str)) {
         let (wanted, there) = (wanted.join(","), head.iter().collect::<Vec<_>>().join(","));
-        let message =
-            format!("the first line of `{name}` has to be `{wanted}`, and it is `{there}`");
+        let message = format!("the first line of `{name}` must be `{wanted}`, but it is `{there}`");
         return Err(Misdeclared::at_line(file, 1, message));
     }
     let (scalars, mut all) = (element.lanes(), Vec::new());
@@ -247,7 +246,7 @@ mod tests {
             ("a,v.x,v.y,result\n", "has no row"),
             ("a,v.x,v.y\n1,2,3\n", "has no column `result`"),
             ("a,v.x,v.y,resul\n1,2,3,4\n", "has no column `result` (did you mean `resul`?)"),
-            ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` is no f32"),
+            ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` isn't of type f32"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "t.csv:2:1"),
             ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and nothing else"),
             (

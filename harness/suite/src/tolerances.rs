@@ -91,7 +91,7 @@ fn bound(text: &str) -> Result<Tolerance, String> {
 }
 
 fn unknown(text: &str) -> String {
-    format!("`{text}` is no tolerance: write `4 ulp`, `rel 1e-4`, `abs 1e-6` or `exact`")
+    format!("`{text}` isn't a tolerance: write `4 ulp`, `rel 1e-4`, `abs 1e-6` or `exact`")
 }
 
 #[cfg(test)]

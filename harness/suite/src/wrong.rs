@@ -145,7 +145,6 @@ impl From<PackageError> for Wrong {
     }
 }
 
-/// The reason why Karat can't check an assertion.
 #[derive(Debug)]
 pub(crate) struct Misdeclared {
     /// The path of the wrong key, such as `draws.1.blend`; `None` for the assertion's own key.
@@ -162,7 +161,6 @@ impl<T: Into<String>> From<T> for Misdeclared {
 }
 
 impl Misdeclared {
-    /// Makes an error about a key.
     pub(crate) fn of(key: &'static str) -> impl Fn(String) -> Self {
         move |message| Self { key: Some(key.to_owned()), message, place: None }
     }

@@ -74,7 +74,6 @@ impl Bindings {
         Self(bound.map(|r| Resource { translated: r.wgsl, ..r }).collect())
     }
 
-    /// All resources in group 0, numbered in order.
     pub(crate) fn in_a_row(
         module: &Module,
         info: &ModuleInfo,

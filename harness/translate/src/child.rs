@@ -58,7 +58,6 @@ pub(crate) fn run(command: &mut Command) -> io::Result<Ran> {
     run_for(command, DEADLINE)
 }
 
-/// Runs a program with a time limit.
 fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
     // The output goes into a file, because a pipe needs a reader while the program runs.
     let mut output = tempfile::tempfile()?;

@@ -139,7 +139,6 @@ pub(crate) fn profile(one: &EntryPoint) -> &'static str {
     }
 }
 
-/// The name of the file that the compiler writes.
 const OUTPUT: &str = "out.spv";
 
 #[derive(Debug)]
@@ -163,7 +162,6 @@ pub(crate) fn run(
     arguments: &[String],
     translation: &Translation,
 ) -> io::Result<Arc<Compiled>> {
-    /// The arguments, the source text and the result.
     type Known = (Vec<String>, String, Arc<Compiled>);
     /// The number of results to keep: as many as Karat checks together before it runs the shaders.
     const KEPT: usize = 128;

@@ -80,7 +80,6 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
 
 /// The instructions of SPIR-V, each with its operation and all its words.
 pub(crate) fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
-    /// The number of words before the first instruction.
     const HEADER: usize = 5;
     let mut rest = words.get(HEADER..).unwrap_or_default();
     std::iter::from_fn(move || {

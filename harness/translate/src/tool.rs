@@ -47,13 +47,11 @@ pub struct Tool {
 #[derive(Debug)]
 struct Known {
     name: &'static str,
-    /// The languages that the tool checks.
     targets: &'static [Target],
     /// The arguments that make the program print its version. `says` is a part of that output which no other program
     /// with this name prints.
     asked: &'static [&'static str],
     says: &'static str,
-    /// Instructions to install the tool.
     remedy: &'static str,
     /// The languages for which one process of the tool checks several files, and prints the name of each.
     several: &'static [Target],
@@ -331,7 +329,6 @@ impl Tool {
     }
 }
 
-/// The name that a translation's file has in commands.
 fn file_of(target: Target) -> String {
     format!("shader.{}", target.extension())
 }

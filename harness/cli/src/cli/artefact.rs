@@ -172,10 +172,7 @@ fn place(folder: &Path, relative: &Path, content: &[u8]) -> anyhow::Result<()> {
     let place = folder.join(relative);
     ensure!(!place.is_dir(), "the zip has a file and a folder of that name");
     if let Some(file) = relative.ancestors().skip(1).find(|above| folder.join(above).is_file()) {
-        bail!(
-            "`{}` is both a file and a folder in the zip",
-            file.display().to_string().escape_debug()
-        );
+        bail!("`{}` is both a file and a folder", file.display().to_string().escape_debug());
     }
     std::fs::create_dir_all(place.parent().unwrap_or(folder))?;
     // Two names may mean the same file: `a/b` and `a/./b`, or names that differ only in capitals.

@@ -71,9 +71,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     std::thread::spawn(move || http.run(move |request| serving.answer(request)));
     let is_greeted = desk.is_greeted(Duration::from_secs(args.wait));
     if let Some(failed) = &locked(&desk.state).failed {
-        bail!(
-            "the browser that opened the page can't run tests: {failed}; open the page in another browser"
-        );
+        bail!("this browser can't run tests: {failed}; open the page in another browser");
     }
     ensure!(
         is_greeted,
@@ -216,11 +214,9 @@ impl Desk {
             ("POST", "next") => match request.body(LONGEST) {
                 Some(Ok(body)) => match serde_json::from_str(&body) {
                     Ok(said) => self.next(said),
-                    Err(error) => {
-                        Answer::text(400, &format!("can't read the page's reply: {error}"))
-                    }
+                    Err(error) => Answer::text(400, &format!("can't read the reply: {error}")),
                 },
-                _ => Answer::text(400, "can't read the page's reply"),
+                _ => Answer::text(400, "can't read the reply"),
             },
             _ => Answer::text(404, "there is nothing here"),
         }

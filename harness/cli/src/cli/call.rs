@@ -337,10 +337,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
 
 /// Evaluates a sweep, and prints the results as a table or as a curve.
 fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write) -> Outcome {
-    ensure!(
-        !args.trace && args.html.is_none(),
-        "--trace and --html show one call: remove the sweep"
-    );
+    ensure!(!args.trace && args.html.is_none(), "a trace shows one call: remove the sweep");
     let Some(sweep) = &given.sweep else { return Ok(Ending::Good) };
     let row = |value: &u32| {
         let mut lanes = given.lanes.clone();

@@ -44,9 +44,7 @@ impl FolderArgs {
         let others: Vec<String> = others.map(|other| shown(other)).collect();
         anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
         for other in others.iter().filter(|other| has_pending(other)) {
-            tell(&format!(
-                "note: `{other}` has pending frames, too: name that folder with --goldens"
-            ));
+            tell(&format!("note: `{other}` has pending frames, too: see --goldens"));
         }
         Ok(folder)
     }
@@ -68,9 +66,7 @@ impl FolderArgs {
         }
         for other in all.iter().skip(1) {
             let other = shown(&other.folder());
-            tell(&format!(
-                "note: `{other}` has pending frames, too: name that folder with --goldens"
-            ));
+            tell(&format!("note: `{other}` has pending frames, too: see --goldens"));
         }
         Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }

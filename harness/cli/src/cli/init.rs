@@ -74,10 +74,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let valid = check::validate(std::slice::from_ref(&package), false, &mut invalid)?;
     out.write_all(&invalid)?;
     if !valid {
-        writeln!(
-            out,
-            "{DIM}no test of these modules can pass until you correct the errors{DIM:#}"
-        )?;
+        writeln!(out, "{DIM}no test of these modules can pass until you correct them{DIM:#}")?;
     }
     let mut items = callable(&package)?;
     // Karat calls fragment and vertex functions as it calls any other function.
@@ -90,10 +87,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         items.retain(is_whole);
         passes.retain(is_whole);
-        ensure!(
-            !items.is_empty() || !passes.is_empty(),
-            "correct the errors of these modules first"
-        );
+        ensure!(!items.is_empty() || !passes.is_empty(), "correct these modules first");
     }
     ensure!(
         !items.is_empty() || !passes.is_empty(),
@@ -444,11 +438,7 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
 /// Writes a file for CI, unless the file exists.
 fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     if file.exists() {
-        return Ok(writeln!(
-            out,
-            "{DIM}{} exists already, and stays unchanged{DIM:#}",
-            file.display()
-        )?);
+        return Ok(writeln!(out, "{DIM}{} exists already: not changed{DIM:#}", file.display())?);
     }
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("`{}`", folder.display()))?;

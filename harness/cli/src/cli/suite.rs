@@ -136,11 +136,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 Some(first) => {
                     let place = wrong.place.iter().map(|place| format!("  --> {place}\n"));
                     let place: String = place.collect();
-                    writeln!(
-                        out,
-                        "error: {}\n{place}  the same error as in `{first}`\n",
-                        wrong.headline
-                    )?;
+                    writeln!(out, "error: {}\n{place}  see test `{first}`\n", wrong.headline)?;
                 }
                 None => writeln!(out, "{}\n", wrong.message.trim_end())?,
             }

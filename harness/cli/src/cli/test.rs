@@ -143,9 +143,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             .context("can't store which tests check which functions")?;
     }
     if !passed && suites_passed && progress.done() == 0 && records.is_empty() {
-        anyhow::bail!(
-            "no test ran: the test programs weren't built, or ended before the first test, see above"
-        );
+        anyhow::bail!("no test ran: the build failed, or the programs ended early, see above");
     }
     // Suites that can't run record nothing, and have already reported their error.
     if suites_passed || !records.is_empty() {
@@ -254,10 +252,8 @@ impl<'a> Asked<'a> {
         let is_path = |what: &str| what.contains(['/', '\\']) || what.ends_with(".wgsl");
         match (what, named) {
             (Some(what), None) if filter.is_some() || is_path(what) => {
-                let more = filter.map_or(
-                    "",
-                    |_| ": with two arguments, the first is a folder, the second a filter",
-                );
+                let more = filter
+                    .map_or("", |_| ": the first of two words is a folder, the second a filter");
                 anyhow::bail!("there is no folder or file `{what}`{more}")
             }
             (_, Some(file)) if file.extension().is_some_and(|ending| ending == "toml") => {

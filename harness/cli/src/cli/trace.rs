@@ -65,10 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             write_json(&[&today, &today], out)?;
             return Ok(Ending::Good);
         }
-        writeln!(
-            out,
-            "{DIM}the shaders are equal to those of {revision}, so no step differs{DIM:#}"
-        )?;
+        writeln!(out, "{DIM}the shaders equal those of {revision}: no step differs{DIM:#}")?;
         return Ok(Ending::Good);
     };
     match args.json {
@@ -117,9 +114,8 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
         return Ok(None);
     }
     let json = String::from_utf8(printed).context("the gallery printed no text")?;
-    let traced = serde_json::from_str(trusted(&json).trim()).context(
-        "the gallery printed no pixel: update its `karat-gallery` to the version of this program",
-    )?;
+    let traced = serde_json::from_str(trusted(&json).trim())
+        .context("the gallery printed no pixel: its `karat-gallery` may have another version")?;
     Ok(Some(traced))
 }
 

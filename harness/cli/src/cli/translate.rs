@@ -151,10 +151,7 @@ fn validate(translations: &[Translation], out: &mut dyn Write) -> Outcome {
             writeln!(out, "{}", line(&said))?;
         }
     }
-    ensure!(
-        asked > 0,
-        "no validator of this language is installed: `karat doctor` says how to get one"
-    );
+    ensure!(asked > 0, "no installed validator can check it: `karat doctor` lists validators");
     Ok(ending)
 }
 

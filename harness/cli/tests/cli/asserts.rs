@@ -33,7 +33,7 @@ fn folder(limit: &str) -> TempDir {
     folder
 }
 
-/// Printed values appear in a call, in a passing test, and for all pixels in `karat tap`.
+/// A call prints, a test that passes prints, and `karat tap` shows for all pixels the values that lines print.
 // Lesson 37
 #[test]
 fn print_comments_show_values_in_calls_tests_and_taps() {
@@ -55,7 +55,7 @@ fn print_comments_show_values_in_calls_tests_and_taps() {
     );
 }
 
-/// If no pixel reaches an assertion, the frame's test names the assertion.
+/// If no pixel reaches an assertion, `karat tap` shows nothing, and the frame's test reports it.
 // Lesson 213
 #[test]
 fn assertions_that_no_pixel_comes_to_are_named() {
@@ -72,7 +72,7 @@ fn assertions_that_no_pixel_comes_to_are_named() {
     assert!(!told.contains("reaches the assertion `(x < 5.0)`"), "{told}");
 }
 
-/// A false assertion makes a call, a sweep and a table fail, after their output is shown.
+/// A false assertion fails a call, a sweep and a table, after Karat has shown what they print.
 // Lesson 37
 #[test]
 fn calls_fail_by_assertions() {
@@ -93,8 +93,8 @@ fn calls_fail_by_assertions() {
     assert!(ran.err.contains("is false 1 of 2 times"), "{}", ran.err);
 }
 
-/// A test that reaches a false assertion fails at the assertion's line. This also holds if several tests run in one
-/// kernel.
+/// A test that reaches a false assertion fails at the assertion's line. This holds for declared tests and for tests in
+/// WGSL, run singly or with many others.
 // Lesson 37
 #[test]
 fn tests_fail_by_assertions() {

@@ -1,4 +1,4 @@
-//! `karat browser` with clients that aren't browsers: one that lies, a second one, and one from another origin.
+//! Tests `karat browser` with fake pages: a page that lies, a second page, and a page of another site.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
@@ -13,17 +13,17 @@ const TEST: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
 /// A running `karat browser` that waits for pages.
 struct Served {
     child: Child,
-    /// `127.0.0.1:PORT`.
+    /// The host as `127.0.0.1:PORT`, and the secret of the URL.
     host: String,
     token: String,
-    /// The output after the URL.
+    /// Reads the output that follows the URL.
     rest: Option<JoinHandle<String>>,
 }
 
 impl Served {
     fn start(folder: &FilePath, words: &[&str]) -> Self {
         let mut browser = command(folder, &["browser", "--wait", "20"]);
-        // The deadline of a job without an answer.
+        // The deadline ends a job that gets no reply.
         browser.env("KARAT_TIMEOUT", "3");
         let piped = browser.args(words).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = piped.spawn().expect("it starts");
@@ -37,8 +37,7 @@ impl Served {
         Self { child, host, token, rest: Some(rest) }
     }
 
-    /// Sends a request, and returns the status and the body of the response. The status is 0 if `karat browser` has
-    /// ended.
+    /// Sends a request. Returns the status and the body of the reply, or status 0 if `karat browser` has ended.
     fn ask(&self, method: &str, place: &str, origin: Option<&str>, body: &str) -> (u16, String) {
         let Ok(mut stream) = TcpStream::connect(&self.host) else { return (0, String::new()) };
         let origin = origin.map_or(String::new(), |origin| format!("Origin: {origin}\r\n"));
@@ -54,14 +53,13 @@ impl Served {
         (status.expect("it has a status"), body.to_owned())
     }
 
-    /// Sends a message as a page of this server.
+    /// Posts a message as a page of this server.
     fn say(&self, said: &serde_json::Value) -> (u16, String) {
         let own = format!("http://{}", self.host);
         self.ask("POST", &format!("/{}/next", self.token), Some(&own), &said.to_string())
     }
 
-    /// Greets as a page, and answers each job with `answer` until there are no more jobs. Returns the exit code and the
-    /// output.
+    /// Greets as a page, and answers each job by `answer` until no jobs are left. Returns the exit code and the output.
     fn answering(
         mut self,
         page: &str,
@@ -111,7 +109,7 @@ fn folder() -> TempDir {
     folder
 }
 
-/// A page of another origin, a page without the secret, and a second page can't run jobs.
+/// A page of another site, a page without the secret, and a second page run nothing.
 // Lesson 208
 #[test]
 fn only_the_page_of_the_printed_url_can_run_jobs() {
@@ -132,7 +130,7 @@ fn only_the_page_of_the_printed_url_can_run_jobs() {
     assert_eq!(served.ask("GET", &format!("/{}/else", served.token), None, "").0, 404);
     let (status, page) = served.ask("GET", &format!("/{}/", served.token), None, "");
     assert!(status == 200 && page.contains("requestAdapter"), "{page}");
-    // The server ignores the first page before its greeting, and a second page.
+    // The server ignores the first page before it has greeted, and always ignores a second page.
     let early = served.say(&serde_json::json!({ "page": "1", "number": 1, "answer": "{}" }));
     assert_eq!(early.0, 409, "{early:?}");
     assert_eq!(served.say(&serde_json::json!({ "page": "1", "greeting": "{}", "more": 1 })).0, 400);
@@ -147,7 +145,7 @@ fn only_the_page_of_the_printed_url_can_run_jobs() {
     assert!(matches!(first.0, 200 | 204), "{first:?}");
 }
 
-/// The tests fail if an answer is too short, belongs to another job or is missing, and if the page is closed.
+/// Tests fail if a reply is too short, belongs to another job or is no reply, and if the page is closed.
 // Lesson 208
 #[test]
 fn wrong_answers_of_a_browser_page_fail_the_tests() {
@@ -165,7 +163,7 @@ fn wrong_answers_of_a_browser_page_fail_the_tests() {
         ("outputs of [65536] words", &|number, job| told(number, done(job, vec![0; 1 << 16]))),
         ("wrote no result for 1 of 1 cases", &|number, job| told(number, done(job, vec![0; 3]))),
         ("a line that isn't an answer: yes", &|number, _| told(number, "yes".to_owned())),
-        // The answer belongs to no job, so the deadline of the job passes.
+        // The reply belongs to no job, so the job's deadline passes.
         ("did not finish within 3 s", &|number, job| told(number - 1, done(job, vec![0; 3]))),
         ("the page was closed", &|_, _| serde_json::json!({ "closed": true })),
     ];
@@ -176,7 +174,7 @@ fn wrong_answers_of_a_browser_page_fail_the_tests() {
     }
 }
 
-/// Without a page no test runs, and the message says what to do.
+/// Without a page nothing runs, and the message says how to open a page.
 // Lesson 208
 #[test]
 fn no_page_is_an_error() {

@@ -1,4 +1,4 @@
-//! `karat call` with bindings, sweeps, and tables that check results.
+//! Tests `karat call` with variables that functions read, with sweeps, and with tables as checks.
 
 use super::diff::png;
 use super::*;
@@ -26,7 +26,7 @@ fn lit() -> TempDir {
     folder
 }
 
-/// Mesa's drivers search for a window system, and would complain in CI.
+/// Mesa's drivers look for a window system, which CI doesn't have.
 #[test]
 fn drivers_do_not_complain() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -36,7 +36,7 @@ fn drivers_do_not_complain() {
     assert_eq!((ran.code, &*ran.err), (Some(0), ""), "{ran:?}");
 }
 
-/// Returns the output of a call on path `cpu`.
+/// The output of a call on path `cpu`.
 fn called(folder: &TempDir, arguments: &[&str]) -> String {
     karat(folder.path(), &[&["call"][..], arguments, &["--path", "cpu"]].concat()).good()
 }
@@ -126,7 +126,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
             "argument `m`: `f0`: a vec3<f32> has 3 components, the list has 2",
         ),
         (json.replace("0.5", "\"a\""), "argument `m`: `roughness`: "),
-        (json.replace("[1, 2]", "[1, -2]"), "argument `m`: `layers`: `-2` is no u32"),
+        (json.replace("[1, 2]", "[1, -2]"), "argument `m`: `layers`: `-2` isn't of type u32"),
         (json.replace("0.5", "0.5, \"roughness\": 1"), "argument `m`: `roughness` is given twice"),
         (json.replace("0.5", "null"), "argument `m`: `null` isn't a WGSL value"),
         (json.replace('}', ""), "argument `m`: EOF while parsing an object"),
@@ -248,11 +248,11 @@ fn values_of_textures_and_buffers_are_exact() {
     );
     told(
         &["t::light", "1", "--bind", r#"lights={"count": 1, "scale": 1, "items": []}"#],
-        "one element, at least",
+        "at least one element",
     );
     told(
         &["t::face", "1,0,0", "--bind", "sky=1", "--bind", "filtering=linear clamp repeat"],
-        "can't both be",
+        "use `clamp` or `repeat`, not both",
     );
 }
 
@@ -297,16 +297,16 @@ fn wrong_arguments_of_a_call_are_errors() {
     told(&["lit::scaled", "1", "--bind", "globals=none.json"], "can't read `none.json`");
     told(
         &["lit::sampled", "0", "--bind", "image=1", "--bind", "filtering=linear less"],
-        "it compares nothing",
+        "the variable compares nothing",
     );
     told(&["lit::cubic", "1", "true", "--override", "GAIM=1"], "no override `GAIM`");
     told(&["lit::cubic", "0..1", "true"], "number of points");
     told(&["lit::cubic", "x=1", "true"], "no parameter `x`");
     told(&["lit::cubic", "t=1", "t=2"], "`t` is given twice");
-    told(&["lit::cubic", "1@0@0", "true"], "takes no derivatives");
-    told(&["lit::edge", "1@0"], "derivatives are two");
+    told(&["lit::cubic", "1@0@0", "true"], "uses no derivatives");
+    told(&["lit::edge", "1@0"], "needs two derivatives");
     told(&["lit::cubic", "1", "true", "--plot"], "--plot needs a sweep");
-    told(&["lit::cubic", "0x1.0000001p+0", "true"], "is no f32");
+    told(&["lit::cubic", "0x1.0000001p+0", "true"], "isn't an f32");
     write(folder.path(), "cases.csv", "t,upp\n0.5,true\n");
     told(&["lit::cubic", "--table", "cases.csv"], "no column `up` (did you mean `upp`?)");
     write(folder.path(), "cases.csv", "t,up\n0.5,ture\n");
@@ -314,7 +314,7 @@ fn wrong_arguments_of_a_call_are_errors() {
     let expect = ["--expect", "cube", "--tolerance", "exact"];
     told(&[&["lit::cubic", "--table", "cases.csv"][..], &expect].concat(), "no column `cube.x`");
     write(folder.path(), "cases.csv", "t,up,cube.x,cube.y\n0.5,true,nan,1\n");
-    told(&[&["lit::cubic", "--table", "cases.csv"][..], &expect].concat(), "is no finite number");
+    told(&[&["lit::cubic", "--table", "cases.csv"][..], &expect].concat(), "isn't a finite number");
 }
 
 #[test]
@@ -328,7 +328,7 @@ fn each_option_of_a_call_is_used_or_refused() {
     told(&[&["lit::cubic", "1", "true"][..], &expect].concat(), "--expect needs a table");
     told(&[&["lit::cubic", "0..1:3", "true"][..], &expect].concat(), "--expect needs a table");
     told(&["lit::cubic", "0...1:3", "true"], "has one dot too many");
-    // The table expects the results of a call.
+    // A table of a call's results serves as a table of expected results.
     let table = called(&folder, &["lit::cubic", "0..1:7", "false"]);
     write(folder.path(), "returned.csv", &table);
     let again =
@@ -366,7 +366,7 @@ fn depths_and_integers_of_textures_are_given_as_data() {
                   fn w() -> u32 { return textureLoad(words, vec2u(), 0).x; }\n\
                   fn v(i: u32) -> vec3f { return vectors[i]; }\n";
     write(folder.path(), "shaders/t.wgsl", texels);
-    // One texel, which is stored as 188. This is a half in linear light.
+    // The image has one texel, stored as 188, which is one half in linear light.
     png(&folder, "half.png", 1, &[188; 3]);
     let stored = 188.0_f32 / 255.0;
     let out = |arguments: &[&str], part: &str| {
@@ -377,7 +377,7 @@ fn depths_and_integers_of_textures_are_given_as_data() {
     out(&["t::c", "0,0", "--bind", "color=half.png linear"], &stored.to_string());
     out(&["t::d", "--bind", "depth=half.png"], &stored.to_string());
     out(&["t::w", "--bind", "words=half.png"], "cpu      188");
-    // A single value applies to all sixteen texels of each face.
+    // One value fills all texels of a texture with 16 x 16 texels.
     out(&["t::c", "15,15", "--bind", "color=0.25"], "cpu      0.25");
     out(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5,6]"], "(4, 5, 6)");
     out(&["t::v", "1", "--bind", "vectors=[[1,2,3],[4,5,6]]"], "(4, 5, 6)");
@@ -387,12 +387,12 @@ fn depths_and_integers_of_textures_are_given_as_data() {
     };
     told(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5]"], "have 6 components, the list has 5");
     told(&["t::d", "--bind", "depth=half.png srgb"], "aren't colours");
-    told(&["t::c", "0,0", "--bind", "color="], "it is empty");
+    told(&["t::c", "0,0", "--bind", "color="], "the name is empty");
     write(folder.path(), "six.bin", "123456");
     told(&["t::v", "0", "--bind", "vectors=six.bin"], "it has 6 bytes");
 }
 
-/// Without values, a call generates them, and prints them.
+/// If a call has no values, Karat generates values, and names the generated ones.
 #[test]
 fn missing_values_of_a_call_are_generated_and_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -424,8 +424,6 @@ fn missing_values_of_a_call_are_generated_and_named() {
     assert!(call(&["0.5", "3", "--arbitrary"]).error().contains("cannot be used with"));
 }
 
-/// naga's writer of GLSL panics if `break if` uses a variable of the loop's body. Then `gl` has an error, and `cpu`
-/// still has its result.
 #[test]
 fn a_panic_of_one_path_leaves_the_others_their_results() {
     let folder = tempfile::tempdir().expect("a temporary folder");

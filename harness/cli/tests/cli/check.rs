@@ -1,4 +1,4 @@
-//! `karat check`: also validates modules that no test calls.
+//! Tests that `karat check` validates functions that no test calls.
 
 use super::report::function;
 use super::*;
@@ -42,14 +42,13 @@ fn a_broken_entry_point_fails_check_list_and_test() {
             assert_eq!(ran.code, Some(1), "{text}\n{ran:?}");
             assert!(ran.out.contains(&place), "{text}\n{}", ran.out);
         }
-        // Valid functions are still listed, and can be called.
+        // Valid functions are still listed and called.
         assert!(karat(project.path(), &["list"]).out.contains("calc::double"));
         karat(project.path(), &["call", "calc::double", "2"]).good();
     }
 }
 
-/// Packages that tests use are validated, whatever their folder is called. A folder that no test uses makes no command
-/// fail.
+/// Karat validates a package that tests use, for any name of its folder. A folder that no test uses fails no test.
 #[test]
 fn the_packages_that_tests_use_are_validated() {
     let project = tested();
@@ -97,7 +96,7 @@ fn a_package_of_nothing_is_no_success() {
     assert!(ran.code != Some(0), "{ran:?}");
 }
 
-/// A declaration for an unknown name is an error.
+/// A declaration in karat.toml must name something that exists.
 // Lesson 198
 #[test]
 fn names_in_karat_toml_are_those_of_the_package() {
@@ -126,7 +125,7 @@ fn names_in_karat_toml_are_those_of_the_package() {
         &hazard("calc::half"),
         &hazard("calc::*"),
         &row("calc::half"),
-        // The module has more functions under another condition.
+        // The name exists only under another condition.
         &hazard("view::shown"),
         &hazard("view::*"),
         &row("view::shown"),

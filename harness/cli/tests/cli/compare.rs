@@ -1,4 +1,4 @@
-//! `karat compare`
+//! Tests `karat compare`.
 
 use super::*;
 use crate::repository::git;
@@ -39,8 +39,8 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
         (&found[0]["change"], &found[0]["paths"][0]["after"]),
         (&"changed".into(), &"3".into())
     );
-    // In a folder of shaders without Cargo, the command needs no folder name. Functions that can't be called are
-    // reported.
+    // In a folder of shaders without Cargo, the command needs no names. The report lists functions that can't be
+    // called.
     let alone = tempfile::tempdir().expect("a temporary folder");
     let draws = "@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }\n";
     write(
@@ -68,7 +68,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
-    // A line that no input reaches has the same results only because it didn't run.
+    // If no input reaches an edited line, the results are equal only because the line didn't run.
     let bounded = "fn bounded(x: f32) -> f32 {\n    if x * x == 1234.56 {\n        return 2.0;\n    }\n    return x;\n}\n";
     write(alone.path(), "calc.wgsl", &bounded.replace("2.0", "3.0"));
     let old = tempfile::tempdir().expect("a temporary folder");
@@ -82,7 +82,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
-    // A new function that no old function calls changes no result.
+    // A new function changes no result if nothing called it before.
     write(alone.path(), "calc.wgsl", &format!("{bounded}fn more() -> f32 {{ return 1.0; }}\n"));
     let more = karat(alone.path(), &["compare", &old.path().display().to_string()]).good();
     assert!(more.starts_with("added      calc::more  ("), "{more}");
@@ -99,7 +99,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     }
 }
 
-/// `compare` notices if the wrong one of two textures or samplers is used, and if their order changes.
+/// The comparison detects that a shader uses the wrong one of two textures or samplers, or uses them in another order.
 #[test]
 fn swapped_textures_and_samplers_are_a_change() {
     let old = "@group(0) @binding(0) var ga: texture_2d<f32>;\n\
@@ -132,7 +132,7 @@ fn swapped_textures_and_samplers_are_a_change() {
     assert!(compared("return", "return ").good().contains("0 changed"), "a blank is no edit");
 }
 
-/// Each verdict has its number, and the last line counts the inputs that were too much work.
+/// Each verdict has its count. The last line names the functions for which comparing was too much work.
 #[test]
 fn verdicts_come_with_their_count() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,7 +1,7 @@
-//! Tint's verdict on the author's text, WebGPU's limits, and the messages if Tint isn't used.
+//! Tests Tint's verdict on the author's WGSL, WebGPU's limits, and the messages when Karat doesn't run Tint.
 //!
-//! Tests that need Tint use the one that `cargo ci setup` installs on this machine. Other tests write a script that
-//! prints the answers of Tint.
+//! Tests that need Tint use this machine's Tint, which `cargo ci setup` installs. Other tests replace Tint by a program
+//! with planned output.
 
 use super::*;
 
@@ -27,7 +27,7 @@ fn last_line(text: &str) -> &str {
     text.lines().last().unwrap_or_default()
 }
 
-/// For text that naga accepts, each kind of rejection has its location and a remedy.
+/// Each kind of error has its line and a remedy, in WGSL that naga accepts.
 // Lesson 201
 #[test]
 fn errors_of_tint_have_a_place_and_a_remedy() {
@@ -107,7 +107,7 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
         assert!(out.contains(&place), "{text}: not at {place}\n{out}");
         assert!(out.contains(remedy), "{text}\n{out}");
         assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
-        // With `--require`, the rejection is an error, not a note.
+        // If the command requires Tint, the finding isn't a note.
         let ran = with_tint(folder.path(), &[CHECK, &["--require", "tint"]].concat());
         assert_eq!(ran.code, Some(1), "{text}\n{ran:?}");
         write(folder.path(), "shaders/karat.toml", REQUIRED);
@@ -164,7 +164,7 @@ fn each_command_that_validates_asks_tint() {
     }
 }
 
-/// Without Tint, the last line says so, and a package that requires Tint fails with a remedy.
+/// Without Tint, each last line says so. A command that requires Tint fails, and says how to get Tint.
 // Lesson 203
 // Lesson 207
 #[test]
@@ -173,13 +173,13 @@ fn a_missing_tint_is_reported_by_each_command() {
     write(folder.path(), "shaders/m.test.toml", "[[test]]\nfunction = \"half\"\nfinite = true\n");
     let bare = |arguments: &[&str]| {
         let mut command = command(folder.path(), arguments);
-        // Many machines have Node, which would hide that the test needs no Node.
+        // Many machines have Node. The test hides Node, so it also shows that Karat needs none.
         let nothing = folder.path().join("nothing");
         command.env_remove("KARAT_TINT").env("PATH", &nothing).env("XDG_CACHE_HOME", &nothing);
         output(&mut command)
     };
     let out = bare(CHECK).good();
-    // If a browser is installed in its usual folder, the message mentions it.
+    // On a machine with an installed browser, the line also names the browser.
     assert!(last_line(&out).starts_with("1 package valid; Tint wasn't asked: not here"), "{out}");
     let test = ["test", "shaders", "--paths", "cpu"];
     let out = bare(&test).good();
@@ -211,7 +211,7 @@ fn a_karat_tint_without_tint_is_reported_with_the_reason() {
         ("nowhere", "KARAT_TINT=nowhere doesn't exist"),
         ("empty", "is a folder without the npm package `webgpu`"),
         ("OFF", "KARAT_TINT=off"),
-        // A program that says nothing and ends well has read nothing.
+        // A program that prints nothing and exits with 0 has read nothing.
         ("true", "isn't Tint"),
         ("cat", "isn't Tint"),
     ] {
@@ -220,7 +220,7 @@ fn a_karat_tint_without_tint_is_reported_with_the_reason() {
     }
 }
 
-/// A package declares the native features that it needs. A declaration that no module needs is an error.
+/// A package declares its native features. A declaration that no module needs is an error.
 // Lesson 204
 #[test]
 fn features_of_wgpu_alone_must_be_declared() {
@@ -253,7 +253,7 @@ fn features_of_wgpu_alone_must_be_declared() {
     }
 }
 
-/// An exceeded limit is a note, unless a table requires the limit.
+/// An exceeded limit is a note, unless a `[limits]` table declares the limits.
 // Lesson 205
 #[test]
 fn an_exceeded_limit_is_reported_at_its_place() {
@@ -342,7 +342,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
             "{ran:?}"
         );
     }
-    // A module within its limits has no finding, neither with the default limits nor with declared ones.
+    // A module within its limits has no finding, with the default limits or with other limits.
     let more = "[limits]\nmaxComputeInvocationsPerWorkgroup = 512\n\
                 maxComputeWorkgroupStorageSize = 32768\n";
     let stages = "[limits]\nmaxStorageBuffersPerShaderStage = 12\n";
@@ -353,7 +353,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
     let nine = format!(
         "{nine}@vertex fn main() -> @builtin(position) vec4f {{ return vec4f(0.0{sum}); }}\n"
     );
-    // No entry point uses the variable, so it is in no pipeline layout.
+    // No entry point uses the variable, so it's in no layout.
     let unused = "@group(7) @binding(0) var<uniform> u: f32;\nfn f() -> f32 { return u; }\n";
     for (text, limits) in [
         (workgroup, more),
@@ -372,7 +372,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
     assert!(ran.code == Some(2) && ran.err.contains("did you mean `maxBindGroups`?"), "{ran:?}");
 }
 
-/// Karat requests the limits that the project declares. Tint's own pipelines use the default limits.
+/// Karat requests the limits that the project declares. Tint would create pipelines with the default limits.
 #[test]
 fn tint_accepts_a_module_within_the_requested_limits() {
     let text = "@compute @workgroup_size(512) fn main() { }\n";
@@ -382,7 +382,7 @@ fn tint_accepts_a_module_within_the_requested_limits() {
     write(folder.path(), "shaders/karat.toml", limits);
     let out = with_tint(folder.path(), CHECK).good();
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
-    // A required limit is an error, which the output contains once.
+    // A required limit gives an error, and the output has this error once.
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     let ran = with_tint(folder.path(), CHECK);
     assert_eq!(
@@ -392,6 +392,7 @@ fn tint_accepts_a_module_within_the_requested_limits() {
     );
 }
 
+/// In compatibility mode Tint and Dawn have additional rules.
 #[test]
 fn compatibility_mode_has_its_own_rules() {
     let text = "@fragment fn main(@location(0) @interpolate(linear) a: f32) -> @location(0) vec4f \
@@ -404,7 +405,7 @@ fn compatibility_mode_has_its_own_rules() {
     assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
 }
 
-/// Karat gives no value to an override without a default: only the program knows a valid value.
+/// If an override has no default, only the program that uses the shader knows a valid value, so Karat chooses none.
 #[test]
 fn an_override_without_a_value_is_given_none() {
     let text = "override count: u32;\nvar<workgroup> w: array<f32, count - 1u>;\n\
@@ -414,7 +415,7 @@ fn an_override_without_a_value_is_given_none() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// Karat reports tests in files that engines load, and prints the text without tests.
+/// If a file that engines load contains tests, Karat reports this, and prints the text without the tests.
 // Lesson 206
 #[test]
 fn tests_in_shipped_files_are_reported_and_can_be_stripped() {
@@ -434,7 +435,7 @@ fn tests_in_shipped_files_are_reported_and_can_be_stripped() {
     assert!(error.contains("did you mean `n`?"), "{error}");
 }
 
-/// If naga reports an error and Tint accepts the module, the message says so.
+/// naga's error message says if Tint accepts the module.
 #[test]
 fn an_error_of_naga_says_if_tint_accepts_the_module() {
     let folder = folder("requires linear_indexing;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
@@ -449,13 +450,13 @@ fn an_error_of_naga_says_if_tint_accepts_the_module() {
     assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
 }
 
-/// A module with a directive that browsers need and naga doesn't know is valid, with a warning.
+/// If a module has a directive that browsers need and naga doesn't know, it is valid, with a warning.
 #[test]
 fn an_enable_line_unknown_to_naga_is_a_warning() {
     let text = "enable subgroups;\n@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n";
     let folder = folder(text);
     let out = with_tint(folder.path(), CHECK).good();
-    assert!(out.contains("warning: naga doesn't know this line"), "{out}");
+    assert!(out.contains("because naga doesn't know this line"), "{out}");
     assert!(out.contains("shaders/m.wgsl:1:1") && out.contains("Tint accepts 1 module"), "{out}");
     write(
         folder.path(),
@@ -466,12 +467,13 @@ fn an_enable_line_unknown_to_naga_is_a_warning() {
     assert!(!ran.out.contains("naga doesn't know this line"), "{ran:?}");
 }
 
+/// A browser gives the same verdict as Tint.
 #[cfg(unix)]
 #[test]
 fn chromium_can_validate_modules_instead_of_tint() {
     let folder = folder("fn shift(x: u32) -> u32 { return x << x + 1u; }\n");
     write(folder.path(), "shaders/valid.wgsl", VALID);
-    // The browser's software device has no `f16`. The text isn't at fault.
+    // The browser's device is a software device without `f16`, which isn't a fault of the shader.
     write(
         folder.path(),
         "shaders/half.wgsl",
@@ -492,14 +494,14 @@ fn chromium_can_validate_modules_instead_of_tint() {
     assert!(ran.out.contains("this browser's device lacks a feature"), "{ran:?}");
 }
 
-/// Programs that imitate Tint.
+/// Programs that replace Tint.
 #[cfg(unix)]
 mod fakes {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
 
-    /// FNV-1a of the text, as an answer contains it.
+    /// The FNV-1a sum of a text, as the replies of Tint's wrapper have it.
     fn sum(text: &str) -> u32 {
         let units = text.encode_utf16();
         units.fold(0x811c_9dc5, |sum, unit| (sum ^ u32::from(unit)).wrapping_mul(0x0100_0193))
@@ -515,7 +517,7 @@ mod fakes {
         std::fs::set_permissions(file, all).expect("it is ours");
     }
 
-    /// Runs `karat check` with a Node that runs a script. The script's input goes to `got`.
+    /// Runs `karat check` with a Node that runs a script. The script writes its input to `got`.
     fn check(folder: &FilePath, own: &str, more: &[&str]) -> Ran {
         write(folder, "package/package.json", "{}");
         write(folder, "package/dist/readme", "");
@@ -524,14 +526,14 @@ mod fakes {
         let path = std::env::join_paths([folder.join("bin"), "/usr/bin".into(), "/bin".into()]);
         let mut command = command(folder, &[CHECK, more].concat());
         command.env("KARAT_TINT", folder.join("package")).env("PATH", path.expect("folders"));
-        // A program that takes longer than this counts as hung.
+        // A program that runs longer than this counts as hung.
         command.env("XDG_CACHE_HOME", folder).env("KARAT_TIMEOUT", "1");
         output(&mut command)
     }
 
     const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
 
-    /// A compiler that fails has no verdict. A package that requires its verdict fails.
+    /// If a compiler fails, there is no verdict. A command that requires a verdict fails.
     // Lesson 203
     #[test]
     fn a_tint_that_fails_has_no_verdict() {
@@ -572,7 +574,7 @@ mod fakes {
         }
     }
 
-    /// If one text ends the process, the other texts still get a verdict.
+    /// If one module ends the compiler's process, the other modules still get their verdicts.
     // Lesson 203
     #[test]
     fn a_text_that_ends_tint_is_alone_without_a_verdict() {
@@ -580,7 +582,7 @@ mod fakes {
         write(folder.path(), "shaders/n.wgsl", "fn one() -> f32 { return 1.0; }\n");
         let (first, second, last) =
             (answer(1, "fn one() -> f32 { return 1.0; }\n"), answer(1, VALID), answer(2, ""));
-        // The first process ends at its first text. The second process gets the other text.
+        // The first process ends at its first module. The second process gets the other module.
         let own = format!(
             "{GREETING}read line\nif [ ! -e ended ]; then : > ended; exit 3; fi\n\
              echo '{first}' >&2\necho '{last}' >&2\ncat >/dev/null\n"
@@ -590,7 +592,8 @@ mod fakes {
         assert_eq!(last_line(&ran.out), sum, "{second}\n{ran:?}");
     }
 
-    /// Tint gets the author's text: the bytes of the file if nothing is linked, and otherwise only linked names differ.
+    /// Tint gets the bytes of the author's file if the module imports nothing. Otherwise it gets the author's text, in
+    /// which only names are linked.
     // Lesson 202
     #[test]
     fn tint_gets_the_authors_bytes() {
@@ -605,7 +608,7 @@ mod fakes {
         };
         let folder = folder(text);
         assert_eq!(got(folder.path()), text);
-        // The test is left out, and an import is replaced by its declaration.
+        // Karat leaves out tests, and replaces an import by the imported declaration.
         let tested = format!("{text}@test fn is_none() {{ expect(half(0.0) == 0.0); }}\n");
         write(folder.path(), "shaders/m.wgsl", &tested);
         assert_eq!(got(folder.path()).trim_end(), text.trim_end());
@@ -620,6 +623,7 @@ mod fakes {
         }
     }
 
+    /// Karat reads the verdict from the output of the compiler's own binary.
     // Lesson 203
     #[test]
     fn a_tint_binary_is_read() {
@@ -653,7 +657,7 @@ mod fakes {
     }
 }
 
-/// For a barrier that some invocations miss, the message also has Tint's verdict. Tint judges the text, not a run.
+/// If some invocations miss a barrier, the report also has Tint's verdict. Tint analyses the text, and runs nothing.
 #[test]
 fn a_barrier_that_some_invocations_miss_shows_the_error_of_tint() {
     let entry = |condition: &str| {
@@ -680,7 +684,7 @@ fn a_barrier_that_some_invocations_miss_shows_the_error_of_tint() {
     assert!(!alone.out.contains("Tint says"), "{}", alone.out);
 }
 
-/// If a program doesn't answer `--help`, Karat stops waiting, and reports the reason.
+/// If a program doesn't answer `--help` in time, Karat stops waiting, and reports the reason.
 #[cfg(unix)]
 #[test]
 fn a_help_that_hangs_is_given_up() {
@@ -688,7 +692,7 @@ fn a_help_that_hangs_is_given_up() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * x; }\n");
     let program = folder.path().join("tint");
-    // The first program is slow. The second one leaves its output to another process.
+    // The first program hangs. The second leaves its output to a background process.
     for script in ["exec sleep 1000", "sleep 1000 & exit 0"] {
         std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).expect("it is ours");
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("ours");

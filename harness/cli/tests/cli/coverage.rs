@@ -1,4 +1,4 @@
-//! `karat coverage`
+//! Tests `karat coverage`.
 
 use std::process::Command;
 
@@ -29,7 +29,7 @@ fn looked_at(x: f32) -> f32 {
 const TESTS: &str = "[[test]]\nfunction = \"side\"\nover = { x = \"1..2\" }\nfinite = true\n\
                      [[test]]\nfunction = \"looked_at\"\nover = { x = 2 }\nequals = 6\ntolerance = \"1 ulp\"\n";
 
-/// The assertion ignores the computed value.
+/// An assertion that doesn't depend on the computed values.
 const WGSL_TEST: &str = "import karat::expect_true;\nimport package::calc::side;\n\
                          @test fn throws_away() {\n    let gone = side(-1.0);\n    expect_true(true);\n}\n";
 
@@ -56,7 +56,7 @@ fn uncovered_lines_branches_and_results_are_listed() {
     ] {
         assert!(out.contains(part), "no `{part}` in:\n{out}");
     }
-    // `-x` runs, but only in a test that drops its value.
+    // Only a test that discards the result runs `-x`.
     assert!(out.contains("5 no test checks its value, in `calc::side`"), "{out}");
     assert!(out.contains("no test checks the value of 2 lines"), "{out}");
     assert!(!out.contains("calc_test"), "tests aren't tested: {out}");
@@ -64,14 +64,14 @@ fn uncovered_lines_branches_and_results_are_listed() {
     let few = karat(folder.path(), &["coverage", "--fail-under-lines", "80"]);
     assert_eq!(few.code, Some(1));
     assert!(few.out.contains("the options require 80% of the lines"), "{few:?}");
-    // A filter runs a part of the tests, and the counts show that.
+    // A filter runs some of the tests, and the counts show this.
     let part = karat(folder.path(), &["coverage", "--tests", "looked_at"]).good();
     assert!(part.contains("lines 28.5% (2 of 7)") && part.contains("by 1 test"), "{part}");
     let record = folder.path().join("shaders/.karat/run/record");
     assert!(record.is_dir() && !record.join("last").exists(), "it isn't the last run");
 }
 
-/// A line whose value an assertion reads counts as checked. A line whose value is only printed doesn't.
+/// A value counts as checked if an assertion reads it, but not if only a print reads it.
 // Lesson 209
 #[test]
 fn a_value_that_an_assertion_reads_is_covered() {
@@ -89,13 +89,13 @@ fn a_value_that_an_assertion_reads_is_covered() {
     }
 }
 
-/// The program of LCOV reads the file, and computes the sums of the last line.
+/// The program `lcov` reads the file, and its sums equal the sums in Karat's last line.
 #[test]
 fn the_program_lcov_reads_the_report_with_equal_sums() {
     let folder = folder();
     karat(folder.path(), &["coverage", "--lcov", "lcov.info"]).good();
     let text = std::fs::read_to_string(folder.path().join("lcov.info")).expect("it is written");
-    // One record has all lines, and each test has a record.
+    // The file has a record for the whole run, and a record for each test.
     let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("TN:")).collect();
     assert_eq!(
         names,
@@ -112,6 +112,7 @@ fn the_program_lcov_reads_the_report_with_equal_sums() {
         .current_dir(folder.path())
         .output();
     let Ok(summary) = summary else {
+        // `cargo ci setup` installs `lcov` in CI.
         assert!(!cfg!(target_os = "linux") || std::env::var_os("CI").is_none(), "CI has lcov");
         return;
     };
@@ -122,6 +123,7 @@ fn the_program_lcov_reads_the_report_with_equal_sums() {
     }
 }
 
+/// The report counts each variant, and all variants together.
 #[test]
 fn coverage_is_counted_for_each_variant_and_for_all() {
     let folder = folder();
@@ -144,6 +146,7 @@ fn coverage_is_counted_for_each_variant_and_for_all() {
     assert_eq!([row("no feature"), row("SCALE=2")], [["6", "7"], ["1", "2"]], "{ran:?}");
 }
 
+/// The page shows each line with its count, and the tests with their inputs.
 #[test]
 fn the_coverage_page_shows_which_tests_reach_a_line() {
     let folder = folder();
@@ -188,7 +191,7 @@ fn functions_of_frames_are_not_measured() {
     assert!(out.contains("9 no test runs it, in `calc::lonely`"), "{out}");
 }
 
-/// Tests beside a single file belong to its folder, and the last line names them.
+/// Tests beside a single file belong to the file's folder, and the last line names them.
 #[test]
 fn tests_beside_a_file_are_named() {
     let folder = folder();
@@ -204,7 +207,7 @@ fn tests_beside_a_file_are_named() {
     }
 }
 
-/// The command prints no numbers if a test fails, if a path counts nothing, or if a filter finds nothing.
+/// A failing test, a path that counts nothing, and a filter without matches give no figures.
 // Lesson 28: lines, branches and results that no test compares
 #[test]
 fn coverage_is_refused_if_tests_fail_or_none_runs() {
@@ -223,7 +226,7 @@ fn coverage_is_refused_if_tests_fail_or_none_runs() {
     assert_eq!(red.code, Some(1));
     assert!(red.out.contains("tests failed, see above"), "{red:?}");
     assert!(red.err.contains("calc::looked_at equals"), "{red:?}");
-    // Invalid modules are counted. An output file that can't be written is an error.
+    // Karat counts invalid modules. A file that it can't write is an error.
     write(&folder.path().join("shaders"), "broken.wgsl", "fn f() -> f32 { return true; }\n");
     let broken = karat(folder.path(), &["coverage"]);
     assert!(broken.out.contains("1 module not valid: broken"), "{broken:?}");

@@ -1,8 +1,7 @@
-//! Shaders of crates that are named by `--crate`.
+//! Tests shaders of crates, which commands find by the crates' names.
 
 use super::*;
 
-/// The smallest manifest of a project.
 fn manifest(name: &str, dependencies: &str) -> String {
     format!(
         "[package]\nname = \"{name}\"\nversion = \"1.2.3\"\nedition = \"2024\"\n\n\
@@ -57,7 +56,7 @@ impl Place {
         if let Some(cargo) = std::env::var_os("CARGO") {
             command.env("CARGO", cargo);
         }
-        // Cargo keeps its output there, and must not use the network.
+        // The home folder keeps Cargo's output for Karat. Cargo must not use the network.
         let home = self.folder.path().join("home");
         let ran = output(command.env("CARGO_HOME", home).env("CARGO_NET_OFFLINE", "true"));
         let folder = self.folder.path().canonicalize().expect("it is there").display().to_string();
@@ -89,7 +88,7 @@ fn a_crate_that_the_project_builds_opens_by_its_name() {
     assert!(call(&["--feature", "DOUBLE=false"]).contains(" 12.566371"));
     let other = ["list", "--crate", "engine-pbr", "--root", "shaders"];
     assert!(place.karat("game", &other).good().contains("other::one"));
-    // The command also works from a folder below the project.
+    // The command also works in a folder below the project.
     assert!(place.karat("game/src", &["list", "--crate", "engine-pbr"]).good().contains("flux"));
 }
 
@@ -122,7 +121,7 @@ fn a_crate_that_is_imported_from_may_have_another_folder() {
 fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     let place = Place::new();
     let list = |name: &str| place.karat("game", &["list", "--crate", name]);
-    list("engine-pbr").good(); // cargo writes the lock file
+    list("engine-pbr").good(); // Cargo writes the lock file
     list("engine-pbr").good();
     assert_eq!(place.kept(), 1);
     list("engine-core").good();
@@ -138,7 +137,7 @@ fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
         text.replace("[dependencies]\n", "[dependencies]\nlate = { path = \"../crates/late\" }\n");
     write(&game, "Cargo.toml", &with);
     assert!(list("late").good().contains("a::f"));
-    // A crate beside the project gets its first shader, and a new folder for its modules.
+    // A crate beside the project gets its first shader, and then another folder for its modules.
     let tool = place.folder.path().join("crates/tool");
     assert!(list("tool").error().contains("the crate ships no .wgsl or .wesl file"));
     write(&tool.join("src"), "first.wgsl", "fn first(x: f32) -> f32 { return x; }\n");
@@ -147,12 +146,12 @@ fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     let rooted = manifest("tool", "") + "\n[package.metadata.karat]\nroot = \"shaders\"\n";
     write(&tool, "Cargo.toml", &rooted);
     assert!(list("tool").good().contains("second::second"));
-    // The crate's metadata may name a folder that no longer exists.
+    // Karat doesn't use a stored folder that no longer exists.
     std::fs::rename(&late, late.with_file_name("later")).expect("renamed");
     assert!(list("late").error().contains("cargo says:"));
 }
 
-/// If no project builds the crate, cargo fetches it. In this test a folder stands for crates.io.
+/// If no project builds a crate, Cargo fetches it. Here a folder replaces crates.io.
 // Lesson 34
 #[test]
 fn a_crate_at_a_version_needs_no_project() {
@@ -179,7 +178,7 @@ fn a_crate_at_a_version_needs_no_project() {
     write(&folder.join("home"), "config.toml", &config);
     std::fs::create_dir(folder.join("nowhere")).expect("a folder");
     let call = ["call", "lights::flux", "1", "--crate", "engine-pbr@1.2.3"];
-    // The crate that it imports from isn't a dependency. The metadata names that crate.
+    // The crate imports from a crate that isn't a dependency. Its metadata names that crate.
     assert!(place.karat("nowhere", &call).good().contains(" 12.566371"));
     assert_eq!(place.kept(), 1);
     std::fs::rename(folder.join("home/config.toml"), folder.join("config")).expect("renamed");
@@ -189,7 +188,7 @@ fn a_crate_at_a_version_needs_no_project() {
     assert_eq!(place.kept(), 1, "nothing is left of what failed");
 }
 
-/// Shaders of a crate's examples import from dev-dependencies. Cargo doesn't fetch these with the crate.
+/// Shaders of a crate's examples import from development dependencies, which Cargo doesn't fetch with the crate.
 #[test]
 fn examples_import_development_dependencies() {
     let place = Place::new();
@@ -206,7 +205,7 @@ fn examples_import_development_dependencies() {
         "import sky_kit::sky::twice;\nfn four(x: f32) -> f32 { return twice(twice(x)); }\n";
     let developed = |more: &str| format!("\n[dev-dependencies]\n{more}unrelated = \"9.9.9\"\n");
     vendored("clouds", &developed("sky-kit = \"1.2\"\n"), "clouds.wesl", example);
-    // If such a crate can't be fetched, its import isn't found, but the other modules work.
+    // If an imported crate isn't available, only this import isn't found, and the rest of the crate works.
     let gone = example.replace("twice", "thrice").replace("sky_kit", "gone_kit");
     vendored("rain", &developed("gone-kit = \"1.2\"\n"), "rain.wesl", &gone);
     let config = format!(

@@ -1,4 +1,4 @@
-//! `karat diff`, without a Cargo project.
+//! Tests `karat diff` without a Cargo project.
 
 use karat::Image;
 use karat::image::Precision;
@@ -32,7 +32,7 @@ fn images() -> TempDir {
     folder
 }
 
-/// Writes a grey PNG with one byte per pixel.
+/// Writes a grey PNG with one byte for each pixel.
 pub(crate) fn png(folder: &TempDir, name: &str, width: u32, bytes: &[u8]) {
     let file = std::fs::File::create(folder.path().join(name)).expect("created");
     let mut encoder = png::Encoder::new(file, width, bytes.len() as u32 / width);
@@ -118,7 +118,7 @@ fn json_has_what_the_report_has() {
     assert_eq!((&report["verdict"], &report["reason"]), (&"equal".into(), &().into()));
 }
 
-/// A mask is painted, so its values aren't light: a half is the half of a paint program.
+/// Karat reads a mask without conversion: a pixel counts if its stored value is above one half.
 #[test]
 fn a_mask_selects_pixels_with_a_stored_value_above_one_half() {
     let folder = images();
@@ -162,7 +162,7 @@ fn a_bound_is_a_finite_number_of_at_least_0() {
             );
         }
     }
-    // Rounded to `f32`, these values would be other bounds.
+    // Karat refuses numbers that would round to another bound.
     for value in ["1e-50", "1e-46", "5e-324"] {
         let error = diff(&folder, &["a.exr", "same.exr", "--rel", value]).error();
         assert!(error.contains("smaller than the smallest float: write 0"), "{value}: {error}");
@@ -174,7 +174,7 @@ fn a_bound_is_a_finite_number_of_at_least_0() {
 #[test]
 fn a_report_prints_no_negative_zero() {
     let folder = images();
-    // The values are the next floats. FLIP sees no difference.
+    // The image changes by one float, which FLIP doesn't see.
     let mut next = Image::read(&folder.path().join("a.exr")).expect("an image");
     next.pixels_mut()[7][0] = next.pixels()[7][0].next_up();
     next.write_exr(&folder.path().join("next.exr"), Precision::Float, None).expect("written");
@@ -212,12 +212,12 @@ fn a_heatmap_is_colours_or_the_errors_themselves() {
     let scale = if largest(&errors) > 0.5 { 1.0 } else { 0.5 };
     assert!(out.contains(&format!("\nheatmap: flip.png, colours from 0 to {scale}\n")), "{out}");
     assert_eq!(full, scale);
-    // Pixels have the same positions as in the images. The legend is below them, and needs more space.
+    // The heat map has the pixels of the images at the same positions. The legend below needs more room.
     assert!(colours.width() > 48 && colours.height() > 32);
     let at = |x: u32, y: u32| colours.pixels()[(y * colours.width() + x) as usize];
     assert!(at(3, 3)[0] > 0.05 && at(47, 31)[0] < 0.01, "magma begins at nearly black");
 
-    // Tiny errors have visible colours, and the numbers show that they are tiny.
+    // The heat map also shows tiny differences, and the numbers say that they are tiny.
     let (out, full, colours) = heatmap("near.exr", "near.png");
     assert!(full.as_f64().is_some_and(|full| full <= 0.01), "{out}");
     let rows = colours.pixels().chunks(colours.width() as usize).take(32);
@@ -241,7 +241,7 @@ fn a_heatmap_replaces_no_input() {
     #[cfg(unix)]
     std::os::unix::fs::symlink("a.exr", path("soft.exr")).expect("a link");
     let names = ["a.exr", "hole.exr", "mask.png", "./sub/../a.exr", "hard.exr", "soft.exr"];
-    // On other systems, links need privileges.
+    // On other systems, making links needs privileges.
     let outputs = names.into_iter().filter(|name| cfg!(unix) || *name != "soft.exr");
     let inputs = ["a.exr", "hole.exr", "mask.png"];
     let read = || inputs.map(|name| std::fs::read(path(name)).expect("there"));
@@ -257,8 +257,7 @@ fn a_heatmap_replaces_no_input() {
     }
 }
 
-/// The heatmap is written beside its final path, and then renamed. A program that has the old file open still reads all
-/// of it.
+/// Karat writes a new file beside the old one and renames it. A reader of the old file still sees all of it.
 #[test]
 fn a_heatmap_is_written_whole() {
     let folder = images();
@@ -293,7 +292,7 @@ fn images_that_differ_only_in_alpha_differ() {
     ] {
         assert!(ran.out.contains(part), "no `{part}`: {ran:?}");
     }
-    // Whatever the bounds of FLIP are, FLIP doesn't see this difference.
+    // FLIP doesn't detect this difference, even with the widest limits.
     let lenient = ["a.exr", "clear.exr", "--flip-tile", "1", "--flip-mean", "1", "--json"];
     let ran = diff(&folder, &lenient);
     let report = json(&ran.out);
@@ -319,6 +318,7 @@ fn images_of_other_sizes_have_their_sizes_and_their_census() {
     assert_eq!((&report["verdict"], &report["compared"]), (&"differs".into(), &0.into()));
 }
 
+/// The report names parts of images that Karat doesn't compare.
 #[test]
 fn parts_that_are_not_compared_are_named() {
     let folder = images();
@@ -336,7 +336,7 @@ fn parts_that_are_not_compared_are_named() {
     assert_eq!(report["a"]["parts"], serde_json::json!([]));
 }
 
-/// Other tools name primaries and data windows.
+/// Images of other tools declare their primaries and other conventions. Karat notes differences, and converts nothing.
 #[test]
 fn primaries_that_differ_are_noted_and_nothing_is_converted() {
     use exr::meta::attribute::Chromaticities;
@@ -380,7 +380,7 @@ fn primaries_that_differ_are_noted_and_nothing_is_converted() {
     assert_eq!((red("a"), red("b")), (0.64.into(), 0.708.into()));
 }
 
-/// A frame of Karat is compared only at the pixels that its test compared.
+/// `karat diff` uses the mask of the test that compares a frame.
 #[test]
 fn the_mask_of_a_test_is_used() {
     let folder = images();
@@ -403,13 +403,14 @@ fn the_mask_of_a_test_is_used() {
     assert!(out.contains(told) && out.ends_with("equal, bit for bit\n"), "{out}");
     let report = json(&diff(&folder, &["a.exr", "scene.new.exr", "--json"]).good());
     assert_eq!((&report["own_mask"], &report["compared"]), (&true.into(), &1535.into()));
-    // A part of another tool may mean something else, so Karat uses it only with an option.
+    // Karat ignores a part written by another tool, unless the command names the part.
     assert_eq!(diff(&folder, &["a.exr", "foreign.exr"]).code, Some(1));
     let out = diff(&folder, &["a.exr", "foreign.exr", "--mask", "foreign.exr"]).good();
     assert!(out.contains("1535 of 1536 pixels are compared, selected by the mask\n"), "{out}");
 }
 
-/// For two PNGs, Karat prints the number of other tools. The expected numbers are from flip-evaluator 1.7.
+/// For two PNGs, the report has the LDR-FLIP value that other tools print. The expected values are those of
+/// flip-evaluator 1.7.
 #[test]
 fn two_pngs_have_an_ldr_flip_value_that_is_no_gate() {
     let folder = images();
@@ -439,7 +440,7 @@ fn two_pngs_have_an_ldr_flip_value_that_is_no_gate() {
     png(&folder, "mask.png", 48, &mask);
     let masked = ["a.png", "hole.png", "--mask", "mask.png", "--json"];
     assert_eq!(json(&diff(&folder, &masked).good())["ldr_flip"]["mean"], 0.0);
-    // An image that isn't made for a display has no such number.
+    // Images that aren't made for a display have no LDR-FLIP value.
     let report = json(&diff(&folder, &["a.exr", "a.png", "--json"]).out);
     assert!(report["ldr_flip"].is_null() && !report["flip"].is_null());
 }
@@ -447,7 +448,7 @@ fn two_pngs_have_an_ldr_flip_value_that_is_no_gate() {
 #[test]
 fn a_png_is_compared_with_an_exr() {
     let folder = images();
-    // A preview is tone-mapped, so it differs from its source.
+    // A preview is tone-mapped, so it differs from its image.
     karat(folder.path(), &["preview", "a.exr", "--out", "a.png"]).good();
     assert_eq!(diff(&folder, &["a.png", "a.png"]).code, Some(0));
     assert_eq!(diff(&folder, &["a.exr", "a.png"]).code, Some(1));

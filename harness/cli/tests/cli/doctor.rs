@@ -1,8 +1,8 @@
-//! `karat doctor PACKAGE`: the lines that `karat.toml` needs.
+//! Tests `karat doctor PACKAGE`, which proposes lines for `karat.toml`.
 
 use super::*;
 
-/// A package with one fault of each kind that a line can mend.
+/// A package with a fault of each kind that a line of karat.toml can fix.
 fn broken() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaders = folder.path().join("shaders");
@@ -16,7 +16,7 @@ fn broken() -> TempDir {
         "uses.wesl",
         "import package::fast::f;\nimport noise::value::hash;\nfn g() -> f32 { return f() + hash(1.0); }\n",
     );
-    // The module declares the name, but under a condition.
+    // The module itself declares the name, under a condition.
     write(&shaders, "own.wesl", "@if(slow) const J = 1.0;\nfn j() -> f32 { return J; }\n");
     write(
         &folder.path().join("noise"),
@@ -57,7 +57,7 @@ fn doctor_prints_and_writes_the_lines_that_karat_toml_lacks() {
         "{text}"
     );
     let again = karat(folder.path(), &["doctor", "shaders"]).good();
-    // The required path is tried, too.
+    // Karat also examines a path that is required.
     let required = karat(folder.path(), &["doctor", "shaders", "--require", "banana"]).error();
     assert!(required.contains("banana"), "{required}");
     karat(folder.path(), &["doctor", "shaders", "--require", "cpu"]).good();
@@ -84,11 +84,11 @@ fn doctor_reports_errors_that_karat_toml_cannot_repair() {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }
     assert!(!shaders.join("karat.toml").exists(), "there is nothing to write");
-    // The engine sets a feature that no condition uses.
+    // An engine sets the feature, but no condition uses it.
     write(&shaders, "karat.toml", "[features]\nMAX_LIGHTS = 3\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert!(ran.out.contains("set_by_engine = [\"MAX_LIGHTS\"]"), "{ran:?}");
-    // The name is misspelt, so it isn't a feature of the engine.
+    // A misspelt feature doesn't count as the engine's.
     write(&shaders, "d.wesl", "@if(SHADOWS) fn s() -> f32 { return 1.0; }\n");
     write(&shaders, "karat.toml", "[features]\nSHADOW = true\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
@@ -102,7 +102,7 @@ fn doctor_reports_errors_that_karat_toml_cannot_repair() {
     assert!(without.contains("<PACKAGE>"), "{without}");
 }
 
-/// The file stays readable, and keeps its form.
+/// `karat doctor` leaves the file valid, and keeps its format.
 #[test]
 fn doctor_does_not_damage_karat_toml() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -126,11 +126,11 @@ fn doctor_does_not_damage_karat_toml() {
         text.starts_with("[values]\r\nROWS = 64") && text.ends_with("\r\nOLD = 3\r\n"),
         "{text:?}"
     );
-    // `karat check` refuses a value that no module uses. `karat doctor` must report that, too.
+    // A value without a placeholder isn't a reason to write nothing. `karat check` refuses it.
     write(&shaders, "karat.toml", "[values]\nROWS = 1\nOLD = 3\nROW = 2\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert!(ran.code == Some(1) && ran.out.contains("`ROW`"), "{ran:?}");
-    // A placeholder stands for a type. A number doesn't help, so no line is written.
+    // The placeholder stands for a type, so a number doesn't help, and Karat writes none.
     write(&shaders, "a.wgsl", "alias S = {SCALAR};\nfn s(x: S) -> S { return x; }\n");
     std::fs::remove_file(&file).expect("it is there");
     let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);

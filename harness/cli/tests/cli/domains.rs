@@ -1,4 +1,4 @@
-//! Domains that tests without Rust declare: filters, relations, named vectors, numbers that aren't finite.
+//! Tests domains in tests without Rust: filters, relations, named vectors, and numbers that aren't finite.
 
 use super::*;
 
@@ -18,6 +18,7 @@ fn turn(v: vec2f) -> vec2f { return vec2f(-v.y, v.x); }
 fn capped(x: f32) -> f32 { return min(x, 1.0); }
 ";
 
+/// Runs the tests of a file on the engine.
 fn declared(tests: &str) -> Ran {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "f.wgsl", SHADERS);
@@ -46,7 +47,7 @@ fn declared_domains_draw_the_cases_that_they_describe() {
     for part in ["is perpendicular to `n`", "is a right-handed frame", "has length 1"] {
         assert!(ran.contains(part), "{part}: {ran}");
     }
-    // A filter that leaves few values is enumerated.
+    // If a filter leaves few values of a domain, Karat enumerates all of them.
     let of_filter = |line: &&str| line.contains("lies in 2..=4");
     let line = ran.lines().find(of_filter).expect("its row");
     assert_eq!(line.split_whitespace().nth(3), Some("2"), "{line}");
@@ -98,7 +99,7 @@ fn wrong_frames_and_domains_are_reported_at_their_place() {
         (
             "function = \"cosines\"\nfinite = true\nover = { t = { perpendicular_to = \"t\" } }",
             "f.test.toml:4:1",
-            "`t`: no unit vector is perpendicular to itself",
+            "`t`: a unit vector can't be perpendicular to itself",
         ),
         (
             "function = \"turn\"\nover = { v = \"ball 3\" }\nperpendicular_to = \"v\"",

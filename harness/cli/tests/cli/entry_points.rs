@@ -1,4 +1,5 @@
-//! Entry points without a test in Rust: they are listed, called, dispatched, compared, and declared as `[[compute]]`.
+//! Tests entry points without Rust tests: listing, calling, dispatching and comparing them, and declaring them as
+//! `[[compute]]`.
 
 use super::*;
 
@@ -40,7 +41,7 @@ fn an_entry_point_is_listed_and_called() {
     let traced = ["call", "m::shade", "--arbitrary", "--path", "cpu", "--trace"];
     let traced = karat(folder.path(), &traced).good();
     assert!(traced.contains("fwidth(in.pixel.x)"), "{traced}");
-    // The entry point writes a buffer, and returns nothing.
+    // The function writes a buffer and returns nothing.
     let traced = ["call", "m::root", "2", "--bind", "out=[1, 4, 9]", "--path", "cpu", "--trace"];
     let traced = karat(folder.path(), &traced).good();
     let row = traced.lines().find(|line| line.contains("sqrt(out[i])"));
@@ -48,7 +49,7 @@ fn an_entry_point_is_listed_and_called() {
     assert!(row.contains("m.wgsl:12") && row.contains(" 3 "), "{row}");
 }
 
-/// A discarded pixel is a result. Its value isn't visible.
+/// Discarding a pixel is a result. No value is visible for it.
 #[test]
 fn a_function_that_discards_is_called() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -72,7 +73,7 @@ fn a_function_that_discards_is_called() {
         ("0.125", "{ value: (0, 0, 0, 0), discarded: true }"),
         ("0.5", "{ value: (0.5, 0.5, 0.5, 0.5), discarded: false }"),
     ] {
-        // A dropped value is NaN, and drivers don't return it either.
+        // The dropped value is NaN, and no driver shows it.
         let called = call(&["m::leaf", alpha]);
         assert!(called.lines().filter(|line| line.contains(result)).count() >= 2, "{called}");
     }
@@ -96,7 +97,7 @@ tolerance = \"1 ulp\"
     let ran = karat(folder.path(), &["test"]);
     assert!(ran.out.contains("1 passed; 1 failed"), "{ran:?}");
     assert!(ran.out.contains("it fails where alpha is at least 0.5"), "{ran:?}");
-    // Textures and samplers are parameters, too. Comments aren't code.
+    // Textures and samplers are also parameters. A comment isn't code.
     let sampled = "fn cut(t: texture_2d<f32>, s: sampler, uv: vec2f) -> vec4f // discard;
 { let c = textureSampleLevel(t, s, uv, 0.0); if c.a < uv.x { discard; } return c; }
 ";
@@ -107,13 +108,13 @@ tolerance = \"1 ulp\"
         let called = call(&called);
         assert!(called.contains(discarded), "{uv}: {called}");
     }
-    // Only pixels can be discarded.
+    // Only fragment functions can discard.
     write(folder.path(), "m.wgsl", &shader.replace("@fragment fn late", "@vertex fn late"));
     assert_ne!(karat(folder.path(), &["call", "m::late", "0.5"]).code, Some(0));
 }
 
-/// A fragment function that counts its pixels and stores them, as order-independent transparency does. A discarded
-/// pixel continues as a helper. The other pixels of its quad are helpers from the start.
+/// A fragment function counts its pixels and writes storage, as order-independent transparency does. After a discard,
+/// the pixel's invocation continues as a helper. The other pixels of its quad are helpers from the start.
 #[test]
 fn pixels_that_write_storage_discard_and_have_derivatives() {
     let folder = shaders("");
@@ -162,7 +163,7 @@ fn slope(x: f32) -> f32 {
             assert!(count >= 2, "`{part}` on each path of:\n{called}");
         }
     }
-    // Discarded neighbours have values for derivatives on each path.
+    // Discarded neighbours still give values for derivatives, on each path.
     let table = "x.value,x.dx,x.dy\n0.75,0.5,-0.25\n0.625,0.5,-0.25\n0.375,0.5,-0.25\n";
     write(folder.path(), "in.csv", table);
     let gl = karat::unstable::path::adapter(karat::Path::GL).is_ok();
@@ -178,14 +179,14 @@ fn slope(x: f32) -> f32 {
         }
         assert_eq!(left.lines().count(), 4, "{path}: {left}");
     }
-    // The slope determines the texels, and WGSL doesn't define its precision.
+    // The slope selects texels, and WGSL doesn't define its accuracy.
     let columns = if gl { "vulkan,gl,cpu" } else { "vulkan,cpu" };
     let judged = karat(folder.path(), &["matrix", "--only", "o::", "--columns", columns]);
     assert!(judged.good().contains("cpu          4 translated, 4 valid, 4 executed, 4 agrees"));
-    // Neighbouring pixels race. Discarded pixels don't.
+    // Pixels that run concurrently race. Discarded pixels don't.
     let hazards = karat(folder.path(), &["hazards"]);
     assert!(hazards.out.contains("nodes[3]") && hazards.out.contains("pixel ("), "{hazards:?}");
-    // Of the functions that write, one isn't an entry point.
+    // Of the functions that write, only one isn't an entry point.
     let unseen = hazards.out.lines().filter(|line| line.starts_with("not checked: "));
     let unseen: Vec<&str> = unseen.collect();
     assert!(matches!(unseen[..], [one] if one.contains("o::slope")), "{unseen:?}");
@@ -204,7 +205,7 @@ fn call_dispatches_a_compute_pass_and_checks_for_races() {
     let sum =
         ["m::add", "--dispatch", "2,1", "--bind", "input=[1,2,3,4,5,6,7,8,9]", "--bind", "total=1"];
     assert!(call(&sum).good().contains("total = 46"));
-    // The steps of one invocation read the values that earlier invocations wrote.
+    // The trace shows one invocation. It reads values that earlier invocations wrote.
     let pages = tempfile::tempdir().expect("a temporary folder");
     let page = pages.path().join("t.html");
     let to = ["--trace", "--html", page.to_str().expect("it is text")];
@@ -215,7 +216,7 @@ fn call_dispatches_a_compute_pass_and_checks_for_races() {
         added.next().is_some_and(|line| line.contains(&format!("  {number}  ")))
     };
     assert!(step(&first, "1") && step(&last, "37"), "{first}\n{last}");
-    assert!(last.contains("\nwhat invocation (8, 0, 0) computes:\n"), "{last}");
+    assert!(last.contains("\nsteps of invocation (8, 0, 0):\n"), "{last}");
     assert_eq!(traced(&[]).good(), first);
     let page = std::fs::read_to_string(&page).expect("it was written");
     assert!(page.contains("m::add") && page.contains("atomicAdd"), "{page}");
@@ -297,7 +298,7 @@ in_range = [0, 9]
     assert!(ran.contains("1 accepted race"), "{ran}");
 }
 
-/// A counter and the appended elements. Their order differs between drivers.
+/// A shader increments a counter and appends elements. Their order differs between drivers.
 #[test]
 fn appended_elements_are_compared_up_to_their_order() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -322,8 +323,7 @@ fn appended_elements_are_compared_up_to_their_order() {
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = 2"), "{wrong:?}");
 }
 
-/// A test may assert about one member of each element. For a grid, a failure names the row and the column of the
-/// element.
+/// A test asserts about one member of each element. A failure names the row and column of an element in a grid.
 #[test]
 fn a_test_can_check_members_and_grids_of_buffers() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -367,7 +367,7 @@ fn a_test_can_check_members_and_grids_of_buffers() {
     assert!(wrong.code == Some(1) && wrong.out.contains("first: [2]\n"), "{wrong:?}");
     let wrong = members("[[1, 0], [1, 1], [4, 2]]", "[0, 1, 2]");
     assert!(wrong.out.contains("first: [2].x\n"), "{wrong:?}");
-    // `written` applies only to the member.
+    // `written` checks only this member.
     let wrong = tested("step", "[compute.after.\"particles.mass\"]\nwritten = true\n");
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = written"), "{wrong:?}");
     let wrong = tested("step", "[compute.after.\"particles.positon\"]\nfinite = true\n");
@@ -383,7 +383,7 @@ fn a_test_can_check_members_and_grids_of_buffers() {
     assert!(grid(3).out.contains("p.test.toml:7:1"), "{:?}", grid(3));
 }
 
-/// One wrong element doesn't change the order of the others.
+/// A wrong element doesn't shift the comparison of the other elements.
 #[test]
 fn a_wrong_element_is_reported_in_any_order() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -447,12 +447,13 @@ fn a_module_that_enables_subgroups_runs_with_its_own_lines() {
     let declared = format!("{declared}{}]\n", ["1"; 64].join(", "));
     write(folder.path(), "s.test.toml", &declared);
     karat(folder.path(), &["test", ".", "--paths", "cpu,vulkan"]).good();
-    // Errors have the author's line numbers.
+    // Errors have the line of the author's file.
     write(folder.path(), "s.wgsl", &text.replace("out[i] =", "out[j] ="));
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
     assert!(ran.code == Some(1) && format!("{ran:?}").contains("s.wgsl:5:9"), "{ran:?}");
 }
 
+/// Each wrong expectation fails at the entry point, and the message names the element.
 #[test]
 fn wrong_passes_fail_with_the_element() {
     let of = |entry: &str, with: &str, after: &str| {
@@ -541,7 +542,7 @@ fn wrong_passes_fail_with_the_element() {
             ["`inputs`", "m.test.toml:4:1"],
         ),
         ("reverse", input, "[compute.after.kyes]\nsorted = true", ["kyes", "m.test.toml:5:"]),
-        ("reverse", input, "", ["nothing is asserted", "m.test.toml:1:1"]),
+        ("reverse", input, "", ["asserts nothing about `m::reverse`", "m.test.toml:1:1"]),
         (
             "reverse",
             input,
@@ -565,7 +566,7 @@ fn wrong_passes_fail_with_the_element() {
             "reverse",
             "{ input = { size = 0 }, keys = { size = 8 } }",
             "[compute.after.keys]\nsorted = true",
-            ["no number of elements", "m.test.toml:4:1"],
+            ["isn't a number of elements", "m.test.toml:4:1"],
         ),
         (
             "reverse",
@@ -642,16 +643,16 @@ fn a_misspelt_later_pass_is_named() {
     assert!(slip.out.contains("`m::sekond` isn't a compute entry point; did you mean"), "{slip:?}");
     assert!(!slip.out.contains("there is no variable"), "{slip:?}");
     ran("second", "right.csv").good();
-    // The message has the row of the table that differs, and the name of the check has the resource.
+    // The message names the table's row, and the check's name contains the resource.
     let differs = ran("second", "wrong.csv");
     assert!(differs.out.contains("  row of the first element: wrong.csv:5:1"), "{}", differs.out);
     assert!(differs.out.contains("after.other.agrees_with"), "{}", differs.out);
     let half = ran("second", "half.csv");
-    assert!(half.out.contains("`0.5` is no u32, so nothing equals it"), "{}", half.out);
+    assert!(half.out.contains("`0.5` isn't of type u32, so no result equals it"), "{}", half.out);
     assert!(half.out.contains("half.csv:4:1"), "{}", half.out);
 }
 
-/// A race fails each assertion about its passes, in any order.
+/// A race fails each assertion about its passes, in any order of the assertions, with one message.
 #[test]
 fn one_race_has_one_message() {
     let folder = shaders(
@@ -661,10 +662,10 @@ fn one_race_has_one_message() {
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert_eq!(ran.out.matches("  --> m.wgsl:13:").count(), 1, "{}", ran.out);
-    assert!(ran.out.contains("\n  as under `m::wait keys in_range`\n"), "{}", ran.out);
+    assert!(ran.out.contains("\n  the same error as in `m::wait keys in_range`\n"), "{}", ran.out);
 }
 
-/// The sanitizer checks passes, but not draws. The last line counts the draws that write.
+/// The sanitizer examines passes, but not draws. The last line counts the draws that write.
 #[test]
 fn draws_that_write_are_counted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -682,14 +683,14 @@ fn draws_that_write_are_counted() {
         ran.out.contains("; 1 check of passes or draws wasn't checked completely by the sanitizer")
     };
     assert!(last("collect", "with = { count = 0 }\n"));
-    // A test without a frame still runs.
+    // A test that needs no frame runs without frames.
     let test = "[[test]]\nfunction = \"plain\"\nfinite = true\n";
     let declared = std::fs::read_to_string(folder.path().join("m.test.toml")).expect("written");
     write(folder.path(), "m.test.toml", &format!("{declared}{test}"));
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu", "--no-frames"]).good();
     assert!(ran.contains("1 check, 0 failed") && ran.contains("no frame was drawn"), "{ran}");
     assert!(!last("plain", ""));
-    // The entry points of a frame have a test.
+    // The entry points of a frame count as tested.
     let list = karat(folder.path(), &["list"]).good();
     let has = |name: &str, word: &str| {
         list.lines().any(|line| line.contains(name) && line.contains(word))
@@ -708,7 +709,8 @@ fn edits_of_entry_points_are_compared() {
     assert!(ran.out.contains("words changed") && ran.out.contains("keys["), "{}", ran.out);
 }
 
-/// A frame with several draws: a background, a mesh from a table whose depth hides another draw, and a draw that adds.
+/// The frame has several draws: a background, a mesh from a table behind which depth hides another mesh, and a draw
+/// that adds.
 #[test]
 fn a_frame_has_draws_with_meshes() {
     let shader = "\
@@ -743,7 +745,7 @@ blend = \"add\"
 depth_compare = \"always\"
 depth_write = false
 ";
-    // The second draw is behind the first one, and covers the remaining pixels.
+    // The second triangle lies behind the first, and covers the pixels that the first leaves free.
     let mesh = "position.x,position.y,position.z,color.x,color.y,color.z,layer
 -1,-1,0.5,1,0,0,0
 1,-1,0.5,1,0,0,0
@@ -784,13 +786,19 @@ depth_write = false
             "`vs` takes `position` at @location(0), but vertices without a mesh have no attributes",
         ),
         ("vertex = \"vs\"", "vertex = \"vx\"", "no vertex entry point `vx`"),
-        ("vertex = \"vs\"", "vertex = \"corner\"", "no position at `@location(0)`"),
+        (
+            "vertex = \"vs\"",
+            "vertex = \"corner\"",
+            "must read the mesh's position at `@location(0)`",
+        ),
         ("fragment = \"ground\"", "", "a draw has a `fragment` function"),
         (
-            "size = [16, 16]",
-            "size = [16, 16]\nfragment = \"fs\"",
-            "write no `vertex` and `fragment`",
+            "vertex = \"vs\"",
+            "vertex = \"corner\"",
+            "must read the mesh's position at `@location(0)`",
         ),
+        ("fragment = \"ground\"", "", "a draw needs a `fragment`"),
+        ("size = [16, 16]", "size = [16, 16]\nfragment = \"fs\"", "remove `vertex` and `fragment`"),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1, 7]", "the index 7 is beyond"),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1]", "aren't whole triangles"),
         ("vertices = 3", "vertices = 3\ninstances = 0", "0 instances draw nothing"),
@@ -801,7 +809,7 @@ depth_write = false
         write(folder.path(), "m.test.toml", &text);
         let ran = test();
         assert!(ran.code != Some(0) && ran.out.contains(part), "{to}: {ran:?}");
-        // The error is at its own line, whatever draw it belongs to.
+        // The error has its own line in each draw.
         if to.ends_with("= 0") || to.ends_with("\"plus\"") {
             let own = to.lines().last().unwrap_or_default();
             let line = text.lines().position(|line| line == own).expect("it is there") + 1;
@@ -810,8 +818,7 @@ depth_write = false
     }
 }
 
-/// A result that depends on the order makes the test fail. Orders can be excluded, and the failure is replayed by its
-/// name.
+/// A result that depends on the order fails. A test may leave out orders, and the replay command names the order.
 #[test]
 fn an_order_that_matters_is_replayed() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,9 +1,9 @@
-//! The messages about unusable files: they name the operation, the file and the reason once.
+//! Tests the messages about files that Karat can't use. Each message names the problem, the file and the reason once.
 
 use super::pending::zip;
 use super::*;
 
-/// Returns the message. No part of it may occur twice.
+/// The message of an error. Checks that no part of it occurs twice.
 #[track_caller]
 fn error(folder: &FilePath, arguments: &[&str]) -> String {
     let error = karat(folder, arguments).error();
@@ -30,7 +30,7 @@ fn each_cause_is_printed_once() {
         (&["diff", "folder.exr", "folder.exr"][..], same),
         (&["preview", "folder.exr"], same),
         (&["diff", "a.exr", "."], "can't read `.`: it is a folder\n"),
-        // A path below a file is unreadable, even for root.
+        // A file isn't a folder. This makes the path unreadable for every user, even for root.
         (&["diff", "text.zip/a.exr", "text.zip"], "can't read `text.zip/a.exr`: "),
         (&["pending", "--from", "text.zip"], "can't use `text.zip`: it isn't a readable zip: "),
         (&["unreferenced", "--record", "run"], "can't read the record `run/1.jsonl`: "),
@@ -45,7 +45,7 @@ fn each_cause_is_printed_once() {
     assert!(error.contains("can't write `text.zip/a.png`: "), "{error}");
 }
 
-/// An empty list of pending frames in the wrong folder would mean nothing.
+/// A folder without pending frames says nothing about a run.
 #[test]
 fn a_folder_without_a_run_has_no_verdict() {
     let project = project();
@@ -85,7 +85,7 @@ fn a_folder_without_a_run_has_no_verdict() {
         }
     }
     assert!(!folder.join("page").exists());
-    // A run without a frame leaves a record.
+    // The run left no frame, but a record.
     write(folder, "[green]/ci/record/1.jsonl", "");
     for from in ["green.zip", "[green]", "outer/green.zip"] {
         let out = karat(folder, &["pending", "--from", from]).good();
@@ -102,7 +102,7 @@ fn conflicting_entries_of_an_archive_are_errors() {
     zip(&folder.join("below.zip"), &[file, below]);
     zip(&folder.join("above.zip"), &[below, file]);
     zip(&folder.join("dot.zip"), &[("a/x.new.exr", b"a"), ("a/./x.new.exr", b"b")]);
-    // The crate that writes zips refuses to write this zip.
+    // Programs that write zips refuse to write this zip.
     zip(&folder.join("twice.zip"), &[("a.new.exr", b"a"), ("b.new.exr", b"b")]);
     let mut bytes = std::fs::read(folder.join("twice.zip")).expect("written");
     let places = bytes.windows(9).enumerate().filter(|(_, part)| *part == b"b.new.exr");
@@ -112,7 +112,7 @@ fn conflicting_entries_of_an_archive_are_errors() {
     std::fs::write(folder.join("twice.zip"), bytes).expect("written");
     let unpacked = |name: &str, why: &str| format!("its entry `{name}` can't be unpacked: {why}");
     for (from, why) in [
-        ("below.zip", unpacked(below.0, "`x.new.exr` is both a file and a folder in the zip")),
+        ("below.zip", unpacked(below.0, "`x.new.exr` is both a file and a folder")),
         ("above.zip", unpacked(file.0, "the zip has a file and a folder of that name")),
         ("dot.zip", unpacked("a/./x.new.exr", "another entry has the same path")),
         ("twice.zip", "two of its entries have the same name".to_owned()),

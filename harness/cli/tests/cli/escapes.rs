@@ -1,4 +1,4 @@
-//! Karat shows foreign text, but the text can't control the terminal.
+//! Tests that Karat shows text from others without effects on the terminal.
 
 use karat::Image;
 use karat::image::Precision;
@@ -9,19 +9,19 @@ use super::pending::{LAVAPIPE, provenance, zip};
 use super::report::function;
 use super::*;
 
-/// Sequences that retitle the window, clear the screen, go to the start of the line, hide text, and act as an 8-bit
-/// control. The last ones reverse the direction of the text.
+/// Text that changes the window's title, clears the screen, moves to the start of the line, hides text, contains an
+/// 8-bit control, and reverses the direction of the text that follows.
 const HOSTILE: &str = "a\u{1b}]0;owned\u{7}\u{1b}[2J\r\u{1b}[8mb\u{9b}31m\u{7f}\u{202e}c\u{2066}";
-/// The visible form of [`HOSTILE`].
+/// The hostile text as Karat shows it.
 const SHOWN: &str = r"a\u{1b}]0;owned\u{7}\u{1b}[2J\u{d}\u{1b}[8mb\u{9b}31m\u{7f}\u{202e}c\u{2066}";
-/// Characters that aren't control characters.
+/// The part of the text that isn't a control character.
 const TURNED: &str = "x\u{202e}c\u{2066}";
 const TURNED_SHOWN: &str = r"x\u{202e}c\u{2066}";
-/// Characters that a file name can contain.
+/// The hostile characters that a file's name can contain.
 const NAME: &str = "a\u{1b}]0;owned\u{7}\u{1b}[31mb\u{9b}31m\u{202e}c";
 const NAME_SHOWN: &str = r"a\u{1b}]0;owned\u{7}\u{1b}[31mb\u{9b}31m\u{202e}c";
 
-/// Checks that a text contains nothing that controls a terminal.
+/// Checks that the text contains no command for a terminal.
 #[track_caller]
 fn assert_tame(text: &str, of: &[&str]) {
     let wild = |c: char| {
@@ -31,14 +31,14 @@ fn assert_tame(text: &str, of: &[&str]) {
     assert!(!text.contains(wild), "{of:?}: {text:?}");
 }
 
-/// Runs a command, checks its output with and without colours, and returns the output.
+/// Runs a command, and checks its output with and without colours. Returns the output.
 #[track_caller]
 fn tame(folder: &FilePath, arguments: &[&str]) -> String {
     let ran = karat(folder, arguments);
     for text in [&ran.out, &ran.err] {
         assert_tame(text, arguments);
     }
-    // Only Karat's own colours remain.
+    // The only escapes in the output are Karat's colours.
     let coloured = output(command(folder, arguments).env("CLICOLOR_FORCE", "1"));
     for text in [&coloured.out, &coloured.err] {
         let mut plain = text.clone();
@@ -90,7 +90,7 @@ fn names_of_files_are_shown_and_not_obeyed() {
             assert!(text.contains(NAME_SHOWN), "{arguments:?}: {text}");
         }
     }
-    // JSON has the same text, and is valid.
+    // JSON contains the same name, escaped.
     for arguments in [
         &["list", "--json"][..],
         &["pending", "--json"],
@@ -103,7 +103,7 @@ fn names_of_files_are_shown_and_not_obeyed() {
     }
 }
 
-/// Text from files: zips, images, records, and shaders.
+/// Zips, images, records and shaders contain hostile text.
 // Lesson 62
 #[test]
 fn contents_of_files_are_shown_and_not_obeyed() {
@@ -113,9 +113,9 @@ fn contents_of_files_are_shown_and_not_obeyed() {
     std::fs::create_dir(&golden).expect("a folder");
     zip(&folder.join("slip.zip"), &[(&format!("../{HOSTILE}.new.exr"), b"")]);
     zip(&folder.join("bad.zip"), &[(&format!("{HOSTILE}.new.exr"), b"")]);
-    // A frame from elsewhere has a hostile driver name and folder of goldens.
+    // The frame comes from another machine. Its driver and its folder of goldens are hostile.
     let image = Image::new(2, 1, vec![[0.25; 4]; 2]);
-    // This file refuses control characters. Characters that reverse the direction aren't control characters.
+    // Provenance refuses control characters. A direction mark isn't a control character.
     let facts = provenance("scene", &image.hash(), &format!("{TURNED} {LAVAPIPE}"), "");
     let metadata = serde_json::to_string(&facts).expect("plain data");
     let frame = golden.join("scene.new.exr");
@@ -126,7 +126,7 @@ fn contents_of_files_are_shown_and_not_obeyed() {
         let frame = golden.join(format!("{case}.new.exr"));
         image.write_exr(&frame, Precision::Half, Some(&metadata)).expect("written");
     }
-    // The names of parts are hostile.
+    // Images have named parts.
     let part = |name: &str| Part::new(name, Precision::Half, image.clone());
     let name = "n".repeat(HOSTILE.len());
     let parts = ExrFile { parts: vec![part("color"), part(&name)], metadata: None };
@@ -155,20 +155,20 @@ fn contents_of_files_are_shown_and_not_obeyed() {
         (&["call", "hostile::f"], true),
     ] {
         let text = tame(folder, arguments);
-        // The names of entries are escaped as in Rust, with `\r`.
+        // Karat shows the names of entries as Rust's escapes do, with `\r`.
         let shown = text.contains(TURNED_SHOWN)
             || text.contains(SHOWN)
             || text.contains(&SHOWN.replace(r"\u{d}", r"\r"));
         assert!(shown || !told, "{arguments:?}: {text}");
     }
-    // If a reason is pasted with colours, it is stored in a readable form.
+    // The reason contains pasted colour codes. Karat stores it so that it can read it again.
     let (_, facts) = Image::read_exr(&golden.join("scene.exr")).expect("accepted");
     let facts = Provenance::parse(&facts.expect("it has facts")).expect("they can be read");
     assert_eq!(facts.because, SHOWN);
     let parts = karat(folder, &["diff", "parts.exr", "parts.exr", "--json"]).good();
     assert_tame(&parts, &["diff"]);
     assert!(json(&parts).to_string().contains('\u{9b}'), "{parts}");
-    // These files are for people and programs.
+    // The command writes files for people and programs.
     let junit = ["report", "--record", "record", "--junit", "junit.xml"];
     let summary = folder.join("summary.md");
     let mut report = command(folder, &junit);
@@ -181,6 +181,7 @@ fn contents_of_files_are_shown_and_not_obeyed() {
     }
 }
 
+/// `karat test` prints the output of tests.
 // Lesson 62
 #[cfg(unix)]
 #[test]
@@ -200,7 +201,8 @@ fn escapes_in_the_output_of_tests_are_not_obeyed() {
     assert!(ran.out.contains("\nred\n") && ran.err.contains(" err\n"), "colours go: {ran:?}");
 }
 
-/// A line that is longer than the screen is cut around its column. The location in the message is unchanged.
+/// If a line is longer than the screen, Karat shows the part around the error, and reports the column in the whole
+/// line.
 // Lesson 63
 #[test]
 fn a_long_line_is_cut_around_the_caret() {

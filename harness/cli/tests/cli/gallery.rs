@@ -1,4 +1,4 @@
-//! `karat render` in a separate project. It builds and runs the project's gallery.
+//! Tests `karat render` in a project of its own. The command builds and runs the project's gallery.
 
 use std::path::Path as FilePath;
 use std::process::Command;
@@ -37,7 +37,7 @@ fn main() -> std::process::ExitCode {
 }
 "#;
 
-/// The features of common libraries in this workspace. With the same features, no library is compiled again, as in
+/// Features of common libraries in this workspace, so that Cargo doesn't compile the libraries again: as in
 /// `tests/stranger.rs`.
 const SHARED: &str = "\
     indexmap = \"2\"\n\
@@ -70,11 +70,10 @@ impl Project {
         let gallery = karat.join("gallery");
         let repository = karat.parent().expect("it is in the workspace");
         let root = read(&repository.join("Cargo.toml"));
-        // The project uses our profiles, lock file, features and folder of intermediate output. So only Karat is
-        // compiled again, without optimisation to save time. `tests/stranger.rs` does the same.
+        // The project has this repository's profiles, lock file, features and folder of intermediate output, so Cargo
+        // compiles only Karat again, without optimisation to save time: as in `tests/stranger.rs`.
         let profiles = root.find("[profile.dev]").map(|at| &root[at..]).expect("it has profiles");
-        // The engine isn't tested here. With the workspace's optimisation, its build would take longer than everything
-        // else.
+        // The test doesn't use the engine. Compiling it with optimisation would take longer than all other steps.
         let engine = "[profile.dev.package.karat-engine]\nopt-level = 3\ncodegen-units = 1\n";
         assert!(profiles.contains(engine), "the profile of the engine has changed");
         let quick = "[profile.dev.package.karat-engine]\nopt-level = 1\n";
@@ -135,13 +134,12 @@ impl Project {
         Ran { code: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
     }
 
-    /// Runs `karat render` in a folder of the project.
     fn render(&self, folder: &str, arguments: &[&str]) -> Ran {
         let karat = FilePath::new(env!("CARGO_BIN_EXE_karat"));
         self.run(karat, folder, &[&["render"], arguments].concat())
     }
 
-    /// Reads a frame from a folder of frames. The folder must also contain its PNG.
+    /// The frame `name` in a folder of frames, which also contains the frame's PNG.
     fn frame(&self, folder: &str, name: &str) -> Image {
         let folder = self.folder.path().join(folder);
         let png = std::fs::read(folder.join(name).with_extension("png")).expect("written");
@@ -174,7 +172,7 @@ impl Ran {
         assert!(self.out.contains(part) || self.err.contains(part), "no `{part}` in: {self:?}");
     }
 
-    /// Returns the only line about a rendered frame, without the seconds.
+    /// The output's only line about a rendered frame, without the seconds, which vary.
     #[track_caller]
     fn line(&self) -> String {
         let (before, after) = self.out.split_once(" s  ").unwrap_or_else(|| panic!("{self:?}"));
@@ -187,7 +185,7 @@ impl Ran {
 const FLAT_DIM: [f32; 4] = [0.25, 0.5, 1.0, 1.0];
 const FLAT_BRIGHT: [f32; 4] = [2.0, 4.0, 8.0, 1.0];
 
-/// All checks are one test, because compiling the project takes the time.
+/// All steps are one test, because compiling the project takes most of the time.
 #[test]
 fn a_project_renders_its_own_frames() {
     let project = Project::new();
@@ -207,14 +205,14 @@ fn a_project_renders_its_own_frames() {
     let image = project.frame("target/karat/frames", "flat");
     assert_eq!((image.width(), image.pixels()), (3, &[FLAT_DIM; 6][..]));
 
-    // Relative paths start at the user's folder. This isn't the folder of Cargo.toml.
+    // Relative paths begin at the user's folder, which isn't the folder of Cargo.toml.
     let arguments = ["--first", "--size", "2x1", "--samples", "2", "--out", "a b", "--path", &path];
     let ran = project.render("frames", &arguments);
     assert_eq!(ran.line(), format!("flat  2 x 1  {path}  {}", files("a b")));
     let image = project.frame("frames/a b", "flat");
     assert_eq!((image.width(), image.pixels()), (2, &[FLAT_BRIGHT; 2][..]));
 
-    // If one frame fails, the other frame is still rendered.
+    // A frame that fails doesn't stop Karat from rendering the other frame.
     let ran = project.render("", &["--all", "--out", "all", "--exposure", "-1"]);
     assert!(ran.line().starts_with("flat      3 x 2"), "{ran:?}");
     assert_eq!(ran.code, Some(1));
@@ -244,7 +242,7 @@ fn a_project_renders_its_own_frames() {
     project.render("", &["flat", "--out", "Cargo.toml/none"]).says(2, message);
     assert!(!project.has("none/flat.exr"), "nothing is rendered when a name is wrong");
 
-    // The program has its own command line.
+    // The gallery is itself a program for the command line.
     let gallery = project.folder.path().join("target/debug/gallery");
     let gallery = gallery.with_extension(std::env::consts::EXE_EXTENSION);
     project.run(&gallery, "", &["--list"]).gives(0, list, "");

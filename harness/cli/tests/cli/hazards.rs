@@ -1,4 +1,4 @@
-//! `karat hazards`, and `karat call --trace`.
+//! Tests `karat hazards` and `karat call --trace`.
 
 use super::*;
 
@@ -20,7 +20,7 @@ fn hazards_are_reported_with_their_line() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
         "fresnel::schlick with f0 = ",
-        // Cosines of unit vectors may round above 1.
+        // The cosine of two unit vectors may round above 1.
         "fault: NaN  pow(1.0 - v_dot_h, 5.0)  shaders/fresnel.wgsl:2:30",
         "for other inputs unbounded",
         "it fails where v_dot_h is 1\n",
@@ -35,7 +35,7 @@ fn hazards_are_reported_with_their_line() {
         (&"fault".into(), &"nan".into())
     );
     karat(folder.path(), &["hazards", "--kind", "lost-digits"]).good();
-    // `--kind` also selects a kind that isn't the worst one of its operation.
+    // `--kind` also reports this kind if the operation has a worse hazard.
     let unbounded = karat(folder.path(), &["hazards", "--kind", "unbounded"]);
     assert!(unbounded.code == Some(1) && unbounded.out.contains("1 fault"), "{unbounded:?}");
     karat(folder.path(), &["hazards", "--only", "lambert"]).good();
@@ -54,7 +54,7 @@ fn hazards_are_reported_with_their_line() {
     }
 }
 
-/// Functions that naga rejects are counted, and make the run fail.
+/// Karat counts functions that naga rejects, and the run fails.
 #[test]
 fn functions_that_are_not_valid_fail_a_run() {
     let folder = shaders("fn twice(x: f32) -> f32 { return 2.0 * x; }\n");
@@ -69,8 +69,8 @@ fn functions_that_are_not_valid_fail_a_run() {
     assert!(ran.out.contains("0 faults and 0 requirements in 1 function,"), "{ran:?}");
 }
 
-/// A requirement names the inputs that avert it. It fails a run that denies requirements. Requirements that callers
-/// meet and dropped values are counted.
+/// A requirement names the inputs that avoid the hazard, and fails a run that denies requirements. The report counts
+/// hazards that callers avoid and dropped values.
 // Lesson 97
 #[test]
 fn requirements_fail_a_run_that_denies_them() {
@@ -93,7 +93,7 @@ fn requirements_fail_a_run_that_denies_them() {
     for part in ["met: infinite  1.0 / x  shaders/", "dropped: NaN  normalize(s)  shaders/"] {
         assert!(all.contains(part), "no `{part}` in {all}");
     }
-    // With a declared input, the requirement is a fault.
+    // With a declared input, the hazard is a fault.
     let declared = karat(folder.path(), &["hazards", "--input", "k=0..1"]);
     assert_eq!(declared.code, Some(1), "{declared:?}");
     karat(
@@ -103,7 +103,7 @@ fn requirements_fail_a_run_that_denies_them() {
     .good();
 }
 
-/// If the name of a boolean suggests a range, Karat ignores the name.
+/// A name that implies a range for numbers implies nothing for a `bool`.
 #[test]
 fn a_bool_may_have_a_name_that_suggests_a_number() {
     let text = "struct Hit { diffuse: bool, roughness: f32 }\n\
@@ -116,7 +116,8 @@ fn a_bool_may_have_a_name_that_suggests_a_number() {
     assert!(error.contains("no bool lies there"), "{error}");
 }
 
-/// An input that one of several packages has is declared for that package. An unknown input is an error.
+/// With several packages, `--input` applies to the package that has the input. An input that no package has is an
+/// error.
 #[test]
 fn an_input_may_be_declared_for_one_of_several_packages() {
     let folder = shaders(SCHLICK);
@@ -127,7 +128,7 @@ fn an_input_may_be_declared_for_one_of_several_packages() {
     let out = karat(folder.path(), &inputs).good();
     assert!(out.contains("shaders: 0 faults") && out.contains("other: 0 faults"), "{out}");
     let error = karat(folder.path(), &[&inputs[..], &["--input", "gian=0..1"]].concat()).error();
-    assert!(error.contains("the input `gian` is declared, but no checked function"), "{error}");
+    assert!(error.contains("the input `gian` is declared, and no checked function"), "{error}");
 }
 
 #[test]
@@ -162,7 +163,7 @@ fn the_trace_shows_an_index_out_of_bounds() {
     let row = |ran: &str| ran.lines().find(|line| line.contains("-x * 2.0")).map(str::to_owned);
     assert!(row(&call("1")).is_some_and(|row| row.ends_with("-4")), "{}", call("1"));
     assert!(row(&call("7")).is_some_and(|row| row.ends_with("anything")), "{}", call("7"));
-    // The sign belongs to the operation.
+    // The minus sign belongs to the operation.
     assert!(call("1").lines().any(|line| line.contains("  -x  ")), "{}", call("1"));
 }
 
@@ -185,7 +186,7 @@ fn loops_that_may_not_end_are_hazards() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
-    // A function with bounded loops may take long. The deadline applies to it, too.
+    // A loop with a bound may run long. The deadline ends it, too.
     let mut long = command(folder.path(), &["call", "fresnel::long", "--path", "cpu"]);
     let error = output(long.env("KARAT_TIMEOUT", "0.2")).error();
     assert!(error.contains("this loop was still running after 0.2 s"), "{error}");
@@ -205,7 +206,7 @@ fn an_accepted_hazard_must_exist() {
     assert!(ran.contains("0 faults and 0 requirements in 2 functions, 1 accepted"), "{ran}");
     let all = karat(folder.path(), &["hazards", "--all", "--accepted"]).good();
     assert!(all.contains("accepted: meant") && all.contains("0 faults and 0 requ"), "{all}");
-    // A requirement needs no acceptance.
+    // A requirement needs no `accept`.
     let needs = "fn needs(x: f32) -> f32 { return 1.0 / x; }\n";
     write(&folder.path().join("shaders"), "fresnel.wgsl", &format!("{SCHLICK}{needs}"));
     let needless = accept("[\"fresnel::needs\"]", "1.0 / x").out;
@@ -250,7 +251,7 @@ fn each_round_of_a_loop_and_half_precision_have_rows() {
     assert!(half.lines().any(|line| line.contains("x * 0.5h") && line.contains("1.5")), "{half}");
 }
 
-/// Signed integers, conditions with both outcomes if WGSL allows both, and the names of `let`s.
+/// A trace shows integers with their sign, names of `let`s, and both outcomes of conditions that WGSL doesn't decide.
 #[test]
 fn integers_conditions_and_names_are_in_a_trace() {
     let folder = shaders(
@@ -269,14 +270,14 @@ fn integers_conditions_and_names_are_in_a_trace() {
     };
     assert_eq!(row("n - 3")[1..], ["below = n - 3", "-2", "-2", "-2"], "{trace}");
     assert!(row("sqrt(x)")[1].starts_with("root = "), "{trace}");
-    // Rounding determines the outcome, so WGSL allows both.
+    // Rounding decides the condition, so WGSL allows both outcomes.
     assert_eq!(row("root * root < x")[4], "false or true", "{trace}");
     // In `f64` the root is exact, so the branch isn't taken.
     assert_eq!(row("below < 0")[2..], ["true", "another way", "true"], "{trace}");
     assert_eq!(row("select(root")[2], "2", "{trace}");
 }
 
-/// The variance of four samples as the difference of two sums cancels if the samples are nearly equal.
+/// A variance of four samples is computed as a difference of two sums, which cancels if the samples are nearly equal.
 #[test]
 fn nearly_equal_arguments_are_tried() {
     let folder = shaders(
@@ -287,12 +288,12 @@ fn nearly_equal_arguments_are_tried() {
     );
     let ran = karat(folder.path(), &["hazards"]);
     assert!(ran.code == Some(0) && ran.out.contains("squares - mean * mean"), "{ran:?}");
-    // The message names the operands of the subtraction.
+    // The message names both operands of the subtraction.
     let about = ran.out.lines().find(|line| line.contains("are rounding errors (0."));
     assert!(about.is_some_and(|line| line.contains(", 0.") && line.contains("in f64")), "{ran:?}");
 }
 
-/// Each crate of a workspace has a folder of the same name.
+/// Each crate of a workspace has a shader folder with the same name.
 #[test]
 fn packages_with_the_same_name_are_named_by_their_folders() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -305,7 +306,7 @@ fn packages_with_the_same_name_are_named_by_their_folders() {
     );
     write(&folder.path().join("a/shaders"), "m.wgsl", over);
     write(&folder.path().join("b/shaders"), "m.wgsl", plain);
-    // The override of one package isn't an error in the other package.
+    // An override that only one of the packages has is no error in the other.
     let ran = karat(folder.path(), &["hazards", "--override", "A=2"]).good();
     assert!(ran.contains("a/shaders: 0 faults") && ran.contains("b/shaders: 0 faults"), "{ran}");
     let checked = karat(folder.path(), &["check"]).good();
@@ -316,7 +317,7 @@ fn packages_with_the_same_name_are_named_by_their_folders() {
     let twice = ["hazards", "--input", "x=0..1", "--input", "x=0..2"];
     let error = karat(folder.path(), &twice).error();
     assert!(error.contains("the input is given twice: --input x"), "{error}");
-    // These are two names of the same override.
+    // Two names set the same override.
     let twice = ["hazards", "--override", "A=2", "--override", "m::A=3"];
     let error = karat(folder.path(), &twice).error();
     assert!(error.contains("has two values, under two of its names"), "{error}");

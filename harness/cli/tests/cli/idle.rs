@@ -1,4 +1,4 @@
-//! Karat reports an error at the key of a check that would do nothing or can't fail. It counts dropped values.
+//! Tests that Karat refuses, at its key, a check that does nothing or can't fail, and that it counts dropped values.
 
 use super::*;
 
@@ -24,8 +24,8 @@ fn checks_that_cannot_fail_are_errors_at_their_place() {
             "m.test.toml:3:1",
             "no result passes this check, or every result does",
         ),
-        ("function = \"count\"\nequals = 5.5\n", "m.test.toml:3:1", "5.5 is no u32"),
-        ("function = \"count\"\nequals = -1\n", "m.test.toml:3:1", "-1 is no u32"),
+        ("function = \"count\"\nequals = 5.5\n", "m.test.toml:3:1", "5.5 isn't a u32"),
+        ("function = \"count\"\nequals = -1\n", "m.test.toml:3:1", "-1 isn't a u32"),
         (
             "function = \"half\"\nequals = 1\ntolerance = \"rel 1e300\"\n",
             "m.test.toml:4:1",
@@ -49,7 +49,7 @@ fn checks_that_cannot_fail_are_errors_at_their_place() {
         assert!(ran.code != Some(0), "{declared}: {said}");
         assert!(said.contains(place) && said.contains(message), "{declared}: {said}");
     }
-    // The results of a driver are compared with the range that WGSL allows.
+    // Karat compares a driver's results with the results that WGSL allows.
     let folder = shaders();
     let text = "[[test]]\nfunction = \"half\"\nagrees_with = \"half\"\ntolerance = \"spec\"\n\
                 over = { x = \"0..1\" }\n";
@@ -57,7 +57,7 @@ fn checks_that_cannot_fail_are_errors_at_their_place() {
     karat(folder.path(), &["test", ".", "--paths", "cpu"]).good();
 }
 
-/// A driver may leave out code whose result may be anything. Still, each path returns a result.
+/// If WGSL allows any result, a driver may leave out the computation. A call still has a result on each path.
 // Lesson 174
 #[test]
 fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
@@ -74,7 +74,7 @@ fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
     }
 }
 
-/// If a later operation hides a hazard, the hazard is listed last.
+/// A hazard that a later operation hides is reported last.
 // Lesson 178
 #[test]
 fn a_dropped_value_is_counted() {

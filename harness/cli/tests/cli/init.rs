@@ -1,9 +1,10 @@
-//! `karat init`
+//! Tests `karat init`.
 
 use super::report::function;
 use super::*;
 
-/// In a project that depends on Karat, `karat init` optimises the crates that tests wait for. Existing profiles stay.
+/// In a project that depends on Karat, `karat init` optimises the packages that tests wait for, and keeps settings that
+/// the author chose.
 #[test]
 fn a_project_gets_the_profiles_that_tests_need() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -11,7 +12,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
     let manifest = "[package]\nname = \"a\"\n\n[profile.dev.package]\nkarat.opt-level = 0";
     write(folder.path(), "Cargo.toml", manifest);
     let read = || std::fs::read_to_string(folder.path().join("Cargo.toml")).expect("it is there");
-    // Cargo would warn of profiles for missing crates.
+    // Cargo would warn about profiles of packages that don't exist.
     karat(folder.path(), &["init", "shaders"]).good();
     assert_eq!(read(), manifest);
     write(folder.path(), "Cargo.lock", "[[package]]\nname = \"karat\"\n");
@@ -20,7 +21,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
         ran.contains("added profiles of karat-core, karat-engine, naga to Cargo.toml"),
         "{ran}"
     );
-    // CI also runs the Rust tests, and keeps their records.
+    // CI also runs the project's Rust tests, and keeps the files that they write.
     karat(folder.path(), &["init", "--github", "--gitlab"]);
     for file in [".github/workflows/karat.yml", ".gitlab-ci.karat.yml"] {
         let text = std::fs::read_to_string(folder.path().join(file)).expect("it is there");
@@ -38,7 +39,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
     assert_eq!(read(), written, "once");
 }
 
-/// If `package.json` has Karat, the jobs install Karat with npm.
+/// If `package.json` depends on Karat, the CI jobs install Karat with npm.
 #[test]
 fn jobs_of_an_npm_project_use_npm() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -90,14 +91,14 @@ fn a_first_test_is_written_and_passes() {
     assert_eq!(read(".gitignore"), "target\n**/.karat/run/\n*.new.exr\n*.new.csv\n*.new.png\n");
     assert!(read("shaders/brdf.test.toml").contains("finite = true"));
     assert!(read(".github/workflows/karat.yml").contains("karat test shaders --paths vulkan"));
-    // With a broken function, the first test fails.
+    // The first test fails after a fault is planted.
     write(
         &folder.path().join("shaders"),
         "brdf.wgsl",
         "fn lambert(n_dot_l: f32) -> f32 { return 0.31830987 / n_dot_l; }\n",
     );
     assert_eq!(karat(folder.path(), &["test", "shaders"]).code, Some(1));
-    // A second call overwrites nothing.
+    // A second `karat init` overwrites nothing.
     write(
         folder.path(),
         "shaders/brdf.test.toml",
@@ -106,13 +107,14 @@ fn a_first_test_is_written_and_passes() {
     write(&folder.path().join("shaders"), "brdf.wgsl", "fn count(k: u32) -> u32 { return k; }\n");
     let again = karat(folder.path(), &["init", "--github"]).good();
     assert!(
-        again.contains("there are tests already") && again.contains("is there already"),
+        again.contains("there are tests already") && again.contains("exists already"),
         "{again}"
     );
     assert!(!read("shaders/brdf.test.toml").contains("finite"));
 }
 
-/// A project with Rust tests gets a test of a function without a Rust test. The record of its last run stays.
+/// If a project has Rust tests, `karat init` tests a function that they leave out, and keeps the record of their last
+/// run.
 #[test]
 fn init_skips_functions_that_rust_tests_check() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -126,7 +128,7 @@ fn init_skips_functions_that_rust_tests_check() {
     let record = path.join("target/karat/record");
     write(&record, "1.jsonl", &function("a::g", "cpu", "pass", None));
     write(&record, "run.json", r#"{"schema":5,"selected":[],"passed":true}"#);
-    // With `--github`, a project with Rust tests gets only the workflow.
+    // `karat init --github` writes only the workflow.
     let ran = karat(path, &["init", "--github"]).good();
     assert!(ran.contains("there are tests in Rust, so no test is written"), "{ran}");
     assert!(!path.join("shaders/a.test.toml").exists());
@@ -137,7 +139,7 @@ fn init_skips_functions_that_rust_tests_check() {
     assert!(ran.contains("1 passed") && ran.contains("the record of the last run stays"), "{ran}");
     let report = karat(path, &["report"]).good();
     assert!(report.contains("a::g") && !report.contains("a::h"), "{report}");
-    // If each function has a test, nothing is written, and nothing runs.
+    // If each function has a test, there is nothing to write and nothing to run.
     std::fs::remove_file(path.join("shaders/a.test.toml")).expect("it was written");
     write(path, "tests/more/b.rs", "SHADERS.function(\"a::h\");\n");
     let ran = karat(path, &["init"]).good();
@@ -145,6 +147,7 @@ fn init_skips_functions_that_rust_tests_check() {
     assert!(!path.join("shaders/a.test.toml").exists());
 }
 
+/// If the first test fails, the output says so, and shows the line.
 #[test]
 fn a_failing_first_test_of_init_says_what_to_do() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -183,7 +186,7 @@ fn init_explains_why_there_is_nothing_to_test() {
     write(folder.path(), "a.wgsl", "struct A { x: f32 }\n");
     let nothing = karat(folder.path(), &["init"]);
     assert!(nothing.code == Some(2) && nothing.out.contains("declares no function"), "{nothing:?}");
-    // If no test can be written, no other file is written either.
+    // If no test is possible, `karat init` writes nothing, including the files that go with a test.
     let bound = "@group(0) @binding(0) var t: texture_2d<f32>;\n\
                  fn tex(uv: vec2f) -> vec4f { return textureLoad(t, vec2i(uv), 0); }\n";
     write(folder.path(), "b.wgsl", bound);
@@ -199,7 +202,8 @@ fn init_explains_why_there_is_nothing_to_test() {
     assert!(none.contains("there is no folder `nowhere`"), "{none}");
 }
 
-/// A pass for one workgroup is dispatched as one workgroup. A long array isn't listed element by element.
+/// `karat init` dispatches a pass for one workgroup as one workgroup. The test of a long array doesn't list each
+/// element.
 #[test]
 fn a_pass_for_one_workgroup_gets_a_test() {
     let scan = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -231,7 +235,7 @@ fn a_pass_for_one_workgroup_gets_a_test() {
         let file = folder.path().join("m.test.toml");
         let declared = std::fs::read_to_string(&file).expect("it is written");
         assert!(declared.contains(part), "no `{part}` in {declared}");
-        // After its file is deleted, the test is written again.
+        // `karat init` writes a deleted test again.
         std::fs::remove_file(&file).expect("it is there");
         let ran = karat(folder.path(), &["init"]).good();
         assert!(ran.contains(&format!("a test of `m::{name}`")), "{ran}");
@@ -266,7 +270,7 @@ fn a_pass_over_images_gets_a_test() {
     assert!(ran.code != Some(0) && ran.out.contains("race on `target_"), "{ran:?}");
 }
 
-/// Sizes follow from the dispatch. A pass with a race fails.
+/// The sizes of buffers follow from the dispatch. The test of a pass that races fails.
 #[test]
 fn a_pass_gets_a_test_of_its_own() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -288,7 +292,7 @@ fn a_pass_gets_a_test_of_its_own() {
     {
         assert!(text.contains(part), "no `{part}` in {text}");
     }
-    // A planted fault makes the first test fail.
+    // The first test also fails after a fault is planted.
     let planted = pass.replace("sums[id.x] =", "sums[id.x / 2u] =");
     write(folder.path(), "m.wgsl", &planted);
     assert_eq!(karat(folder.path(), &["test", "."]).code, Some(1));
@@ -298,7 +302,7 @@ fn a_pass_gets_a_test_of_its_own() {
     assert!(ran.out.contains("race on `sums["), "{ran:?}");
 }
 
-/// A function without a float in its result is checked for hazards.
+/// A function that returns no float gets a check for hazards.
 // Lesson 181
 #[test]
 fn a_function_of_integers_gets_a_test() {
@@ -310,7 +314,7 @@ fn a_function_of_integers_gets_a_test() {
     assert_eq!(karat(folder.path(), &["test", "shaders"]).code, Some(1));
 }
 
-/// Git ignores the output of runs, wherever the folder of shaders is.
+/// Git ignores the files that runs write, for any position of the shader folder.
 // Lesson 181
 #[test]
 fn git_ignores_what_runs_leave() {
@@ -329,7 +333,7 @@ fn git_ignores_what_runs_leave() {
     assert_eq!(seen, "?? .gitignore\n?? lib/shaders/m.test.toml\n?? lib/shaders/m.wgsl\n");
 }
 
-/// The default folder is the folder whose tests `karat test` runs.
+/// `karat init` uses the folder whose tests `karat test` runs.
 // Lesson 181
 #[test]
 fn init_writes_tests_in_the_declared_folder() {
@@ -358,8 +362,8 @@ fn init_writes_in_ci_only_with_ci_may_write() {
     assert!(folder.path().join("m.test.toml").is_file());
 }
 
-/// A project for the web gets a script. Tint is required only if `package.json` has it, so that the first run passes on
-/// each machine.
+/// A project for the web gets a script. The script requires Tint only if the project depends on it, so the first run
+/// passes on each machine.
 #[test]
 fn a_project_for_the_web_gets_a_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -384,15 +388,15 @@ fn a_project_for_the_web_gets_a_script() {
     init().good();
     let again = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
     assert_eq!(again, manifest, "once is enough");
-    // The project has Tint, but this machine doesn't.
+    // The project depends on `webgpu`, but this machine hasn't installed it.
     let with = manifest.replacen('{', "{ \"devDependencies\": { \"webgpu\": \"0.3\" },", 1);
     write(folder.path(), "package.json", &with);
     let said = init().good();
-    assert!(said.contains("Chrome's compiler isn't asked"), "{said}");
+    assert!(said.contains("Chrome's compiler isn't used"), "{said}");
 }
 
-/// Invalid modules are reported, and the others get a test. `matrix` and `compare` accept a folder as other commands
-/// do.
+/// `karat init` reports an invalid module, and writes tests for the others. `matrix` and `compare` accept a folder, as
+/// other commands do.
 #[test]
 fn init_writes_tests_for_the_valid_modules() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -410,7 +414,7 @@ fn init_writes_tests_for_the_valid_modules() {
     let said = red(run(&["init", "src/wgsl"]));
     for part in [
         "`tone` declares `tone`: write `import package::tone::tone;`",
-        "no test of these modules can pass until you correct the errors",
+        "no test of these modules can pass until you correct them",
         "tone.test.toml, a test of `tone::tone`",
         "1 module isn't valid: use; 1 check passed",
     ] {
@@ -427,7 +431,8 @@ fn init_writes_tests_for_the_valid_modules() {
     assert!(compared.contains("changed") && compared.contains("tone::tone"), "{compared}");
 }
 
-/// npm packages aren't modules of the project. Each command uses the folder that contains all modules as the package.
+/// Packages of npm contain no modules of the project. For each command, the package is the folder that contains all
+/// modules.
 #[test]
 fn the_folder_that_has_all_modules_is_found() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -441,11 +446,11 @@ fn the_folder_that_has_all_modules_is_found() {
         let mut command = command(path, arguments);
         output(command.env("KARAT_PATHS", "cpu").env("KARAT_TINT", "off"))
     };
-    // A module that has only entry points gets a test, too.
+    // A module with only entry points also gets a test.
     let said = run(&["init"]).good();
     assert!(said.contains("wrote src/shaders/draw.test.toml, a test of `draw::main`"), "{said}");
     assert!(said.contains("karat watch src/shaders"), "{said}");
-    // For each command, imports start at that folder.
+    // For each command, imports begin at that folder.
     write(
         path,
         "src/shaders/noise.wgsl",
@@ -457,7 +462,7 @@ fn the_folder_that_has_all_modules_is_found() {
     assert!(row.contains("  yes  "), "the record of its test is found: {list}");
     run(&["test"]).good();
     run(&["hazards", "--only", "one"]).good();
-    // No command would use a package inside a package.
+    // No command finds a package within a package.
     write(path, "karat.toml", "");
     let error = run(&["init", "src/shaders"]).error();
     assert!(error.contains("`src/shaders` is a part of it: run `karat init .`"), "{error}");

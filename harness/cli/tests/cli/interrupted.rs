@@ -1,4 +1,4 @@
-//! Killed acceptances: their leftovers are named and deleted, and don't disturb other commands.
+//! Tests an acceptance that was killed. Karat names the files that it leaves, deletes them, and isn't hindered by them.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use super::pending::{LAVAPIPE, pending_frame, provenance};
 use super::report::frame;
 use super::*;
 
-/// Writes a pending frame that differs from a golden with this hash.
+/// Writes a pending frame that was compared with a golden of this hash.
 fn differing(golden: &FilePath, value: f32, compared_with: &str) -> PathBuf {
     let image = Image::new(2, 1, vec![[value; 4]; 2]);
     let facts = provenance("scene", &image.hash(), LAVAPIPE, compared_with);
@@ -23,7 +23,7 @@ fn differing(golden: &FilePath, value: f32, compared_with: &str) -> PathBuf {
 
 const ACCEPT: [&str; 4] = ["accept", "scene", "--because", "why"];
 
-/// A project with a golden `scene` that a test compared and that agrees.
+/// A project with a golden `scene` that agrees.
 fn with_golden() -> (TempDir, PathBuf) {
     let project = project();
     let golden = project.path().join("golden");
@@ -46,7 +46,7 @@ fn files(folder: &FilePath) -> Vec<String> {
     names
 }
 
-/// Temporary files before they are renamed. No process has such a number.
+/// Names of files between writing and renaming. No process has these numbers.
 const LEFTOVERS: [&str; 3] =
     ["scene.exr.4194999-0.tmp", "scene.toml.4194999-1.tmp", "room.new.exr.4194999-12.tmp"];
 
@@ -93,7 +93,7 @@ fn the_next_decision_removes_leftovers() {
     }
 }
 
-/// Files with similar names, and a file that a process is writing, stay.
+/// The files have similar names, or a process is still writing them.
 // Lesson 60
 #[test]
 fn files_with_other_names_are_never_deleted() {
@@ -113,7 +113,7 @@ fn files_with_other_names_are_never_deleted() {
         write(&golden, file, "precious");
     }
     std::fs::create_dir(golden.join("scene.exr.12-0.tmp")).expect("a folder");
-    // The process that writes the file is still alive.
+    // The process that writes the file still runs, and has locked the file.
     let live = std::fs::File::create(golden.join("room.exr.4194999-7.tmp")).expect("created");
     live.lock().expect("nobody else has it");
     let ran = karat(project.path(), &["unreferenced", "--record", "record", "--delete"]);
@@ -128,7 +128,7 @@ fn files_with_other_names_are_never_deleted() {
     assert!(!golden.join("room.exr.4194999-7.tmp").exists(), "its writer is gone");
 }
 
-/// The acceptance was killed after it renamed both files: the golden is written, and its frame is still pending.
+/// The acceptance was killed after both files were renamed: the golden is written, and its frame is still pending.
 // Lesson 60
 #[test]
 fn accepting_again_after_the_golden_was_written_succeeds() {
@@ -148,14 +148,14 @@ fn accepting_again_after_the_golden_was_written_succeeds() {
     assert!(!waiting.exists(), "nothing is left pending");
     let after = ["scene.exr", "scene.toml"].map(|file| std::fs::read(golden.join(file)));
     assert!(after.map(|read| read.expect("there")) == accepted, "as it was accepted first");
-    // Any other frame is refused, because its golden has changed.
+    // If the pending frame differs from the golden, it is still stale.
     differing(&golden, 0.75, &before.hash());
     let error = karat(project.path(), &ACCEPT).failure(1);
     assert!(error.contains("the golden of `scene` has changed since"), "{error}");
 }
 
-/// The acceptance was killed between renaming the two files: the provenance belongs to the new golden, but the image is
-/// the old one.
+/// The acceptance was killed between the two renames: the provenance belongs to the new golden, and the image is the
+/// old one.
 // Lesson 60
 #[test]
 fn accepting_again_after_the_facts_were_written_succeeds() {
@@ -178,8 +178,8 @@ fn accepting_again_after_the_facts_were_written_succeeds() {
     karat(project.path(), &["unreferenced", "--record", "record"]).good();
 }
 
-/// An acceptance may be killed at any time with `kill -9`. The golden is either the old or the new one, and complete.
-/// Accepting again finishes the work.
+/// After `kill -9` at any time, the golden is completely the old or completely the new one. Accepting again does the
+/// remaining steps.
 // Lesson 60
 #[test]
 fn an_acceptance_may_be_killed_at_any_time() {
@@ -193,7 +193,7 @@ fn an_acceptance_may_be_killed_at_any_time() {
             f32::from_bits(0x3f80_0000 | state >> 9)
         };
         let pixels = (0..128 * 128).map(|_| [value(), value(), value(), 1.0]).collect();
-        // A golden in half floats has these values.
+        // A golden in half floats returns rounded values.
         Image::new(128, 128, pixels).rounded_to(Precision::Half)
     };
     let wait = |image: &Image, compared_with: &str| {
@@ -215,7 +215,7 @@ fn an_acceptance_may_be_killed_at_any_time() {
         let mut command = command(project.path(), &ACCEPT);
         let child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
         let mut child = child.expect("the binary was built with this test");
-        // The delays are spread over the duration of an acceptance, in no order.
+        // The kills are spread over the duration of an acceptance, in mixed order.
         std::thread::sleep(whole * (round * 37 % 50) / 50 + Duration::from_micros(200));
         child.kill().expect("ours");
         killed += u32::from(!child.wait().expect("it ends").success());

@@ -1,4 +1,4 @@
-//! `karat mutate`
+//! Tests `karat mutate`.
 
 use std::path::PathBuf;
 
@@ -53,7 +53,7 @@ fn mutants_are_killed_or_listed() {
     assert!(all.contains("by `calc::half equals`") && all.contains("score 100%"), "{all}");
     let list = karat(folder.path(), &["mutate", "--list"]).good();
     assert!(list.lines().count() > 5 && !list.contains("score"), "{list}");
-    // The output says that this is a sample. The same seed selects the same mutants.
+    // The report names the sample. With the same seed, the sample is the same.
     let part = ["mutate", "--sample", "3", "--seed", "4", "--all", "--fail-under", "0"];
     let [first, second] = [(); 2].map(|()| karat(folder.path(), &part).good());
     let without_time = |out: &str| out.rsplit_once(';').map(|(all, _)| all.to_owned());
@@ -63,7 +63,7 @@ fn mutants_are_killed_or_listed() {
     assert_eq!(told[0]["result"]["fate"], "killed", "{told}");
 }
 
-/// Only edited lines and files that git doesn't know have mutants.
+/// The run includes only lines that an edit touches, and files that git doesn't track.
 #[test]
 fn mutants_in_a_diff_are_only_those_of_changed_lines() {
     let folder = folder();
@@ -71,7 +71,7 @@ fn mutants_in_a_diff_are_only_those_of_changed_lines() {
     git(folder.path(), &["add", "."]);
     git(folder.path(), &["commit", "-qm", "one"]);
     let shaders = folder.path().join("shaders");
-    // A pull request without shaders doesn't fail.
+    // A pull request without shaders passes.
     let none = karat(folder.path(), &["mutate", "--in-diff", "HEAD"]);
     assert!(none.code == Some(0) && none.out.contains("no mutant was tried"), "{none:?}");
     assert!(none.err.contains("there is no mutant in the lines that changed"), "{none:?}");
@@ -81,7 +81,7 @@ fn mutants_in_a_diff_are_only_those_of_changed_lines() {
     write(&shaders, "new.wgsl", "fn third(x: f32) -> f32 { return x / 3.0; }\n");
     let both = karat(folder.path(), &["mutate", "--in-diff", "HEAD", "--all"]);
     assert!(both.code == Some(1) && both.out.contains("`new::third`"), "{both:?}");
-    // Later changes on the other branch don't count as changes of this branch.
+    // Later commits on the other branch aren't part of this pull request.
     git(folder.path(), &["checkout", "-q", "--", "."]);
     git(folder.path(), &["branch", "work"]);
     write(&shaders, "calc.wgsl", &SHADER.replace("3.0", "4.0"));
@@ -104,17 +104,18 @@ fn mutate_fails_if_the_score_is_below_the_bound() {
     assert_eq!((under("10"), under("99.5")), (Some(0), Some(1)));
     let slip = karat(folder.path(), &["mutate", "--fail-under", "many"]);
     assert!(slip.code == Some(2) && slip.err.contains("a number from 0 to 100"), "{slip:?}");
-    // Tests that fail without a mutant kill nothing.
+    // Tests that already fail kill no mutant.
     let red = TESTS.replace("equals = 1", "equals = 3");
     write(&folder.path().join("shaders"), "calc.test.toml", &red);
     let error = karat(folder.path(), &["mutate"]).error();
-    assert!(error.contains("1 test fails") && error.contains("mend"), "{error}");
+    assert!(error.contains("1 test fails") && error.contains("fix them"), "{error}");
     std::fs::remove_file(folder.path().join("shaders/calc.test.toml")).expect("removed");
     let error = karat(folder.path(), &["mutate"]).error();
     assert!(error.contains("there is no test"), "{error}");
 }
 
-/// Each line with surviving mutants gets a warning with its path in the repository, and the job's summary gets the log.
+/// GitHub gets a warning for each line with surviving mutants, with its path in the repository. The job's summary gets
+/// the log.
 #[test]
 fn lines_are_annotated() {
     let folder = folder();
@@ -134,7 +135,7 @@ fn lines_are_annotated() {
     assert!(!summary.contains('\u{1b}'), "{summary}");
 }
 
-/// Stryker's report has the location of each mutant, in the terms of its schema.
+/// Stryker's report has each mutant with its position, in the format of Stryker's schema.
 #[test]
 fn stryker_reads_the_report() {
     let folder = folder();

@@ -1,12 +1,12 @@
-//! Arbitrary names of tests, functions, goldens and files, in each format that other programs read.
+//! Tests hostile names of tests, functions, goldens and files, in each format that other programs read.
 
 use std::collections::BTreeSet;
 
 use super::report::{frame, function};
 use super::*;
 
-/// Names that could break a format or a line: characters that XML doesn't allow, line ends before a command, the
-/// special characters of each language and of shells, and lengths that no command line allows.
+/// Names that break a format or a line: characters that XML forbids, line ends before a command, markup of each
+/// language, characters that a shell interprets, and lengths that no command line allows.
 fn nasty() -> Vec<String> {
     // Linux allows 128 KiB for an argument or a variable.
     let long = "n".repeat(1 << 18);
@@ -31,7 +31,7 @@ fn nasty() -> Vec<String> {
     .map(str::to_owned)
     .to_vec();
     all.push(long);
-    // These names are reproducible mixtures of the others.
+    // Mixtures of these names, from a fixed seed.
     let mut state = 1_u64;
     let mut next = |below: usize| {
         state =
@@ -46,7 +46,7 @@ fn nasty() -> Vec<String> {
     all
 }
 
-/// Returns records in which a function, a test and a golden have each of these names.
+/// Records in which each name belongs to a function, a test and a golden.
 fn records(folder: &FilePath, names: &[String]) -> String {
     let named = |line: String, name: &str| {
         let mut record: serde_json::Value = serde_json::from_str(&line).expect("a record");
@@ -71,14 +71,14 @@ fn records(folder: &FilePath, names: &[String]) -> String {
     };
     let of = |name: &String| {
         let function = named(function("m::f", "gl", "fail", Some("")), name);
-        // One check occurs twice. The last record is a frame.
+        // The record also has a check twice, and a frame.
         let frame = named(frame(&folder.join("golden"), "x", &["vulkan"], "fail"), name);
         format!("{function}{function}{frame}")
     };
     names.iter().map(of).collect()
 }
 
-/// Checks the reports of a run in every format. Returns the lines that GitHub's runner would run as commands.
+/// Checks the reports of a run in every format, and the lines that GitHub's runner reads as commands.
 fn check(project: &TempDir, lines: &str, checks: usize) -> Vec<String> {
     let folder = project.path();
     let record = folder.join("target/karat/record");
@@ -113,16 +113,16 @@ fn check(project: &TempDir, lines: &str, checks: usize) -> Vec<String> {
     assert_eq!(all["records"].as_array().map(Vec::len), Some(checks));
 
     let summary = read("summary.md");
-    // The text outside of `<pre>` must not act as Markdown.
+    // The text outside of `<pre>` contains no Markdown from a name.
     let outside = summary.split("<pre>").map(|part| part.rsplit("</pre>").next().unwrap_or(part));
     let outside: String = outside.collect();
     assert!(!summary.contains("<img") && !outside.contains("]("), "{outside}");
-    // A preceding backslash may be a part of the name.
+    // A backslash before it may belong to a name.
     let mut rows = outside.lines().filter(|line| line.starts_with('|'));
     let broken = rows.find(|row| row.matches('|').count() != 8);
     assert_eq!(broken, None);
 
-    // Between the two commands, no line acts as a command.
+    // Between both lines, GitHub reads no commands.
     let (before, rest) = ran.out.split_once("::stop-commands::").expect("commands are held");
     assert_eq!(before, "");
     let (word, rest) = rest.split_once('\n').expect("a line");
@@ -147,13 +147,13 @@ fn no_name_breaks_a_report() {
             assert!(properties.split(',').all(key), "{command}");
         }
     }
-    // With `--short` there is one line for each failure.
+    // Editors get one line for each failure.
     let ran = karat(project.path(), &["report", "--short"]);
     assert_eq!(ran.out.lines().count(), 7, "{ran:?}");
     assert!(ran.out.lines().take(6).all(|line| line.contains("error: ")), "{ran:?}");
 }
 
-/// Tests with arbitrary names run, and their failures can be replayed.
+/// Tests run, and are replayed, under any name that their author chose.
 // Lesson 182
 #[test]
 fn no_name_breaks_a_run_or_its_replay() {
@@ -178,7 +178,7 @@ fn no_name_breaks_a_run_or_its_replay() {
     let xml = roxmltree::Document::parse(&xml).expect("well-formed");
     let cases = xml.descendants().filter(|node| node.has_tag_name("testcase"));
     assert_eq!(cases.count(), count);
-    // Each failure is replayed by its short name, and fails again.
+    // Each test runs again by its short name, and fails again.
     let listed = karat(folder.path(), &["replay"]).failure(3);
     let short: Vec<&str> =
         listed.lines().filter_map(|line| line.strip_prefix("  ")?.split(' ').next()).collect();
@@ -189,7 +189,7 @@ fn no_name_breaks_a_run_or_its_replay() {
     }
 }
 
-/// The names of files appear on the page of translations, and on GitHub.
+/// The page of translations and GitHub's output contain the file's name.
 // Lesson 182
 #[test]
 fn no_file_breaks_the_page_of_translations() {
@@ -203,7 +203,7 @@ fn no_file_breaks_the_page_of_translations() {
     assert!(page.contains("&lt;img") && !page.contains("<img"), "{page}");
 }
 
-/// A file whose name can't be a module's name is reported, and its name begins no line.
+/// A file with a name that no module can have is reported, and its name begins no line.
 // Lesson 182
 #[cfg(unix)]
 #[test]

@@ -1,4 +1,5 @@
-//! Requests of other programs: the list of tests, the run of one test, and the comparison of an image with its golden.
+//! Tests the interfaces for other programs: a list of tests, a run of one test, and the comparison of an image with its
+//! golden.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
@@ -23,7 +24,7 @@ fn folder() -> TempDir {
     folder
 }
 
-/// Each test has the location where its author wrote it. An unreadable file of tests is listed with its error.
+/// Each test has its position in the author's file. A file that should declare tests and declares none has an error.
 #[test]
 fn tests_are_listed_with_their_places() {
     let folder = folder();
@@ -66,7 +67,7 @@ fn tests_are_listed_with_their_places() {
     assert!(error.contains("there is no test beside the shaders"), "{error}");
 }
 
-/// A long-lived process runs the requested test, and returns its records. Without an edit the test doesn't run again.
+/// A server process runs the requested test and returns its record. If nothing was edited, the test doesn't run again.
 #[test]
 fn one_test_is_run_when_it_is_asked_for() {
     let folder = folder();
@@ -81,7 +82,7 @@ fn one_test_is_run_when_it_is_asked_for() {
     for _ in 0..2 {
         let request = serde_json::json!({ "filter": "", "all": false, "first": [], "only": "m::twice equals" });
         writeln!(stdin, "{request}").expect("it reads");
-        // The process ends when its input ends.
+        // The process ends when its input ends, during any work.
         while said.last().is_none_or(|one: &serde_json::Value| one["done"].is_null()) {
             let line = lines.next().expect("it goes on").expect("a text");
             said.extend((!line.is_empty()).then(|| json(&line)));
@@ -101,8 +102,7 @@ fn one_test_is_run_when_it_is_asked_for() {
     }
 }
 
-/// An image of another program is compared like a frame, and becomes pending if it differs. An image of one colour is
-/// refused.
+/// An image of another program is compared and becomes pending as a frame does. Karat refuses an image without content.
 #[test]
 fn an_image_is_matched_with_its_golden() {
     let folder = tempfile::tempdir().expect("a temporary folder");

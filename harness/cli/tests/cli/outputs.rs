@@ -1,4 +1,5 @@
-//! Outputs never overwrite inputs, and are written completely or not at all.
+//! Tests the files that commands write. A command never overwrites its input, and writes a file completely or not at
+//! all.
 
 use super::pending::pending_frame;
 use super::report::function;
@@ -16,7 +17,7 @@ fn a_table_replaces_no_input() {
     #[cfg(unix)]
     std::os::unix::fs::symlink("x.csv", path("soft.csv")).expect("a link");
     let names = ["x.csv", "./sub/../x.csv", "hard.csv", "soft.csv"];
-    // On other systems, links need privileges.
+    // On other systems, making links needs privileges.
     for name in names.into_iter().filter(|name| cfg!(unix) || *name != "soft.csv") {
         let arguments = ["call", "calc::double", "--table", "x.csv", "--out", name];
         let error = karat(folder, &arguments).error();
@@ -25,7 +26,7 @@ fn a_table_replaces_no_input() {
         assert!(error.contains(&message) && error.contains("name another file"), "{error}");
         assert_eq!(std::fs::read_to_string(path("x.csv")).expect("there"), "x\n1\n2\n");
     }
-    // The command reads the shader, too.
+    // The shader is also an input.
     let shader = "fn twice(x: f32) -> f32 { return 2.0 * x; }\n";
     write(folder, "my.wgsl", shader);
     let arguments = ["--shaders", "my.wgsl", "--table", "x.csv", "--out", "my.wgsl"];
@@ -48,7 +49,7 @@ fn a_preview_replaces_no_input() {
         assert!(error.contains(&format!("the preview `{out}` would overwrite `a.exr`")), "{error}");
         assert!(std::fs::read(folder.join(out)).expect("there") == before, "{out}");
     }
-    // This also holds for the default output. An image may have the ending of another format.
+    // This also holds for the default name: an image of one format may have another format's extension.
     std::fs::copy(folder.join("a.exr"), folder.join("c.png")).expect("copied");
     let error = karat(folder, &["preview", "c.png"]).error();
     assert!(error.contains("the preview `c.png` would overwrite `c.png`"), "{error}");
@@ -68,8 +69,7 @@ fn a_report_replaces_no_record() {
     karat(folder, &["report", "--record", "run", "--junit", "run/junit.xml"]).good();
 }
 
-/// An output is written beside its final path, and then renamed. A program that has the old file open still reads all
-/// of it.
+/// Karat writes a new file beside the old one and renames it. A reader of the old file still sees all of it.
 // Lesson 59
 #[test]
 fn every_output_is_written_whole() {
@@ -100,7 +100,7 @@ fn every_output_is_written_whole() {
     }
 }
 
-/// With a full disk, the old file stays. In this shell no file may grow beyond 512 bytes.
+/// If the disk is full, the old file stays. In this test, no file may grow beyond 512 bytes.
 // Lesson 59
 #[cfg(target_os = "linux")]
 #[test]
@@ -114,7 +114,7 @@ fn a_full_disk_leaves_the_table_of_before() {
     let mut shell = Command::new("sh");
     shell.current_dir(folder).env("NODEVICE_SELECT", "1").env("MESA_SHADER_CACHE_DISABLE", "true");
     shell.args(["-c", limited]).arg(karat);
-    // Drivers write files, too, and a required path is opened.
+    // Drivers write their own files, and Karat opens a required driver.
     shell.env_remove("KARAT_PATHS").env_remove("KARAT_REQUIRE");
     let call = ["call", "calc::double", "--path", "cpu", "--table", "in.csv", "--out", "out.csv"];
     let ran = output(shell.args(call));
@@ -123,7 +123,7 @@ fn a_full_disk_leaves_the_table_of_before() {
     assert_eq!(kept, "of the run before");
 }
 
-/// A device, pipe or link is written to, and isn't replaced.
+/// Karat writes into a device or a pipe without replacing it. A link stays a link.
 // Lesson 59
 #[cfg(unix)]
 #[test]
@@ -135,7 +135,7 @@ fn output_to_a_device_or_link_does_not_replace_the_device_or_link() {
     let table = |out: &str| {
         karat(folder, &["call", "calc::double", "--table", "in.csv", "--out", out]).good()
     };
-    // The test makes a pipe, because a mistake must not replace a device of this machine.
+    // The test makes its own pipe, because a fault must not replace a device of this machine.
     let pipe = folder.join("pipe");
     assert!(Command::new("mkfifo").arg(&pipe).status().expect("it runs").success());
     let reader = std::thread::spawn({
@@ -149,7 +149,7 @@ fn output_to_a_device_or_link_does_not_replace_the_device_or_link() {
         panic!("the pipe was replaced");
     }
     assert!(reader.join().expect("no panic").starts_with("x,"));
-    // The file of standard output may be open in another program.
+    // The file is open, because standard output goes to it.
     let file = std::fs::File::create(folder.join("stdout.csv")).expect("created");
     let mut command =
         command(folder, &["call", "calc::double", "--table", "in.csv", "--out", "/dev/stdout"]);
@@ -161,7 +161,7 @@ fn output_to_a_device_or_link_does_not_replace_the_device_or_link() {
     table("link.csv");
     assert!(folder.join("link.csv").symlink_metadata().expect("there").is_symlink());
     assert!(std::fs::read_to_string(folder.join("real.csv")).expect("there").starts_with("x,"));
-    // A report of an earlier run is removed before the new one is written. Other files stay.
+    // Karat deletes a report of an earlier run before it writes a new one. It keeps a file that isn't a report.
     std::fs::create_dir(folder.join("own")).expect("a folder");
     write(
         &folder.join("own"),

@@ -1,4 +1,4 @@
-//! `karat pending`, `accept` and `reject`, for local frames and for frames of a CI run.
+//! Tests `karat pending`, `accept` and `reject`, in this folder and on the files of a CI run.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -18,7 +18,7 @@ pub(crate) fn pending_frame(golden: &FilePath, case: &str, adapter: &str) {
     write_frame(golden, case, case, adapter, "");
 }
 
-/// Writes a pending frame with any provenance.
+/// Writes a pending frame with the given adapter and golden in its provenance.
 pub(crate) fn write_frame(
     golden: &FilePath,
     file: &str,
@@ -29,7 +29,7 @@ pub(crate) fn write_frame(
     write_of(golden, file, ("", ""), provenance(case, "", adapter, compared_with));
 }
 
-/// Writes a pending frame of a crate and its folder of goldens.
+/// Writes a pending frame of a crate with its folder of goldens.
 fn write_of(
     place: &FilePath,
     file: &str,
@@ -131,7 +131,6 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     assert!(error.contains("there is no folder `nowhere`"), "{error}");
 }
 
-/// Makes another image the golden of `scene`.
 fn write_other(golden: &FilePath) {
     let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
     image.write_exr(&golden.join("scene.exr"), Precision::Half, None).expect("written");
@@ -171,7 +170,7 @@ fn changed_frames_and_new_frames_are_listed_differently() {
     let ran = karat(project.path(), &["pending", "--json"]);
     assert_eq!(ran.code, Some(1));
     assert_eq!(json(&ran.out)[0]["status"], "differs");
-    // The golden that the frame was compared with no longer exists. The other frame is accepted.
+    // The golden of one frame doesn't exist any more. The other frame is accepted.
     let ran = karat(project.path(), &["accept", "*", "--because", "why", "--json"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     let list = json(&ran.out);
@@ -184,7 +183,7 @@ fn changed_frames_and_new_frames_are_listed_differently() {
     karat(project.path(), &["pending"]).good();
 }
 
-/// An error about one frame is reported, and the other frames are accepted.
+/// If a command fails for one frame, it reports this, and continues with the others.
 #[test]
 fn an_unusable_file_does_not_stop_the_others() {
     let project = with_goldens();
@@ -245,10 +244,10 @@ fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
         folder.join("golden/scene.exr").is_file() && folder.join("golden/scene.toml").is_file()
     );
     assert!(folder.join("ci.zip").is_file(), "the zip stays as it is");
-    // The frame is already accepted. Accepting it again succeeds.
+    // The frame is already accepted. Accepting it again is no error.
     let out = karat(folder, &accept).good();
     assert!(out.contains("`golden/scene.exr` has these pixels and facts already"), "{out}");
-    // The frame wasn't compared with this golden.
+    // The frame wasn't compared with the golden that exists now.
     write_other(&folder.join("golden"));
     let error = karat(folder, &accept).failure(1);
     assert!(error.contains("the golden of `scene` has changed since"), "{error}");
@@ -282,7 +281,7 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
     damaged[100] ^= 0xff;
     std::fs::write(folder.join("damaged.zip"), &damaged).expect("written");
     write(folder, "text.zip", "not a zip");
-    // The name in the file would lead out of the folder of goldens. The name of the file wouldn't.
+    // The frame's name would leave the folder of goldens. The file's name wouldn't.
     write_frame(&folder.join("names"), "evil", "../../evil", LAVAPIPE, "");
     for case in ["a/scene", "b/scene"] {
         write_frame(&folder.join("twice"), case, "scene", LAVAPIPE, "");
@@ -316,7 +315,7 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
     assert!(!above.exists() && !FilePath::new("/evil.new.exr").exists());
 }
 
-/// A workspace of two crates. Their Cargo names differ from the names of their folders, `a` and `b`. `a` has a golden.
+/// A workspace of the two crates `a` and `b`. Their names in Cargo differ from their folders' names. `a` has a golden.
 fn workspace() -> TempDir {
     let project = tempfile::tempdir().expect("a temporary folder");
     let folder = project.path();
@@ -334,7 +333,7 @@ fn new(case: &str) -> Provenance {
     provenance(case, "", LAVAPIPE, "")
 }
 
-/// The first golden of a crate creates the crate's folder of goldens. No other folder changes.
+/// The first golden of a crate creates the crate's folder of goldens, and Karat writes into no other crate's folder.
 // Lesson 179
 // Lesson 180
 #[test]
@@ -346,7 +345,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     let frame = std::fs::read(ci.join("crates/sky/golden/dusk.new.exr")).expect("written");
     zip(&folder.join("k.zip"), &[("pending/crates/sky/golden/dusk.new.exr", &frame)]);
     let accept = ["accept", "dusk", "--from", "k.zip", "--because", "x"];
-    // In CI Karat writes nothing, unless an option allows it.
+    // In CI, Karat writes nothing, unless it may.
     let refused = output(command(folder, &accept).env("CI", "true")).error();
     assert!(
         refused.contains("`CI` is set, and Karat writes nothing into your sources in CI"),
@@ -359,7 +358,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     assert!(folder.join("crates/sky/golden/dusk.toml").is_file());
     assert!(!folder.join("golden").exists());
     assert_eq!(std::fs::read_dir(folder.join("crates/lamp/golden")).expect("there").count(), 0);
-    // `--goldens` with another folder is refused, too.
+    // Karat also refuses another folder that the command names.
     let other = [&accept[..], &["--goldens", "crates/lamp/golden"]].concat();
     let error = karat(folder, &other).failure(1);
     assert!(error.contains("compared with the goldens in `crates/sky/golden`"), "{error}");
@@ -367,7 +366,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     output(command(folder, &may).env("CI", "true")).good();
 }
 
-/// If a member declares its folder of goldens, the project's folder stays in use.
+/// If a member declares its folder of goldens, the project keeps its own folder.
 #[test]
 fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
     let project = workspace();
@@ -385,7 +384,7 @@ fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
     }
 }
 
-/// If one crate has two folders of goldens, the frames are named by their paths in the project, as in reports.
+/// If one crate has two folders of goldens, their paths distinguish the frames, as in reports.
 #[test]
 fn frames_of_one_name_and_crate_are_named_by_their_folders() {
     let project = workspace();
@@ -400,6 +399,7 @@ fn frames_of_one_name_and_crate_are_named_by_their_folders() {
     assert!(folder.join("crates/lamp/other/dusk.exr").is_file());
 }
 
+/// The names of crates distinguish frames with the same name.
 // Lesson 179
 #[test]
 fn frames_of_one_name_are_named_by_their_crates() {
@@ -408,7 +408,7 @@ fn frames_of_one_name_are_named_by_their_crates() {
     let crates = [("the-lamp", "crates/lamp/golden"), ("the-sky", "crates/sky/golden")];
     for (at, (name, golden)) in crates.into_iter().enumerate() {
         write_of(&folder.join("ci/pending").join(golden), "dusk", (name, golden), new("dusk"));
-        // These frames are pending beside their goldens.
+        // In this run the frames are pending beside their goldens.
         write_of(&folder.join(golden), "dusk", (name, golden), new("dusk"));
         write_of(
             &folder.join(golden),
@@ -438,12 +438,13 @@ fn frames_of_one_name_are_named_by_their_crates() {
             karat(folder, &[&["accept", "the-moon::dusk"][..], &because].concat()).failure(3);
         assert!(none.contains("`the-moon::dusk` isn't pending"), "{none}");
     }
-    // A name that only one crate has needs no crate.
+    // A name that only one crate has needs no prefix.
     let own = karat(folder, &["reject", "own-1", "the-lamp::*"]).good();
     assert_eq!(own, "rejected dusk\nrejected own-0\nrejected own-1\n");
 }
 
-/// A frame of another machine names its folder. Karat doesn't trust that name.
+/// The provenance of a frame from another machine names its folder. Karat trusts this folder as little as the frame's
+/// name.
 // Lesson 179
 #[test]
 fn a_frame_that_belongs_outside_of_the_project_is_refused() {
@@ -460,6 +461,7 @@ fn a_frame_that_belongs_outside_of_the_project_is_refused() {
     assert!(!FilePath::new("/tmp/elsewhere").exists() && !folder.join(".git").exists());
 }
 
+/// Commands that write into sources refuse to do so in CI.
 // Lesson 180
 #[test]
 fn commands_that_write_refuse_to_in_ci() {

@@ -1,11 +1,11 @@
-//! Exit codes don't depend on the reader of the output.
+//! Tests that the reader of the output has no effect on the verdict, even if nobody reads the output.
 
 use super::pending::{LAVAPIPE, pending_frame, write_frame};
 use super::report::function;
 use super::*;
 
 /// A project in which each command prints something: two pending frames, two images that differ, and the record of a
-/// failed run.
+/// run that failed.
 fn eventful() -> TempDir {
     let project = project();
     let folder = project.path();
@@ -26,7 +26,7 @@ fn eventful() -> TempDir {
     project
 }
 
-/// Each command, and its exit code in an eventful project.
+/// Each command with its exit code in this project.
 const COMMANDS: [(&[&str], i32); 27] = [
     (&["list"], 0),
     (&["list", "--json"], 0),
@@ -57,7 +57,7 @@ const COMMANDS: [(&[&str], i32); 27] = [
     (&["render", "scene"], 2),
 ];
 
-/// Returns the exit code of a command whose output and error output have no reader.
+/// The exit code of a command with closed pipes for standard output and standard error.
 fn into_a_broken_pipe(command: &mut Command) -> Option<i32> {
     let (reader, writer) = std::io::pipe().expect("a pipe");
     drop(reader);
@@ -77,7 +77,7 @@ fn a_closed_pipe_does_not_change_the_exit_code() {
     }
 }
 
-/// Commands that change files do so, and report it.
+/// Commands that change files still change them, and report the result.
 // Lesson 57
 #[test]
 fn a_closed_pipe_does_not_stop_a_command() {
@@ -95,7 +95,7 @@ fn a_closed_pipe_does_not_stop_a_command() {
     assert!(folder.join("flip.png").is_file());
 }
 
-/// The reader in the shell's pipe ends after the first line, or at once.
+/// In a shell's pipe, the reader ends after the first line, or at once.
 // Lesson 57
 #[cfg(unix)]
 #[test]
@@ -130,14 +130,14 @@ fn a_shell_pipe_that_closes_early_keeps_the_exit_code() {
     }
 }
 
-/// With `karat test | head -1`, cargo's run completes, the records stay, and reports are written.
+/// In `karat test | head -1`, Cargo's run completes, and Karat keeps records and writes reports.
 // Lesson 57
 #[cfg(unix)]
 #[test]
 fn a_closed_pipe_does_not_stop_a_run() {
     let project = project();
     let folder = project.path();
-    // The script prints much on both streams before the verdict is recorded. `sh test ...` runs this file.
+    // The script prints much text on both streams before it records the verdict. `sh test ...` runs this file.
     let script = "i=0\nwhile [ $i -lt 300 ]; do\n  echo \"test t$i ... FAILED\"\n  \
                   echo Compiling >&2\n  i=$((i + 1))\ndone\n\
                   mkdir -p \"$KARAT_RECORD\"\ncp lines.jsonl \"$KARAT_RECORD/1.jsonl\"\nexit $STATUS\n";
@@ -156,7 +156,7 @@ fn a_closed_pipe_does_not_stop_a_run() {
     }
 }
 
-/// A full disk is an error, whatever the verdict is. The command still does its work.
+/// A full disk is an error for every verdict. The command still does its work.
 // Lesson 57
 #[cfg(target_os = "linux")]
 #[test]
@@ -181,7 +181,7 @@ fn an_output_that_cannot_be_written_is_an_error() {
     let (code, err) = run(&["accept", "new", "--because", "why"]);
     assert_eq!(code, Some(2), "{err}");
     assert!(folder.join("golden/new.exr").is_file() && !folder.join("golden/new.new.exr").exists());
-    // If standard error can't be written, the verdict stays.
+    // If nobody reads standard error, the verdict is unchanged.
     let ran = command(folder, &["accept", "room", "--because", "why"]).stderr(full()).status();
     assert_eq!(ran.expect("it runs").code(), Some(1));
 }

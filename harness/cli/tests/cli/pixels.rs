@@ -1,4 +1,4 @@
-//! `karat tap` and `karat trace`: from an image to a line of the shader.
+//! Tests `karat tap` and `karat trace`, which lead from a picture to a line of the shader.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn folder() -> TempDir {
     folder
 }
 
-/// Runs a command on Vulkan. Its images go into a folder.
+/// Runs a command on Vulkan. It writes images into a folder.
 fn on_vulkan(folder: &Path, words: &[&str]) -> Ran {
     let out = format!("--out={}", folder.join("out").display());
     let mut all = words.to_vec();
@@ -61,7 +61,7 @@ fn tap_shows_values_of_a_frame_as_pictures_and_numbers() {
     );
     let out = ran.good();
     for part in [
-        // The smallest value is at the centre of the last column: 1 - 15/16.
+        // The smallest value is at the last column's centre: 1 - 15/16.
         "near  shaders/m.wgsl:2:16 in `m::falloff`: f32\n    0.0625 at (7, 0) to 0.9375 at (0, 0), mean 0.5\n",
         "disc.m-falloff-near.png: black is 0.0625, light yellow 0.9375 (magma)",
         "disc.m-shade-n.png: directions: red, green and blue are half of 1 + x, y, z",
@@ -80,7 +80,7 @@ fn tap_shows_values_of_a_frame_as_pictures_and_numbers() {
     assert_eq!(image("m-falloff-near").pixels()[0], [0.9375, 0.9375, 0.9375, 1.0]);
     assert_eq!(image("m-shade-inner").pixels()[0], [0.0; 4], "it is transparent");
     assert!(image("m-shade-broken").pixels()[0][0].is_nan());
-    // In the image, NaN is magenta, and no pixel is transparent.
+    // In the picture, NaN is magenta, and no pixel is transparent.
     let colours = |name: &str| {
         let file = std::fs::File::open(folder.path().join("out").join(format!("disc.{name}.png")));
         let file = std::io::BufReader::new(file.expect("a picture"));
@@ -110,7 +110,7 @@ fn tap_shows_values_of_a_frame_as_pictures_and_numbers() {
     assert!(beside.contains("the frame has the same colours while the value is shown"), "{beside}");
 }
 
-/// A pass has a value for each invocation: a table, or an image if the dispatch has rows.
+/// A pass has a value for each invocation. Karat shows a table, or a picture if the dispatch has rows.
 // Lesson 39
 #[test]
 fn invocations_are_a_table_or_a_picture() {
@@ -155,7 +155,7 @@ fn grid(@builtin(global_invocation_id) id: vec3u) {
     assert!(beside.contains("passes have no colours"), "{beside}");
 }
 
-/// For a declared frame that differs, the message names the next command.
+/// The failure of a declared frame names the command to run next.
 // Lesson 39
 #[test]
 fn a_frame_that_differs_says_how_to_go_on() {
@@ -174,7 +174,7 @@ fn a_frame_that_differs_says_how_to_go_on() {
     let pixel = hint.unwrap_or_else(|| panic!("no hint in {message}"));
     let traced = on_vulkan(folder.path(), &["trace", "disc", pixel]).good();
     assert!(traced.contains("near * x") && traced.contains("the driver drew"), "{traced}");
-    // A frame with NaN gets this hint, too.
+    // The failure of a frame with NaN also names a command.
     write(&folder.path().join("shaders"), "m.wgsl", SHADER);
     let ran = test();
     assert!(
@@ -198,8 +198,8 @@ fn an_unknown_value_or_place_is_an_error() {
         (&["tap", "disc", "uv.x"], "matches 2 values: choose one\n  shaders/m.wgsl:9:23"),
         (&["tap", "disc", "near", "--round", "0"], "0 is not in"),
         (&["tap", "disc", "near", "--at", "8,0"], "but no pixel (8, 0)"),
-        (&["tap", "disc", "near", "--at", "8"], "`8` is no pixel"),
-        (&["tap", "disc", "near", "--size", "4x4"], "leave `--size`"),
+        (&["tap", "disc", "near", "--at", "8"], "`8` isn't a pixel"),
+        (&["tap", "disc", "near", "--size", "4x4"], "remove `--size`"),
         (&["trace", "disc", "8,0"], "8 x 4 pixels, counted from (0, 0) at the upper left"),
         (&["trace", "disc", "1"], "`1` isn't a pixel: write its column and its row"),
         (&["trace", "disc", "1,1", "--against", "HEAD"], "HEAD"),
@@ -238,7 +238,7 @@ fn a_pixel_is_traced_and_compared_with_a_revision() {
     assert_eq!(json["arguments"][0], serde_json::json!(["uv", "(0.1875, 0.875)"]));
     let against = &["trace", "disc", "1,3", "--against", "HEAD"];
     let same = on_vulkan(folder.path(), against).good();
-    assert!(same.contains("the shaders are equal to those of HEAD, so no step differs"), "{same}");
+    assert!(same.contains("the shaders equal those of HEAD: no step differs"), "{same}");
     let edit = |from: &str, to: &str| {
         assert!(SHADER.contains(from));
         write(&folder.path().join("shaders"), "m.wgsl", &SHADER.replace(from, to));
@@ -253,7 +253,7 @@ fn a_pixel_is_traced_and_compared_with_a_revision() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {ran:?}");
     }
-    // This pixel doesn't reach the edit.
+    // This pixel doesn't reach the edited line.
     let ran = edit("lit - 0.05", "lit - 0.25");
     assert!(ran.out.contains("no step differs from HEAD"), "{ran:?}");
     assert_eq!(ran.code, Some(0));

@@ -1,9 +1,9 @@
-//! `karat replay`, and the names of failures in the summary.
+//! Tests `karat replay`, and the summary that names failures to replay.
 
 use super::report::function;
 use super::*;
 
-/// A failing check. Its message has two cases on one path, and one on another path.
+/// A failing check. Its message has two cases on one path, and one case on another path.
 fn failing(name: &str) -> String {
     let message = format!(
         "error: `{name}` fails\n\non vulkan: x\n  worst\n  replay: KARAT_CASE={name}/agrees_with/3 cargo test a\n  \
@@ -21,7 +21,7 @@ fn recorded(lines: &[String]) -> TempDir {
     project
 }
 
-/// Returns the names in a report, each with the failure that it replays.
+/// The names in a report, each with the case that it replays.
 fn names(out: &str) -> Vec<(String, String)> {
     let lines = out.lines().filter_map(|line| line.strip_prefix("karat replay "));
     let pair = |line: &str| {
@@ -48,7 +48,7 @@ fn a_failure_is_replayed_by_its_name() {
     assert_eq!(names(&karat(again.path(), &["report"]).out), [found[0].clone()]);
     assert_eq!(karat(again.path(), &["replay", "--print"]).good(), line);
 
-    // In place of cargo, a shell runs a file that has the name of cargo's first argument.
+    // A shell replaces Cargo, and runs a file named like its first argument.
     let script = "echo \"$KARAT_CASE on $KARAT_PATHS: $*\"\nexit $(cat code)\n";
     write(project.path(), "test", script);
     for (code, expected) in [("0", 0), ("101", 1)] {
@@ -70,7 +70,7 @@ fn a_failure_without_a_replay_says_why() {
     let listed = "name one of these failures:\n  ";
     told(&project, &[], listed);
     told(&project, &[], "  calc::same agrees_with\n");
-    told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; there is ");
+    told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; the failures are ");
     told(&project, &[""], "several failures begin with ``");
     let passed = recorded(&[function("calc::double", "gl", "pass", None)]);
     told(&passed, &[], "no failure of the last run can be replayed");
@@ -80,7 +80,7 @@ fn a_failure_without_a_replay_says_why() {
     assert!(ran.code == Some(2) && ran.err.contains("is another program"), "{ran:?}");
 }
 
-/// The report names some of many failures, and `karat replay` lists all.
+/// The summary names some of many failures. `--all` names all of them.
 #[test]
 fn more_failures_than_are_named_are_counted() {
     let many: Vec<String> = (0..11).map(|i| failing(&format!("calc::f{i}"))).collect();
@@ -94,7 +94,7 @@ fn more_failures_than_are_named_are_counted() {
     assert!(names(&few).len() == 8 && !few.contains(" more: "), "{few}");
 }
 
-/// If the passing checks don't fit on a screen, each module is one line. Failures come last, in full.
+/// If a report doesn't fit the screen, all checks of a module that pass share one line. The failures follow in full.
 #[test]
 fn a_long_report_is_folded_by_module() {
     let passing = (0..30).map(|i| function(&format!("m{}::f{i}", i % 2), "gl", "pass", None));
@@ -114,11 +114,12 @@ fn a_long_report_is_folded_by_module() {
     assert!(row("m1 ").contains("15") && table < message && message < sum, "{folded}");
     let all = karat(project.path(), &["report", "--all"]).out;
     assert!(all.contains("m0::f0") && !all.contains("--all shows"), "{all}");
-    // A few checks fit.
+    // A few checks fit the screen.
     let few = karat(recorded(&lines[20..]).path(), &["report"]).out;
     assert!(few.contains("m0::f20") && !few.contains("--all shows"), "{few}");
 }
 
+/// `--failed` runs only the tests that failed.
 #[test]
 fn failed_runs_only_the_failed_tests() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -145,7 +146,7 @@ fn failed_runs_only_the_failed_tests() {
     let none = run(&["--failed"]);
     assert!(none.code == Some(3) && none.err.contains("no test failed"), "{none:?}");
 
-    // cargo gets the names of its failed tests. A shell stands for cargo.
+    // Karat gives Cargo the names of Cargo's tests. A shell replaces Cargo.
     let project = recorded(&[failing("calc::double")]);
     write(project.path(), "test", "echo \"cargo $*\"\nexit 1\n");
     let ran = output(command(project.path(), &["test", "--failed"]).env("CARGO", "/bin/sh"));

@@ -1,4 +1,4 @@
-//! Reports that other programs read: JUnit XML, GitHub's annotations and summary.
+//! Tests the reports that other programs read: JUnit XML, and GitHub's annotations and summary.
 
 use std::time::{Duration, SystemTime};
 
@@ -35,7 +35,7 @@ fn line(
     format!("{record}\n")
 }
 
-/// Returns the record of a frame that was compared with a golden in a folder.
+/// The record of a frame that was compared with a golden in a folder.
 pub(crate) fn frame(folder: &FilePath, golden: &str, paths: &[&str], verdict: &str) -> String {
     let message = (verdict != "pass").then_some("frame differs\n  by 100%");
     let subject = serde_json::json!({
@@ -53,13 +53,13 @@ pub(crate) fn function(name: &str, path: &str, verdict: &str, message: Option<&s
     line("tests::calc", subject, &[path], verdict, message)
 }
 
-/// Adds a time to a record.
+/// A line of a record with its start and duration.
 fn at(line: String, started: &str, seconds: &str) -> String {
     let time = format!("\"started\":\"{started}\",\"seconds\":{seconds},\"message\"");
     line.replace("\"message\"", &time)
 }
 
-/// Adds a time to a record of a check that ran in the last minute.
+/// A line of a record of a check that ran within the last minute.
 fn now(line: String) -> String {
     at(line, &humantime::format_rfc3339_millis(SystemTime::now()).to_string(), "60")
 }
@@ -67,8 +67,8 @@ fn now(line: String) -> String {
 const MESSAGE: &str = "error: `calc::double` fails, 50%: <b>\n  worst\u{1b}[0m\n  \
                        replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc";
 
-/// A project, and the records of a run in it: a function that passes, a function that fails, a frame that differs from
-/// its golden, and a frame without a golden.
+/// A project, and the lines of the record of its run: a function that passes, a function that fails, a frame that
+/// differs from its golden, and a frame without a golden.
 fn run() -> (TempDir, String) {
     let project = project();
     let golden = project.path().join("golden");
@@ -140,7 +140,7 @@ fn junit_has_a_case_for_each_check_and_frame() {
     );
 }
 
-/// Returns a record with two paths. The check fails on gl. `more` is added to the record.
+/// A record of two paths, of which `gl` fails. `more` is inserted into the record.
 fn on_two_paths(package: &FilePath, more: &str) -> String {
     let subject = serde_json::json!({
         "kind": "function", "package": package, "function": "calc::double", "check": "agrees_with",
@@ -149,7 +149,7 @@ fn on_two_paths(package: &FilePath, more: &str) -> String {
     let message = "error: `calc::double` fails\n  replay: KARAT_PATHS=vulkan cargo test\n  \
                    replay: KARAT_PATHS=gl cargo test";
     let line = line("tests::calc", subject, &["vulkan", "gl"], "fail", Some(message));
-    // The results on Vulkan, the first path, agree.
+    // The first path, Vulkan, agrees.
     let line = line.replacen("\"failures\":1", "\"failures\":0", 1);
     line.replace("\"schema\":5", &format!("\"schema\":5,{more}"))
 }
@@ -161,7 +161,7 @@ fn junit(project: &TempDir, folder: &FilePath, environment: &[(&str, &FilePath)]
     std::fs::read_to_string(file).expect("written")
 }
 
-/// Each path has a case. Only the failing path has the failure, with its own replay.
+/// The report has a case for each path. Only the failing path's case has the failure, with its own replay.
 // Lesson 136
 #[test]
 fn junit_has_a_case_for_each_path() {
@@ -190,7 +190,7 @@ fn junit_has_a_case_for_each_path() {
     let out = cases[1].children().find(|node| node.has_tag_name("system-out"));
     let out = out.and_then(|node| node.text()).expect("what it printed");
     assert!(out.ends_with("replay: KARAT_PATHS=gl cargo test"), "{out}");
-    // A known issue that no longer occurs fails, too. The other path passes.
+    // A known issue that no longer occurs also fails. The other path passes.
     let gone = on_two_paths(&package, of).replace("\"failures\":1", "\"failures\":0");
     let at = gone.rfind("\"known_issue\":null").expect("that of gl");
     let gone = format!("{}\"known_issue\":\"mesa#1\"{}", &gone[..at], &gone[at + 18..]);
@@ -200,7 +200,7 @@ fn junit_has_a_case_for_each_path() {
     assert!(text.find("on gl").expect("gl") < text.find("<failure").expect("one"), "{text}");
 }
 
-/// CI reads paths relative to the repository's root. The project may be in a subfolder.
+/// CI reads paths relative to the repository's root. A project may be in a subfolder.
 // Lesson 135
 #[test]
 fn places_are_relative_to_what_ci_checked_out() {
@@ -215,12 +215,12 @@ fn places_are_relative_to_what_ci_checked_out() {
     for (variable, value, file) in [
         ("GITHUB_WORKSPACE", repository.path(), "engine/shaders/calc.wgsl"),
         ("GITHUB_WORKSPACE", folder.as_path(), "shaders/calc.wgsl"),
-        // This folder doesn't contain the project, so it is ignored.
+        // A folder that doesn't contain the project has no effect.
         ("GITHUB_WORKSPACE", FilePath::new("/nowhere"), "shaders/calc.wgsl"),
         ("CI_PROJECT_DIR", repository.path(), "engine/shaders/calc.wgsl"),
         ("WORKSPACE", repository.path(), "engine/shaders/calc.wgsl"),
     ] {
-        // The paths are the same from a subfolder of the project.
+        // The paths are also right if the command runs in a subfolder of the project.
         for here in [&folder, &folder.join("shaders")] {
             let mut command = command(here, &["report", "--github"]);
             let ran = output(command.env(variable, value));
@@ -232,7 +232,7 @@ fn places_are_relative_to_what_ci_checked_out() {
     }
 }
 
-/// GitLab and Jenkins show the files that a case names, one in each line.
+/// GitLab and Jenkins show the files that a case names, each on its own line.
 #[test]
 fn junit_names_the_pictures_of_a_frame_that_fails() {
     let (project, lines) = run();
@@ -254,7 +254,7 @@ fn junit_names_the_pictures_of_a_frame_that_fails() {
     assert_eq!(text.matches("ATTACHMENT").count(), 3, "only of the frame that fails: {text}");
 }
 
-/// Readers show only the first line, so it must distinguish the failures of one adapter.
+/// The first line, which readers show, distinguishes the failures of one adapter.
 #[test]
 fn the_first_line_of_a_failure_leaves_out_the_adapter() {
     let project = project();
@@ -294,7 +294,7 @@ fn junit_says_when_and_how_long() {
     let lines = [
         at(pass("calc::double"), "2026-01-31T12:00:01.500Z", "1.25"),
         at(pass("calc::same"), "2026-01-31T12:00:00.000Z", "0.5"),
-        // An older record, and an unusable record.
+        // An older record, and a broken record.
         pass("calc::sum"),
         at(pass("calc::third"), "yesterday", "-1"),
         at(scene, "2026-01-31T12:00:02.000Z", "3.21"),
@@ -375,12 +375,12 @@ fn github_gets_annotations_a_summary_and_pictures() {
         let file = format!("target/karat/report/furnace/scene.{name}.png");
         Image::read(&project.path().join(file)).expect("a picture");
     }
-    // Outside of GitHub, annotations need an option.
+    // Outside of GitHub, Karat prints annotations only on request.
     assert!(!karat(project.path(), &["report"]).out.contains("::error"));
     assert!(karat(project.path(), &["report", "--github"]).out.contains("::error"));
 }
 
-/// A pending frame may belong to another run.
+/// A pending frame may come from another run.
 #[test]
 fn pictures_are_of_the_run_that_is_reported() {
     let (project, _) = run();
@@ -424,20 +424,21 @@ fn pictures_are_of_the_run_that_is_reported() {
     assert_eq!(actual(), Some(3), "the newest of this run");
     wait(&pending, 3, now + hour);
     assert_eq!(actual(), Some(4), "one is of a run afterwards");
-    // File times may be coarse. An older record has no time.
+    // File times may be coarse, and an older record has no time.
     wait(&pending, 3, now - Duration::from_millis(900));
     wait(&golden, 4, now - hour);
     assert_eq!(actual(), Some(3));
     record(&project, &failing, false);
     assert_eq!(actual(), None);
-    // A frame that passes needs no pictures.
+    // A frame that passes needs no picture.
     record(&project, &frame(&golden, "furnace/scene", &["vulkan"], "pass"), true);
     write(picture("actual").parent().expect("a folder"), "scene.actual.png", "old");
     karat(folder, &["report", "--github"]).good();
     assert!(!picture("actual").exists());
 }
 
-/// Returns the lines that GitHub's runner reads as errors. No other line may contain a command, and neither may stderr.
+/// The lines that GitHub's runner reads as errors. Checks that no other part of the output is a command: within a line
+/// or on stderr.
 #[track_caller]
 fn annotations(ran: &Ran) -> Vec<&str> {
     let lines: Vec<&str> = ran.out.lines().filter(|line| line.starts_with("::error ")).collect();
@@ -495,7 +496,7 @@ fn a_failure_outside_of_checks_is_annotated_too() {
     assert!(annotations(&karat(project.path(), &["report", "--github"])).is_empty());
 }
 
-/// A short line has the location of the failure, and the unit of its count: a sampler counts configurations.
+/// The short line of a failure has its file and line, and the unit of its counts: for a sampler, `configurations`.
 #[test]
 fn a_short_line_counts_what_fails() {
     let project = project();
@@ -519,7 +520,7 @@ fn a_short_line_counts_what_fails() {
     assert!(summary.contains("| 524288 | 1 configuration |"), "{summary}");
 }
 
-/// A test that fails outside of checks is reported beside the tests that fail by a check.
+/// A test that fails outside of checks is reported beside tests that fail in a check.
 #[cfg(unix)]
 #[test]
 fn tests_that_fail_outside_of_checks_are_counted() {
@@ -546,7 +547,7 @@ fn tests_that_fail_outside_of_checks_are_counted() {
     assert!(by_check.code == Some(1) && !by_check.out.contains("outside"), "{by_check:?}");
 }
 
-/// A filter finds functions by the record of earlier runs, which doesn't contain new tests.
+/// A filter searches functions in the record of earlier runs, which doesn't contain new tests.
 #[cfg(unix)]
 #[test]
 fn a_filter_that_cannot_find_new_rust_tests_says_so() {
@@ -576,7 +577,7 @@ fn a_report_needs_a_record() {
     assert!(error.contains("A run that compared nothing isn't a success"), "{error}");
 }
 
-/// Runs `karat test` with a script in place of cargo that writes the given records.
+/// Runs `karat test` with a stand-in for Cargo, which records given lines.
 #[cfg(unix)]
 #[test]
 fn a_run_says_what_it_left_out_and_writes_its_reports() {
@@ -606,14 +607,14 @@ fn a_run_says_what_it_left_out_and_writes_its_reports() {
     assert_eq!((read().selected.len(), read().passed), (0, true));
     assert_eq!(test(&["same", "-p", "a", "--test", "b"], "0").code, Some(0));
     assert_eq!(read().selected, ["same", "-p a", "--test b"]);
-    // If a run records nothing, the report of the previous run is deleted.
+    // If a run records nothing, Karat deletes the report of an earlier run.
     write(folder, "lines.jsonl", "");
     assert_eq!(test(&["--junit", "junit.xml"], "101").code, Some(2));
     assert!(!folder.join("junit.xml").exists());
 }
 
-/// One test may make several checks of the same kind. Each is a case with its own name, because readers show only the
-/// first case of a name.
+/// If one test makes several checks with one verb, each check has its own case: readers show only the first of cases
+/// with the same name.
 // Lesson 182
 #[test]
 fn junit_has_no_two_cases_of_one_name() {
@@ -628,7 +629,7 @@ fn junit_has_no_two_cases_of_one_name() {
     assert_eq!(names, [own.to_owned(), format!("{own} #2"), format!("{own} #3")]);
 }
 
-/// For each command, the last line, the exit code and the files have the same verdict.
+/// The last line of each command, its exit code and its files agree about the result of the run.
 // Lesson 183
 #[test]
 fn no_closing_line_contradicts_its_run() {
@@ -682,7 +683,7 @@ fn no_closing_line_contradicts_its_run() {
     }
 }
 
-/// If a runner stops at a failure, tests are missing. The run and the merged run both report that.
+/// A runner that stops at a failure leaves out tests. The reports of this part and of the merged run say so.
 // Lesson 183
 #[cfg(unix)]
 #[test]
@@ -721,7 +722,7 @@ fn a_run_and_a_merge_that_lack_checks_say_so() {
     assert!(good.contains("1 check, 0 failed") && !good.contains("lack"), "{good}");
 }
 
-/// Programs read a failure as data. The data is complete without the message.
+/// The JSON has all details of a failure. Without its message, no data is lost.
 #[test]
 fn a_failure_record_is_complete_without_its_messages() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,11 +1,11 @@
-//! `karat report`: the HTML page of a run, its JSON, and the merged report of several parts.
+//! Tests the page of `karat report`, its JSON, and one report for several parts of a run.
 
 use std::path::PathBuf;
 
 use super::report::{frame, function};
 use super::*;
 
-/// A project with these records, in one folder or in several.
+/// A project with a record of these lines, in one folder or in several.
 fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     let project = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(project.path().join("Cargo.toml"), "[workspace]\n").expect("written");
@@ -18,8 +18,7 @@ fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     (project, folders)
 }
 
-/// Returns a record of `name` in test `test`, with errors. If it fails, the record also has the locations of the
-/// errors.
+/// A check of `name` in the test `test`, with errors. If the check fails, it has their positions.
 fn check(name: &str, test: &str, verdict: &str) -> String {
     let message =
         (verdict == "fail").then_some("error: `f` fails\n  replay: KARAT_SEED=1 cargo test");
@@ -58,8 +57,8 @@ fn the_page_shows_what_fails_with_its_plots() {
     ] {
         assert!(page.contains(part), "no `{part}` in {page}");
     }
-    // The page has the plots. No text of the record acts as HTML.
-    assert_eq!((page.matches("<svg width").count(), page.matches("<script>").count()), (3, 1)); // a plot of each argument, and a map
+    // The page has the plots, and shows nothing from the record as markup.
+    assert_eq!((page.matches("<svg width").count(), page.matches("<script>").count()), (3, 1)); // 2 plots and a map
     // The page needs no network.
     let page = page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
     assert!(!page.contains("src=") && !page.contains("http:") && !page.contains("@import"));
@@ -69,6 +68,7 @@ fn the_page_shows_what_fails_with_its_plots() {
     assert_eq!(json["run"]["passed"], true);
 }
 
+/// The page has a sampler's counts, hazards, and links to the other pages.
 #[test]
 fn the_page_has_maps_hazards_and_links() {
     let histogram = r#""histogram":{"axes":["theta","phi"],"rows":[1,2],"observed":[9,1,0],"expected":[4,4,2]}"#;
@@ -112,7 +112,7 @@ fn reports_do_not_overwrite_other_files() {
         twice.code == Some(2) && twice.err.contains("two reports have the same file"),
         "{twice:?}"
     );
-    // All rows have distinct names.
+    // No two rows have the same name.
     assert_eq!(report(&["--html", "r.html"]).code, Some(0));
     let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
     let ids: Vec<&str> =
@@ -122,24 +122,24 @@ fn reports_do_not_overwrite_other_files() {
     distinct.dedup();
     assert_eq!(ids.len(), distinct.len(), "{ids:?}");
     assert!(page.contains("calc::half-agrees_with-a-2"), "{ids:?}");
-    // If the record has no end of the run, the page says what to do.
+    // If a run didn't end, the report of its record says what to do.
     std::fs::remove_file(folders[0].join("run.json")).expect("removed");
     assert_eq!(report(&["--html", "r.html"]).code, Some(1));
     let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
     assert!(page.contains(">not ended</h1>") && page.contains("Run the tests again"), "{page}");
-    // If an output can't be written, the old page stays.
+    // If Karat can't write the page, the old page stays.
     let blocked = report(&["--html", "r.html", "--json", "r.html/x.json"]);
     assert!(blocked.code != Some(0) && project.path().join("r.html").is_file(), "{blocked:?}");
 }
 
-/// The merged report of shards equals the report of the whole run, byte by byte.
+/// The merged report of a run's shards equals the report of the whole run, byte for byte.
 // Lesson 108
 #[test]
 fn merged_shards_give_the_report_of_the_whole_run() {
     let names = ["a", "b", "c", "d", "e", "f", "g"];
     let mut all: Vec<String> =
         names.iter().map(|name| check(&format!("m::{name}"), name, "pass")).collect();
-    // One test checks a function twice. The record has both checks in the order of the run.
+    // One test checks a function twice. The record has both checks, in the order in which they ran.
     let twice = ["9", "10"]
         .map(|seed| check("m::h", "h", "pass").replace("\"seed\":1", &format!("\"seed\":{seed}")));
     assert_ne!(twice[0], twice[1]);
@@ -165,12 +165,12 @@ fn merged_shards_give_the_report_of_the_whole_run() {
     };
     let whole = write(&["--record", parts[0]], "whole");
     assert_eq!(write(&["--merge", parts[3], parts[1], parts[2]], "merged"), whole);
-    // The report shows that a shard is missing. A shard that is given twice changes nothing.
+    // The report names a missing shard. A shard that is given twice counts once.
     assert_ne!(write(&["--merge", parts[1], parts[2]], "two"), whole);
     assert_eq!(write(&["--merge", parts[0], parts[1], parts[2]], "twice"), whole);
 }
 
-/// If a part failed, didn't end or is missing, the merged run fails.
+/// If a part failed, didn't end or doesn't exist, the merged run fails.
 // Lesson 108
 #[test]
 fn a_failed_or_missing_shard_fails_the_merged_report() {

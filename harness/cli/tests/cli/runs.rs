@@ -1,4 +1,4 @@
-//! `karat test` with a script in place of cargo: several runs of one project, and killed runs.
+//! Tests `karat test` with a stand-in for Cargo: several runs of one project, and runs that are killed.
 
 use std::path::PathBuf;
 use std::process::Child;
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::report::function;
 use super::*;
 
-/// Waits until a condition of another process is true.
+/// Waits until another process has done something.
 #[track_caller]
 fn wait_for(what: impl Fn() -> bool) {
     let begun = Instant::now();
@@ -17,7 +17,7 @@ fn wait_for(what: impl Fn() -> bool) {
     }
 }
 
-/// A project whose `cargo test` records one function with the name of the run, and then waits for `go.<run>`.
+/// A project in which `cargo test` records one function with the run's name, and waits for the file `go.<run>`.
 struct Runs {
     project: TempDir,
 }
@@ -67,7 +67,7 @@ impl Runs {
         assert_eq!(code, Some(i32::from(verdict != "pass")), "{text}");
     }
 
-    /// Checks the exit code and the table that `karat report` has for the last run that ended.
+    /// Checks the exit code and the table that `karat report` prints for the last run that ended.
     #[track_caller]
     fn assert_last(&self, run: &str, code: i32) {
         let ran = karat(self.project.path(), &["report"]);
@@ -106,7 +106,7 @@ fn runs_at_the_same_time_have_records_of_their_own() {
     assert_eq!(runs.folders().len(), 1, "the record of a run that isn't the last is removed");
 }
 
-/// Many runs begin and end at once, in no order.
+/// Many runs start and end in mixed order.
 // Lesson 58
 #[test]
 fn many_runs_do_not_mix() {
@@ -119,7 +119,7 @@ fn many_runs_do_not_mix() {
         for name in &names {
             scope.spawn(|| runs.whole(name, "pass"));
         }
-        // Another process always reads a complete record, or no record.
+        // A reader sees a complete record, or no record yet.
         for _ in 0..20 {
             let ran = karat(runs.project.path(), &["report"]);
             let whole = ran.code == Some(0) && ran.out.contains("2 checks, 0 failed");
@@ -137,11 +137,11 @@ fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
     let mut killed = runs.start("killed", "fail");
     killed.kill().expect("it runs");
     killed.wait().expect("it ends");
-    // This is the last run that ended. A later run hasn't ended yet, so it has no verdict.
+    // `karat report` shows the last run that ended. A run that began later has no verdict.
     runs.assert_last("before", 1);
     let report = karat(runs.project.path(), &["report"]).out;
     assert!(report.contains("a later run was stopped early"), "{report}");
-    // One run continues while another begins and ends, and deletes the files of the killed run.
+    // While one run is live, a third run begins and ends, and deletes the files of the killed run.
     let live = runs.start("live", "pass");
     write(runs.project.path(), "go.killed", "");
     runs.whole("third", "pass");
@@ -153,7 +153,7 @@ fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
     runs.assert_last("live", 0);
 }
 
-/// A run without records leaves the previous record in place.
+/// `karat report` ignores a run that recorded nothing.
 // Lesson 58
 #[test]
 fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
@@ -170,7 +170,7 @@ fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
     assert_eq!(runs.folders().len(), 1);
 }
 
-/// Rust tests that pass without a check are named. If the build fails, the message says so.
+/// The output names Rust tests that pass without comparing anything. It reports a failing build as a failing build.
 #[test]
 fn tests_without_a_check_and_broken_builds_are_named() {
     let project = project();
@@ -189,7 +189,7 @@ fn tests_without_a_check_and_broken_builds_are_named() {
     write(project.path(), "broken", "");
     let error = run().error();
     assert!(
-        error.contains("no test ran: the test programs weren't built, or ended before the first"),
+        error.contains("no test ran: the build failed, or the programs ended early"),
         "{error}"
     );
 }

@@ -1,4 +1,4 @@
-//! The search for packages and tests: every command finds the same ones.
+//! Tests that every command finds the same packages, and the same tests in them.
 
 use super::report::function;
 use super::*;
@@ -11,7 +11,7 @@ const FAILS: &str =
 const WORKSPACE: &str = "[workspace]\nmembers = [\"crates/*\"]\n";
 const MEMBER: &str = "[package]\nname = \"engine\"\nversion = \"0.1.0\"\nedition = \"2024\"\n";
 
-/// All commands that search for tests. The project's `cargo test` prints nothing.
+/// All commands that look for tests. The project's `cargo test` prints nothing.
 const COMMANDS: [&[&str]; 5] = [
     &["test", "--paths", "cpu"],
     &["watch", "--once", "--paths", "cpu"],
@@ -20,11 +20,11 @@ const COMMANDS: [&[&str]; 5] = [
     &["compare", "before"],
 ];
 
-/// Runs a command. Cargo has no test.
 fn run(folder: &FilePath, arguments: &[&str]) -> Ran {
     output(command(folder, arguments).env("CARGO", "true"))
 }
 
+/// A project with its shaders in a folder.
 fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (file, text) in manifests {
@@ -37,8 +37,8 @@ fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> Te
     folder
 }
 
-/// An unreadable file of tests makes each command fail, wherever its package is found. Without this file, the same
-/// package is good.
+/// If a file should declare tests and declares none, each command fails, wherever it finds the file's package. Without
+/// the file, the package has no such failure.
 // Lesson 185
 #[test]
 fn a_misnamed_test_file_fails_every_command() {
@@ -64,7 +64,7 @@ fn a_misnamed_test_file_fails_every_command() {
     .into_iter()
     .enumerate()
     {
-        // The kinds of unreadable files don't depend on the location of the package.
+        // The kinds of broken files don't depend on the folder, so only the first folder tests all of them.
         let kinds = if at == 0 { 5 } else { 1 };
         for (file, text) in [
             ("a.test.toml", DECLARED.replace("function", "functionn")),
@@ -92,7 +92,7 @@ fn a_misnamed_test_file_fails_every_command() {
     }
 }
 
-/// An unknown key in a member's manifest is an error. It isn't ignored.
+/// A misspelt key in a member's manifest is an error. Karat doesn't ignore it.
 // Lesson 186
 #[test]
 fn a_slip_in_a_members_manifest_is_an_error() {
@@ -107,7 +107,7 @@ fn a_slip_in_a_members_manifest_is_an_error() {
     }
 }
 
-/// If Rust tests use shaders, the tests beside these shaders run, too. Other commands then know the package.
+/// If Rust tests use shaders, tests beside these shaders run with them. Then other commands also know these tests.
 // Lesson 186
 #[test]
 fn tests_beside_shaders_that_rust_tests_use_are_run() {
@@ -116,8 +116,8 @@ fn tests_beside_shaders_that_rust_tests_use_are_run() {
     let folder = with("crates/engine/assets/shaders", &manifests, &files);
     let path = folder.path();
     let unknown = run(path, &["check"]).error();
-    assert!(unknown.contains("no recorded test used one"), "{unknown}");
-    // A Rust test that passes leaves the record.
+    assert!(unknown.contains("no recorded test used a package"), "{unknown}");
+    // The record of a Rust test that passes.
     let script = "mkdir -p \"$KARAT_RECORD\"\ncp verdict \"$KARAT_RECORD/1.jsonl\"\n";
     write(path, "test", script);
     let verdict = function("a::half", "gl", "pass", None);
@@ -130,14 +130,14 @@ fn tests_beside_shaders_that_rust_tests_use_are_run() {
     assert!(run(path, &["list"]).good().contains("a::half"));
     let watched = run(path, &["watch", "--once", "--paths", "cpu"]);
     assert!(watched.code == Some(1) && watched.out.contains("1 of 1 tests fail"), "{watched:?}");
-    // A filtered run forgets no package.
+    // A run of some tests keeps the list of all packages.
     let filtered = output(command(path, &["test", "nothing"]).env("CARGO", "true"));
     assert_ne!(filtered.code, Some(0), "{filtered:?}");
     assert!(run(path, &["list"]).good().contains("a::half"));
 }
 
-/// A folder `shaders` that no manifest names and no test uses makes no run fail, not even under watch. `karat check`
-/// validates it.
+/// A folder `shaders` that nothing names, uses or tests fails no run, and not `karat watch`. `karat check` validates
+/// it.
 // Lesson 187
 #[test]
 fn a_folder_that_no_test_uses_fails_no_run() {
@@ -151,7 +151,7 @@ fn a_folder_that_no_test_uses_fails_no_run() {
     assert_eq!(run(folder.path(), &["check"]).code, Some(1));
 }
 
-/// A folder with a module that runs may contain tests, whatever its name is.
+/// A folder with a module that runs may also contain tests, for any name of the folder.
 // Lesson 187
 #[test]
 fn each_folder_of_modules_has_its_tests() {
@@ -163,7 +163,7 @@ fn each_folder_of_modules_has_its_tests() {
     }
 }
 
-/// A folder's `shaders` is its package, with or without a manifest.
+/// Shaders are found in the folder `shaders`, with and without its own manifest.
 // Lesson 187
 #[test]
 fn the_folder_shaders_is_found_by_every_command() {
@@ -195,7 +195,7 @@ fn the_folder_shaders_is_found_by_every_command() {
     }
 }
 
-/// `karat test` reports tests outside of `shaders`, even if `shaders` is a package with its own karat.toml.
+/// `karat test` reports tests outside of `shaders`, although the karat.toml makes `shaders` a package of its own.
 // Lesson 187
 #[test]
 fn tests_outside_of_shaders_are_reported() {
@@ -207,8 +207,8 @@ fn tests_outside_of_shaders_are_reported() {
     assert!(ran.contains("not run: 1 test outside of `shaders`; name them, own"), "{ran}");
 }
 
-/// Every command reports a file of tests outside of `shaders`, as it reports a `@test` there, with or without a
-/// karat.toml. It reports no file inside of `shaders`.
+/// Every command reports a file that declares tests outside of `shaders`, or has `@test` there, with and without a
+/// karat.toml. Inside of `shaders`, no command reports it.
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in
@@ -251,12 +251,13 @@ fn declared_tests_outside_of_shaders_are_reported() {
             let ran = run(path, &["test", ".", "--paths", "cpu"]);
             assert!(ran.code == Some(1) && ran.out.contains("b.test.toml:1 ... FAILED"), "{ran:?}");
         }
+        // If the command names a folder, Karat uses this folder.
         let ran = run(path, &["test", "shaders", "--paths", "cpu"]).good();
         assert!(!ran.contains("not run"), "{ran}");
     }
 }
 
-/// A second folder isn't a filter, even if the names of tests contain its name.
+/// A second folder isn't a filter, even if tests have its name in their names.
 #[test]
 fn a_second_folder_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -282,20 +283,20 @@ fn a_second_folder_is_refused() {
     let filtered = run(path, &["test", "s", "tell", "--paths", "cpu"]).good();
     assert!(filtered.contains("1 check, 0 failed"), "{filtered}");
     assert_eq!(run(path, &["test", "t", "--paths", "cpu"]).code, Some(1));
-    // The name of a folder may also be a word in the name of a test elsewhere.
+    // If a folder's name is part of the name of a test in another folder, the argument may mean both.
     write(path, "shaders/a_test.wgsl", &test("true").replace("tells", "s_is_told"));
     let error = run(path, &["test", "s", "--paths", "cpu"]).error();
     for part in ["`karat test ./s`", "`karat test shaders --exact 'a_test::s_is_told'`"] {
         assert!(error.contains(part), "{error}");
     }
     assert_eq!(run(path, &["test", "./s", "--paths", "cpu"]).code, Some(0));
-    // This folder has no shaders, so the name can't mean the folder.
+    // A folder without shaders isn't meant.
     write(path, "told/readme.txt", "no shader");
     let told = run(path, &["test", "told", "--paths", "cpu"]).good();
     assert!(told.contains("a_test::s_is_told"), "{told}");
 }
 
-/// Karat follows circular links once, and doesn't read files that never end.
+/// Karat follows circular links once, and doesn't read pipes.
 // Lesson 188
 #[cfg(unix)]
 #[test]
@@ -341,7 +342,7 @@ fn links_in_circles_and_pipes_hang_no_command() {
     assert!(error.contains("Cargo.toml"), "{error}");
 }
 
-/// The folder has only tests. Their shaders are in another package.
+/// A folder contains only tests. Their shaders belong to another package.
 // Lesson 190
 #[test]
 fn a_folder_of_tests_alone_passes() {
@@ -359,6 +360,7 @@ fn a_folder_of_tests_alone_passes() {
     assert_eq!(run(path, &["test", "tests", "--paths", "cpu"]).code, Some(1));
 }
 
+/// A module with an include guard runs, and so does its test.
 // Lesson 189
 #[test]
 fn a_guarded_module_is_tested() {

@@ -1,4 +1,4 @@
-//! Tests without Rust: functions with `@test`, and `*.test.toml`.
+//! Tests functions with `@test`, and `*.test.toml`.
 
 use super::*;
 
@@ -41,7 +41,7 @@ fn cpu(folder: &FilePath, more: &[&str]) -> Ran {
     karat(folder, &[&["test", ".", "--paths", "cpu"], more].concat())
 }
 
-/// After a filtered run, a function that the run didn't check may have tests.
+/// After a run of some tests, `karat list` doesn't know if the other functions are tested, and says so.
 #[test]
 fn a_list_after_a_part_of_the_tests_says_so() {
     let folder = folder();
@@ -54,7 +54,7 @@ fn a_list_after_a_part_of_the_tests_says_so() {
     assert!(part.contains("the last run had only `lambert`"), "{part}");
 }
 
-/// A declared test that can't begin is in each report, with the location of its key.
+/// If a declaration is so wrong that no check can start, each report has an error with the line of its key.
 #[test]
 fn a_test_that_cannot_begin_is_in_each_report() {
     let folder = folder();
@@ -62,7 +62,7 @@ fn a_test_that_cannot_begin_is_in_each_report() {
                     [[frame]]\nname = \"sky\"\nfragment = \"sky\"\nsize = [4, 4]\n\
                     formats = [\"rgba8\"]\n";
     write(folder.path(), "brdf.test.toml", declared);
-    // The tests of an unreadable file can't begin either.
+    // The tests of an unreadable file can't start either.
     write(folder.path(), "other.test.toml", "[[test]]\nfunction = \"schlick\"\nfinit = true\n");
     let ran = cpu(folder.path(), &["--short", "--junit", "junit.xml"]);
     assert!(ran.out.contains("other.test.toml:3:1: error: unknown field `finit`"), "{ran:?}");
@@ -78,14 +78,14 @@ fn a_test_that_cannot_begin_is_in_each_report() {
     assert!(report.out.contains("::error file=brdf.test.toml,line=3,col=1,"), "{report:?}");
 }
 
-/// A cause that stops every test is printed once in full. Each test has its location.
+/// If one cause stops every test, the report has the full cause once, and the line of each test.
 #[test]
 fn a_cause_that_stops_all_tests_is_printed_once() {
     let folder = folder();
     let metal = cpu(folder.path(), &["--require", "metal"]);
     assert_eq!(metal.code, Some(1), "{metal:?}");
     let told = |part: &str| metal.out.matches(part).count();
-    let (failures, others) = (told("\n---- "), told("\n  the same error as in `"));
+    let (failures, others) = (told("\n---- "), told("\n  see test `"));
     assert!(failures > 2 && others == failures - 1, "{}", metal.out);
     assert_eq!(told("execution path `metal` is required, but unavailable"), failures);
     assert_eq!(told(" --> "), failures, "each has its place:\n{}", metal.out);
@@ -112,10 +112,10 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
         assert!(ran.contains(part), "no `{part}` in {ran}");
     }
     assert!(folder.path().join("junit.xml").is_file());
-    // A function that a test in WGSL calls counts as tested.
+    // A function that a test in WGSL calls is tested.
     let untested = ran.split("functions without a test").nth(1).unwrap_or_default();
     assert!(untested.contains("brdf::by_pow") && !untested.contains("brdf::blend"), "{ran}");
-    // Without Cargo, the folder is its own project.
+    // In a folder without Cargo, the project is the folder.
     let here = karat(folder.path(), &["test", "--paths", "cpu"]).good();
     assert!(here.contains("10 checks"), "{here}");
     let some = cpu(folder.path(), &["grazing"]).good();
@@ -129,11 +129,11 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
     assert!(karat(folder.path(), &["test", "./nowhere"]).error().contains("no folder or file"));
 }
 
-/// While a module doesn't parse, Karat can't know which functions have tests.
+/// While a module doesn't parse, Karat doesn't call its functions untested.
 #[test]
 fn a_syntax_error_makes_no_function_untested() {
     let folder = folder();
-    let listed = "functions without a test";
+    let listed = "\nfunctions without a test: ";
     assert!(cpu(folder.path(), &[]).out.contains(listed));
     for broken in
         [BRDF.replacen("return", "retrun", 1), BRDF.replacen("return", "return nothing +", 1)]
@@ -173,7 +173,7 @@ fn a_boolean_is_no_value_of_a_u32_override() {
     };
     declared("2").good();
     let wrong = declared("true");
-    let part = "override: `N` is u32, and true isn't one: write a number";
+    let part = "override: `N` is u32, but true isn't: write a number";
     assert!(wrong.code != Some(0) && wrong.out.contains(part), "{wrong:?}");
 }
 
@@ -198,7 +198,7 @@ fn each_failing_expectation_is_reported_with_its_place() {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
     assert!(!ran.out.contains("wrong_test.wgsl:7:5"), "what holds isn't told: {}", ran.out);
-    // The command has the form in which the message prints it.
+    // The replay command from the output.
     let replay = ran.out.lines().find_map(|line| line.trim().strip_prefix("replay: "));
     let words: Vec<&str> = replay.expect("a replay").split(' ').collect();
     let mut again = command(folder.path(), &[]);
@@ -211,12 +211,11 @@ fn each_failing_expectation_is_reported_with_its_place() {
     }
     let again = output(&mut again);
     assert!(again.code == Some(1) && again.out.contains("1 of 1 case fails"), "{again:?}");
-    // The failing inputs are tried again in the next run.
+    // Karat tries the failing inputs again.
     assert!(folder.path().join(".karat/failures/suite").is_dir());
 }
 
-/// Each kind of declared assertion fails at its planted fault. No two numbers are as many steps apart, so the last
-/// expectation couldn't fail.
+/// A bound that no difference of numbers can exceed is refused, because the expectation couldn't fail.
 #[test]
 fn a_bound_that_nothing_exceeds_fails() {
     let folder = folder();
@@ -265,7 +264,7 @@ fn planted_faults_turn_each_assertion_red() {
     }
 }
 
-/// Functions that use derivatives, write buffers, have overrides, or read the content of a file.
+/// The tested functions use derivatives, write, have overrides, or read data from a file.
 // Lesson 132
 #[test]
 fn declared_tests_of_each_kind_run() {
@@ -326,7 +325,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "t.wgsl",
             "import karat::expect_true;\n@test fn t(@over(unit) x: f32) { expect_true(true); }\n",
-            "no domain of a number",
+            "isn't a domain of a number",
         ),
         (
             "t.wgsl",
@@ -376,12 +375,12 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "brdf.test.toml",
             "[[test]]\nfunction = \"is_odd\"\nfinite = true\n",
-            "it returns no float",
+            "the function returns no float",
         ),
         (
             "brdf.test.toml",
             "[[test]]\nfunction = \"is_odd\"\nin_range = [0, 1]\n",
-            "`in_range` is for numbers",
+            "`in_range` needs numbers",
         ),
         (
             "brdf.test.toml",
@@ -486,7 +485,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
     assert!(ran.out.lines().any(sound), "{ran:?}");
 }
 
-/// Values exactly at their bounds pass, whatever their number is. Cases without an expectation aren't counted.
+/// Any number of values exactly at their bounds passes. Karat doesn't count cases that evaluate nothing.
 // Lesson 105
 #[test]
 fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
@@ -508,8 +507,8 @@ fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
     assert_eq!(seldom["paths"][0]["cases"], 1, "{ran}");
 }
 
-/// One kernel counts the failures of several tests, each with its own arguments. A failing test runs again in a
-/// separate kernel, and has the same message as on the path that compiles no kernel.
+/// One kernel evaluates several tests, each with its own arguments. Each failing test runs again singly, and its
+/// message equals the message on the path `cpu`, which compiles nothing.
 // Lesson 104
 #[test]
 fn tests_that_are_counted_together_have_their_own_verdicts() {
@@ -569,7 +568,7 @@ fn tests_that_are_counted_together_have_their_own_verdicts() {
         facts
     };
     let (mut together, mut alone) = (run("vulkan"), run("cpu"));
-    // A loop that the driver ends early is an error.
+    // A loop that the driver leaves early is an error on this driver.
     for facts in [&mut together, &mut alone] {
         let long = facts.iter().position(|facts| facts[0].contains("long")).expect("it ran");
         assert_ne!(facts.remove(long)[3], "\"pass\"");
@@ -581,7 +580,7 @@ fn tests_that_are_counted_together_have_their_own_verdicts() {
     );
 }
 
-/// A test isn't part of the shader that others import or validate.
+/// Karat removes tests from a shader that other modules import or that it validates.
 #[test]
 fn tests_are_stripped_from_what_is_drawn_and_listed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -597,7 +596,7 @@ fn tests_are_stripped_from_what_is_drawn_and_listed() {
     assert!(!show.contains("karat::") && !show.contains("own"), "{show}");
 }
 
-/// A test that doesn't end is stopped with its location, and the others have their verdicts.
+/// Karat ends a test that runs forever, and reports its line. The other tests get their verdicts.
 #[test]
 fn a_runaway_test_is_stopped() {
     let folder = folder();
@@ -614,8 +613,8 @@ fn a_runaway_test_is_stopped() {
     assert!(ran.out.contains("11 checks, 1 failed"), "{}", ran.out);
 }
 
-/// A missing golden makes the frame pending. The accepted frame passes, and with another shader it fails. After a test
-/// of the folder `shaders`, commands without a folder find its record, goldens and failures.
+/// After a run in the folder `shaders`, commands find its record, goldens and failures from the parent folder without
+/// naming `shaders`.
 #[test]
 fn pending_and_goldens_are_found_from_the_parent_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -628,7 +627,7 @@ fn pending_and_goldens_are_found_from_the_parent_folder() {
     write(&shaders, "a.test.toml", declared);
     let ran = karat(path, &["test", "shaders", "--paths", "vulkan", "--github"]);
     assert!(ran.code == Some(1) && ran.out.contains("frame `grey` has no golden"), "{ran:?}");
-    // The location of a frame is that of its declaration.
+    // The file and line of a frame are those of its declaration.
     let place = "file=shaders/a.test.toml,line=6,col=1,";
     assert!(ran.out.contains(place), "{ran:?}");
     let pending = karat(path, &["pending"]);
@@ -643,7 +642,7 @@ fn pending_and_goldens_are_found_from_the_parent_folder() {
         "{listed}"
     );
     assert!(karat(path, &["report"]).good().contains("a::half"));
-    // The failure can be replayed from both folders.
+    // A failure can be replayed from both folders.
     write(&shaders, "a.wgsl", &module.replace("0.5 * x", "1.5 * x"));
     let ran = karat(path, &["test", "shaders", "half", "--paths", "cpu"]);
     assert!(ran.code == Some(1), "{ran:?}");
@@ -651,7 +650,7 @@ fn pending_and_goldens_are_found_from_the_parent_folder() {
         let again = karat(from, &["replay"]);
         assert!(again.code == Some(1) && again.out.contains("1 of 1 case fails"), "{again:?}");
     }
-    // After the outer folder is tested, commands without a folder report that folder.
+    // After a later run in the parent folder, commands use this folder.
     write(path, "own.wgsl", "@test fn own() { karat::expect_true(true); }\n");
     let misspelt = karat(path, &["test", "shader", "--paths", "cpu"]).err;
     assert!(misspelt.contains("did you mean `shaders`?"), "{misspelt}");
@@ -703,7 +702,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
         assert!(ran.code != Some(0) && ran.out.contains(part), "{ran:?}");
         assert!(ran.out.contains("grad.test.toml:6:10"), "the resource's place: {ran:?}");
     }
-    // The test runs alone, with the same result.
+    // The test runs singly, with the same result.
     let alone = format!(
         "[[frame]]\nname = \"gradient\"\nfragment = \"fs\"\nsize = [32, 16]\nsamples = 4\n\
          with = {{ {tint} }}\n"
@@ -714,7 +713,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
     assert_ne!(left_out.code, Some(0), "nothing is compared: {left_out:?}");
 }
 
-/// The golden of values is one file that contains its provenance.
+/// Declared values are stored in one golden file, together with their provenance.
 #[test]
 fn declared_values_are_compared_with_their_golden() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -772,7 +771,7 @@ fn declared_values_are_compared_with_their_golden() {
     assert!(golden.is_file() && !folder.join("golden/tone/other.csv").exists());
 }
 
-/// Karat reports outputs of a frame that no test compares. A test can compare them.
+/// The report names targets that the frame draws and the test doesn't compare. A test can compare them.
 #[test]
 fn declared_frames_have_targets_formats_and_overrides() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -794,14 +793,14 @@ fn declared_frames_have_targets_formats_and_overrides() {
         ("", "`override` in a test's file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
-        ("target = 1\ndepth = true", "it compares `target` or `depth`, not both"),
+        ("target = 1\ndepth = true", "a frame compares `target` or `depth`, not both"),
     ] {
         let ran = declare(&[&format!("name = \"a\"\n{more}")]);
         assert!(ran.code == Some(1) && ran.out.contains(part), "no `{part}` in {ran:?}");
     }
     let twice = declare(&["name = \"a\"", "name = \"a\""]);
     assert!(
-        twice.code == Some(1) && twice.out.contains("another frame is called `a`"),
+        twice.code == Some(1) && twice.out.contains("another frame has the name `a`"),
         "{twice:?}"
     );
     let all = |gain: u32| {
@@ -825,7 +824,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     }
 }
 
-/// An override is set for the tested function. A reference function without this override is still compared.
+/// The test sets an override for the tested function. A reference without this override is still compared.
 #[test]
 fn a_reference_function_may_lack_the_override_that_a_test_sets() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -847,7 +846,7 @@ fn a_reference_function_may_lack_the_override_that_a_test_sets() {
     assert!(unknown.out.contains("did you mean `GAIN`?"), "{unknown:?}");
 }
 
-/// Runs the tests with another runner: this program, whose output `karat test` hides.
+/// Runs this program's own tests and records them. `karat test` hides this other runner.
 fn recorded(folder: &FilePath, options: &[&str], tests: &[&str]) -> Ran {
     let runner = env!("CARGO_BIN_EXE_karat");
     let arguments = [&["record"], options, &["--", runner, "suite", "."], tests].concat();
@@ -887,10 +886,10 @@ fn merged_records_of_another_runner_equal_its_whole_run() {
     record("p1", &["schlick"]);
     record("p2", &["lambert"]);
     record("p3", &["blend"]);
-    // Tests in WGSL are also found by the functions that they call. Some of them ran in two parts.
+    // The table finds tests in WGSL by the functions that they call. Some ran in two parts.
     let table = |options: &[&str]| {
         let ran = karat(folder.path(), &[&["report", "--all"], options].concat()).good();
-        // On a busy machine a check may be slow enough to be named.
+        // On a busy machine, Karat may list a slow check.
         let own =
             |line: &&str| ["record: ", "slowest: "].iter().all(|head| !line.starts_with(head));
         ran.lines().filter(own).map(str::to_owned).collect::<Vec<_>>().join("\n")
@@ -906,7 +905,8 @@ fn merged_records_of_another_runner_equal_its_whole_run() {
     assert!(twice.code == Some(2) && twice.err.contains("`p1` isn't empty"), "{twice:?}");
 }
 
-/// In a Cargo project, a folder's tests are only a part of all tests. Commands that judge goldens by the run refuse.
+/// The tests of a folder are only a part of a Cargo project's tests, so a command that judges goldens by the run
+/// refuses.
 #[test]
 fn a_run_of_one_folder_of_a_cargo_project_is_incomplete() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -926,7 +926,7 @@ fn a_run_of_one_folder_of_a_cargo_project_is_incomplete() {
     assert!(refused.contains("the last run had only some tests (`shaders`)"), "{refused}");
 }
 
-/// If a whole number has a tolerance, the message explains that the tolerance has no effect.
+/// If a test sets a tolerance for integers, the message explains why it has no effect.
 #[test]
 fn integers_have_no_tolerance() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -937,11 +937,11 @@ fn integers_have_no_tolerance() {
     let failed = cpu(folder.path(), &[]);
     assert_eq!(failed.code, Some(1), "{failed:?}");
     assert!(failed.out.contains("not equal: integers have no tolerance"), "{failed:?}");
-    // WGSL allows only one result, which differs.
+    // WGSL allows only one result, and the driver's result is another.
     assert!(!failed.out.contains("anything"), "{failed:?}");
 }
 
-/// Under every key, `0.3` has the value that WGSL gives it, and a fault is noticed.
+/// Under every key, `0.3` is the number that WGSL reads, and every key detects a fault.
 // Lesson 170
 #[test]
 fn declared_decimals_are_rounded_as_in_wgsl() {
@@ -975,7 +975,7 @@ fn declared_decimals_are_rounded_as_in_wgsl() {
     );
 }
 
-/// README shows the first test and its output.
+/// The README's first test prints the output that the README shows.
 #[test]
 fn the_readme_shows_what_its_first_test_says() {
     let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md"));
@@ -998,15 +998,15 @@ fn the_readme_shows_what_its_first_test_says() {
     let shown = readme.split("```text\n").nth(1).and_then(|rest| rest.split("```").next());
     let shown = shown.expect("what it prints");
     let lines: Vec<&str> = ran.out.lines().map(str::trim).collect();
-    // The line of the driver differs on other machines.
+    // Skips the line with the driver, which differs between machines.
     for line in shown.lines().map(str::trim).filter(|line| !line.starts_with("on ")) {
         assert!(lines.contains(&line), "`{line}` isn't in {}", ran.out);
     }
     assert!(shown.lines().count() > 5, "{shown}");
 }
 
-/// If a buffer has only a size, a host may have any values in it. So Karat counts the elements that a pass reads before
-/// a pass writes them, if results depend on them.
+/// If a test gives a buffer only its size, the buffer may contain any data in a real program. Karat counts reads of
+/// such data before a pass writes it, if the results depend on them.
 // Lesson 221
 #[test]
 fn unwritten_words_are_counted() {

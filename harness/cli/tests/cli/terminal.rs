@@ -1,4 +1,4 @@
-//! The output on a terminal while tests run, and on a narrow terminal.
+//! Tests the output on a terminal while tests run, also on a narrow terminal.
 
 use std::io::Read;
 
@@ -22,7 +22,7 @@ fn shown(
 
 const ROWS: u16 = 60;
 
-/// Returns everything that a command writes to a terminal, and its exit code.
+/// Everything that a command writes to a terminal, and its exit code.
 fn written(
     folder: &FilePath,
     columns: u16,
@@ -52,7 +52,7 @@ fn written(
     let mut reader = pair.master.try_clone_reader().expect("its output");
     let reader = std::thread::spawn(move || {
         let (mut all, mut bytes) = (Vec::new(), [0; 4096]);
-        // On Linux, reading from a terminal fails after its last program has ended.
+        // On Linux, reading from a terminal is an error after its last program has ended.
         while let Ok(count @ 1..) = reader.read(&mut bytes) {
             all.extend_from_slice(&bytes[..count]);
         }
@@ -73,7 +73,7 @@ fn scripted(script: &str, lines: &[String]) -> TempDir {
 
 #[test]
 fn output_of_cargo_has_its_own_lines() {
-    // There are enough tests that the progress line is drawn in between.
+    // The script prints many lines, so that Karat draws the line of progress between them.
     let script = "echo '   Compiling a v0.1.0' >&2\n\
         for program in a b c; do\n  echo \"     Running tests/$program.rs\" >&2\n  echo 'running 9 tests'\n  \
         for n in 1 2 3 4 5 6 7 8 9; do echo \"test $program::t$n ... ok\"; sleep 0.02; done\n  \
@@ -116,7 +116,7 @@ fn tables_fit_a_narrow_terminal() {
             lines[row]
         );
     }
-    // With less width, columns are removed: with 60 columns, no row takes two lines.
+    // On narrower terminals, columns are left out: with 60 columns no row needs two lines.
     let long = |at: usize| {
         let line = function(&format!("tone::narrow_table_{at}"), "vulkan", "pass", None);
         line.replace("7 ulp | more", "0.49999997 ulp")
@@ -129,16 +129,16 @@ fn tables_fit_a_narrow_terminal() {
     assert!(lines[at - 1].starts_with("function  "), "{}", lines.join("\n"));
     assert!(lines[at + 1].starts_with("tone::narrow_table_2"), "{}", lines.join("\n"));
     assert!(rows[0].contains("vulkan") && rows[0].contains("0.49999"), "{}", rows[0]);
-    // A pipe gets all of the text.
+    // Through a pipe, the output has all columns.
     let ran = output(command(project.path(), &["test"]).env("CARGO", "/bin/sh"));
     assert!(ran.out.contains("largest FLIP tile 0.0010 of 0.01"), "{ran:?}");
-    // With colours off, the output has none.
+    // If colours are off, the output has no colours.
     let (_, lines) =
         shown(project.path(), 80, &["test"], &[run[0], ("NO_COLOR", "1"), ("TERM", "dumb")]);
     assert!(lines.iter().any(|line| line.starts_with("1 check, 0 failed")), "{}", lines.join("\n"));
 }
 
-/// Rows are counted if a terminal shows the count. The count disappears at the end.
+/// On a terminal, Karat shows a count of rows while it works, and then removes the count.
 #[test]
 fn the_matrix_counts_its_rows_on_a_terminal() {
     let folder = translations::shaders();

@@ -1,4 +1,4 @@
-//! `karat translate` and `karat matrix`.
+//! Tests `karat translate` and `karat matrix`.
 
 use super::*;
 
@@ -33,7 +33,7 @@ fn a_function_is_printed_in_each_language() {
         assert!(text.starts_with("// ") && text.contains(mark), "{language}: {text}");
         assert!(text.contains('3'), "{language}: {text}");
     }
-    // SPIR-V is binary, also in a pipe.
+    // SPIR-V is written as binary words, also into a pipe.
     let bytes = command(folder.path(), &["translate", "maths::blend", "--to", "spirv"]).output();
     let bytes = bytes.expect("it runs").stdout;
     assert_eq!(bytes[..4], 0x0723_0203_u32.to_le_bytes());
@@ -84,7 +84,7 @@ fn a_failed_translation_is_an_error() {
     assert!(both.contains("remove --entry-point"), "{both}");
 }
 
-/// Returns those of the columns that run on this machine. Not every machine has GL.
+/// The given columns that run on this machine. Some machines have no GL.
 #[cfg(target_os = "linux")]
 pub(super) fn run_here<'c>(columns: impl IntoIterator<Item = &'c str>) -> Vec<&'c str> {
     let gl = karat::unstable::path::adapter(karat::Path::GL).is_ok();
@@ -128,14 +128,14 @@ fn the_matrix_says_how_far_each_row_gets() {
         assert_eq!(cell["compared"], 64, "{column}: {cell}");
         assert!(cell["validators"].as_array().is_some_and(|said| !said.is_empty()), "{cell}");
     }
-    // Nothing runs these columns, so Karat claims nothing about them.
+    // This machine can't run these columns, and Karat assumes nothing about their results.
     assert_eq!(blend["metal"]["status"], "translated");
     assert_eq!(blend["metal"]["stopped"]["why"], "no_validator");
     assert_eq!(blend["dx12"]["status"], "valid");
     assert_eq!(blend["dx12"]["stopped"]["why"], "unavailable");
     let shade = row(&matrix, "frame::shade");
     assert_eq!(shade["vulkan"]["status"], "agrees");
-    // The kernel that calls the function has no attributes, but the translation has.
+    // The kernel that calls the function has no attributes. The translated entry point has them.
     let corner = row(&matrix, "frame::corner");
     for column in &columns {
         let cell = &corner[*column];
@@ -146,7 +146,7 @@ fn the_matrix_says_how_far_each_row_gets() {
         );
     }
     assert_eq!(corner["metal"]["status"], "translated");
-    // Functions that a kernel can't call are rows without cells.
+    // Functions that no kernel can call are rows without cells.
     assert!(row(&matrix, "maths::raise").is_empty());
 
     let text = karat(folder.path(), &["matrix", "--cases", "64", "--only", "maths"]).good();
@@ -157,7 +157,7 @@ fn the_matrix_says_how_far_each_row_gets() {
     assert!(!text.contains("frame::"), "{text}");
 }
 
-/// A route is a path: functions can be called on it like on any other path.
+/// A route is a path, so a call runs on it.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_function_can_be_called_on_each_translation_route() {
@@ -174,7 +174,7 @@ fn a_function_can_be_called_on_each_translation_route() {
     for route in run_here(routes) {
         let out = call(route, &["maths::blend", "2", "1"]).good();
         assert!(out.contains(route) && out.contains('5'), "{out}");
-        // `karat doctor` says that the route opens.
+        // `karat doctor` reports that the route opens.
         karat(folder.path(), &["doctor", "--require", route]).good();
     }
     for (route, message) in [
@@ -195,7 +195,7 @@ fn a_function_can_be_called_on_each_translation_route() {
     }
 }
 
-/// Features that functions don't have: workgroup memory, a barrier, atomics, buffers of several groups.
+/// A shader with features of entry points: workgroup memory, a barrier, atomics, and buffers in several groups.
 const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3> }\n\
     @group(0) @binding(0) var<uniform> params: Params;\n\
     @group(1) @binding(3) var<storage, read_write> sums: array<f32>;\n\
@@ -235,7 +235,7 @@ fn compute_entry_points_are_run() {
             "msl" => assert_eq!(cell["status"], "translated", "{cell}"),
             _ => {
                 assert_eq!(cell["status"], "agrees", "{column}: {cell}");
-                // There are 64 sums with the canary behind them, and 8 bins.
+                // The pass writes 64 sums with the elements that follow them, and 8 bins.
                 assert!(cell["compared"].as_u64().is_some_and(|words| words >= 72), "{cell}");
             }
         }
@@ -246,7 +246,7 @@ fn compute_entry_points_are_run() {
             assert_eq!(cell["status"], "agrees", "{name} on {column}: {cell}");
         }
     }
-    // naga's HLSL expects this value from the host. If it isn't bound, the driver ends the process.
+    // In naga's HLSL this value comes from the host. A driver that reads an unbound resource ends the process.
     for column in run_here(["vulkan", "gl", "vulkan:hlsl"]) {
         let cell = &row(&matrix, "groups")[column];
         let refused =
@@ -254,7 +254,7 @@ fn compute_entry_points_are_run() {
         assert!(refused == (column == "vulkan:hlsl"), "{column}: {cell}");
         assert!(refused || cell["status"] == "agrees", "{column}: {cell}");
     }
-    // The pass would hang a driver, and the deadline would end the whole matrix.
+    // This shader would hang a driver, and the deadline would end the whole matrix.
     for column in run_here(["vulkan", "gl", "vulkan:hlsl"]) {
         let waits = &row(&matrix, "waits")[column];
         assert_eq!(waits["stopped"]["why"], "not_run", "{waits}");
@@ -266,7 +266,7 @@ fn compute_entry_points_are_run() {
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
 }
 
-/// WGSL allows 0 for a subnormal number (15.7.2), in a buffer as in a result.
+/// WGSL allows a subnormal number to be 0 (15.7.2), in a buffer and in a result.
 #[test]
 fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -285,7 +285,7 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     ];
     write(folder.path(), "small.wgsl", small);
     karat(folder.path(), &arguments).good();
-    // As whole numbers, the same bits are other numbers.
+    // With the type `u32`, the same bits are other numbers.
     let whole = small.replace("array<f32>", "array<u32>");
     write(
         folder.path(),
@@ -295,8 +295,8 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     assert_eq!(karat(folder.path(), &arguments).code, Some(1));
 }
 
-/// An entry point doesn't need the abilities of other entry points in its module. Each driver has its own subgroup
-/// size.
+/// An entry point doesn't need the abilities that only other entry points of its module use. Each driver has its own
+/// size of subgroups.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -315,7 +315,7 @@ fn an_entry_point_needs_what_it_uses_itself() {
     assert!(cell["differing"] == 0 && cell["open"].as_u64() > Some(0), "{cell}");
 }
 
-/// A pass whose first content gives only zeros is run with another content.
+/// If the first buffer contents make a pass add only zeros, Karat runs the pass with other contents.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_matrix_looks_for_a_content_that_a_pass_changes() {
@@ -329,7 +329,7 @@ fn the_matrix_looks_for_a_content_that_a_pass_changes() {
     }
 }
 
-/// Drivers compute their own level of detail. Results that don't depend on it are compared.
+/// Drivers choose the level of detail themselves. Karat compares only results that don't depend on it.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -345,7 +345,7 @@ fn the_matrix_leaves_results_of_derivatives_open() {
     }
 }
 
-/// The value of an override is in the translations and in the runs.
+/// The override's value reaches the translations and the runs.
 #[test]
 fn overrides_have_values_in_the_matrix() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -379,7 +379,7 @@ fn overrides_have_values_in_the_matrix() {
     assert!(error.contains("no function and no entry point uses an override `SIEZ`"), "{error}");
     let error = matrix(&["--override", "SIZE=1.5"]).error();
     assert!(error.contains("the override `SIZE` is a u32"), "{error}");
-    // Only one of the packages has the override.
+    // Of several packages, only one has the override.
     write(
         folder.path(),
         "Cargo.toml",
@@ -396,7 +396,7 @@ fn overrides_have_values_in_the_matrix() {
     assert!(error.contains("write NAME=VALUE"), "{error}");
 }
 
-/// Runs the matrix of one file on some columns. Returns the JSON, and the other output.
+/// The matrix of one file on some columns: its JSON and the other output.
 #[cfg(target_os = "linux")]
 fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -416,7 +416,7 @@ fn a_panic_of_naga_is_a_finding() {
     let atomics = "struct B { a: array<atomic<u32>, 4> } struct C { b: B }\n\
                    @group(0) @binding(0) var<storage, read_write> c: C;\n\
                    @compute @workgroup_size(1) fn m() { let w = c; }\n";
-    // No other validator judges this column.
+    // No other validator checks this column.
     let (matrix, ran) = matrix_of(atomics, "hlsl6");
     let cell = &row(&matrix, "m")["hlsl6"];
     assert_eq!(cell["stopped"]["why"], "panicked", "{cell}");
@@ -425,7 +425,7 @@ fn a_panic_of_naga_is_a_finding() {
     assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
 }
 
-/// Elements outside of arrays, vectors and textures: drivers clamp the index, read 0, or return something else.
+/// A shader with accesses outside of arrays, vectors and textures. Drivers clamp, read 0, or do something else.
 #[cfg(target_os = "linux")]
 const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
     fn element(c: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[c % 4u]; }\n\
@@ -457,7 +457,7 @@ fn results_that_wgsl_leaves_open_are_counted_and_pass() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_wrong_defined_result_beside_an_open_one_fails() {
-    // In WGSL, x / 0 is x, and x % 0 is 0. In the last two functions an element is outside in each case, or in some
+    // x / 0 is x, and x % 0 is 0. The last two functions use an index outside of an array in each case, or in some
     // cases.
     let text = "fn quotient(a: i32, b: i32) -> i32 { return a / b; }\n\
                 fn rest(a: i32, b: i32) -> i32 { return a % b; }\n\
@@ -479,7 +479,7 @@ fn a_wrong_defined_result_beside_an_open_one_fails() {
     }
 }
 
-/// A generated buffer has an element for each invocation, and a texture of one dimension has one level.
+/// A buffer has an element for each invocation. A one-dimensional texture has one level.
 // Lesson 157
 #[cfg(target_os = "linux")]
 #[test]
@@ -500,7 +500,7 @@ fn generated_buffers_and_textures_of_the_matrix_are_valid_to_bind() {
     }
 }
 
-/// naga's WGSL has no `@align`, and the engine reads the author's text.
+/// naga's WGSL has no `@align`, and the engine reads the author's WGSL instead.
 // Lesson 158
 #[cfg(target_os = "linux")]
 #[test]
@@ -521,7 +521,7 @@ fn the_engine_runs_what_the_author_wrote() {
     );
 }
 
-/// glslang counts HLSL's buffers in words, but Direct3D counts bytes.
+/// For the length of an HLSL buffer, glslang returns the number of words, and Direct3D the number of bytes.
 // Lesson 159
 #[cfg(target_os = "linux")]
 #[test]
@@ -542,7 +542,7 @@ fn array_length_is_equal_on_each_route() {
     }
 }
 
-/// One entry point takes minutes on a software driver. Three others are quick.
+/// An entry point that takes minutes on a software driver, with three fast entry points.
 #[cfg(target_os = "linux")]
 fn slow_and_three() -> String {
     let terms: String = (0..300)
@@ -575,7 +575,7 @@ fn expect_three(matrix: &serde_json::Value) {
     }
 }
 
-/// If a driver crashes, it ends the process. The matrix restarts without the row that was running.
+/// If a driver crashes, its process ends, and Karat reports the crash in the row that ran.
 // Lesson 162
 #[cfg(target_os = "linux")]
 #[test]
@@ -605,7 +605,7 @@ fn a_crash_ends_one_row_of_the_matrix() {
         let id = supervisor.id();
         let child = std::fs::read_to_string(format!("/proc/{id}/task/{id}/children"));
         let child = child.expect("its children");
-        // Rust's handler catches the first SIGSEGV that another process sends, so this test sends SIGFPE.
+        // Rust's handler catches the first SIGSEGV that is sent from outside, so the test sends SIGFPE.
         let killed = Command::new("sh").args(["-c", &format!("kill -FPE {child}")]).status();
         assert!(killed.expect("it runs").success(), "{:?}", journal());
     }
@@ -684,7 +684,7 @@ fn required_columns_decide_the_exit_code() {
     assert!(twice.error().contains("`vulkan` is named twice"));
 }
 
-/// A matrix that compared nothing fails. An output that would destroy a file is refused.
+/// A matrix that compared nothing is no verdict. Karat refuses an output that would overwrite an input.
 // Lesson 89
 #[cfg(target_os = "linux")]
 #[test]
@@ -709,7 +709,7 @@ fn a_matrix_without_evidence_fails() {
     }
     let folder_and_file = matrix(&["--html", "bugs", "--reproduce", "bugs"]).error();
     assert!(folder_and_file.contains("two outputs have the same file"), "{folder_and_file}");
-    // Files of the package stay, and no file is added.
+    // All files of the package stay, and Karat adds none.
     write(&folder.path().join("shaders"), "types.wgsl", "const K: f32 = 2.0;\n");
     write(&folder.path().join("shaders"), "karat.toml", "");
     for taken in ["shaders/types.wgsl", "shaders/karat.toml", "shaders/new.wgsl"] {
@@ -733,7 +733,7 @@ fn a_matrix_without_evidence_fails() {
     }
     write(&folder.path().join("bugs"), "older.txt", "");
     assert!(matrix(&["--reproduce", "bugs"]).error().contains("`bugs` isn't an empty folder"));
-    // The pass leaves its buffer unchanged on each column.
+    // On each column, the pass leaves its buffer unchanged.
     let idle = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;\n\
                 @compute @workgroup_size(1) fn idle() { if out[0] > 1e30 { out[0] = 1.0; } }\n";
     write(folder.path(), "idle.wgsl", idle);
@@ -744,7 +744,8 @@ fn a_matrix_without_evidence_fails() {
     assert_eq!(matrix(&[&columns[..], &required].concat()).code, Some(1));
 }
 
-/// Verdicts of tests on a path apply to the cell on this path. A verdict on another text of the module is ignored.
+/// In a row on a path that tests ran, the tests' verdict decides. A verdict on another version of the module has no
+/// effect.
 // Lesson 113
 #[cfg(target_os = "linux")]
 #[test]
@@ -789,8 +790,8 @@ fn tests_judge_the_functions_that_they_have() {
     assert!(stale.err.contains("the last run has no test of these functions"), "{stale:?}");
 }
 
-/// Faults in the output of naga. A compiler that changes its input or its output plants them. Each fault appears only
-/// in its column, with its status.
+/// Tests with planted faults after naga's translation. A fake compiler changes its input or output. Karat finds each
+/// fault with the right status, and only in its column.
 #[cfg(target_os = "linux")]
 mod planted {
     use std::os::unix::fs::PermissionsExt;
@@ -799,7 +800,7 @@ mod planted {
 
     use super::*;
 
-    /// Returns the path of a program. `cargo ci setup` installs these programs.
+    /// The path of a program on this machine. `cargo ci setup` installs these programs.
     fn program(name: &str) -> std::path::PathBuf {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let found = std::env::split_paths(&path).map(|folder| folder.join(name));
@@ -808,8 +809,7 @@ mod planted {
         })
     }
 
-    /// Runs the matrix with a glslang that runs these commands before and after its work. The matrix must have a
-    /// finding.
+    /// The matrix with a glslang that runs these commands before and after its work. The matrix has a finding.
     fn with_glslang(before: &str, after: &str) -> serde_json::Value {
         let ran = run_with_glslang(&shaders(), before, after, &["--json"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -817,8 +817,8 @@ mod planted {
         json(&ran.out)
     }
 
-    /// Debian doesn't have Microsoft's compiler. A script accepts its arguments and runs glslang. This tests the route,
-    /// not the compiler.
+    /// Debian has no package of Microsoft's compiler. A script reads its arguments and runs glslang. This tests the
+    /// route, not the compiler.
     #[test]
     fn dxc_gets_the_arguments_that_dxc_needs() {
         let folder = shaders();
@@ -878,7 +878,7 @@ mod planted {
         output(command(folder.path(), &[&common, more].concat()).env("PATH", path))
     }
 
-    /// A glslang that adds where naga's HLSL subtracts.
+    /// A glslang that replaces a subtraction in naga's HLSL by an addition.
     const ANOTHER_OPERATOR: &str =
         "[ -f shader.hlsl ] && sed -i 's/ - y/ + y/; s/_ - /_ + /' shader.hlsl";
 
@@ -939,7 +939,7 @@ mod planted {
         assert_eq!(values["case"]["arguments"][1], "0x3f800000");
     }
 
-    /// The message names the first let-binding that differs, whatever its initialiser is.
+    /// Karat reports the first `let` that differs, for any initialiser.
     // Lesson 84
     #[test]
     fn the_first_let_that_differs_is_named() {
@@ -959,7 +959,7 @@ mod planted {
         assert!(says.as_str().is_some_and(|says| says.contains("(not compared: `p`)")), "{says}");
     }
 
-    /// In a loop, the last values are compared, and the message says so. The report of an entry point repeats it.
+    /// In a loop Karat compares the last values, and says so. The report of an entry point has this remark, too.
     #[test]
     fn explanations_name_last_rounds_of_loops_and_entry_points() {
         let folder = shaders();
@@ -983,8 +983,8 @@ mod planted {
         assert!(why.contains(": vulkan:hlsl: "), "what is wrong is never left out: {why}");
     }
 
-    /// glslang 11.12 has no zero value of an array, but naga's HLSL initialises workgroup memory with it. The HLSL is
-    /// right.
+    /// naga's HLSL initialises workgroup memory with a zero value of an array, which glslang 11.12 doesn't support.
+    /// This isn't a fault.
     // Lesson 160
     #[test]
     fn an_array_of_workgroups_is_no_fault_of_hlsl() {
@@ -1003,7 +1003,7 @@ mod planted {
         assert!(known || ran.code == Some(1), "it isn't judged, and that is no green: {ran:?}");
     }
 
-    /// A failure before the declared status isn't the declared failure.
+    /// A failure before the declared status doesn't match the declaration.
     // Lesson 85
     #[test]
     fn a_declared_difference_hides_no_earlier_failure() {
@@ -1026,7 +1026,7 @@ mod planted {
         assert!(ran.contains("not checked: 1 declared failures"), "{ran}");
     }
 
-    /// A declared failure must occur, and must name an existing row and column.
+    /// A declared difference must occur, in a row that exists.
     // Lesson 85
     #[test]
     fn a_declared_difference_must_occur() {
@@ -1052,12 +1052,13 @@ mod planted {
         let outdated = "one cell declared to fail works: delete from `karat.toml` the \
                         declarations for maths::blend on vulkan:hlsl: the row reaches `agrees`";
         assert!(healthy.err.contains(outdated), "{healthy:?}");
-        // The declared rejection no longer occurs, but the results differ. So this isn't good news.
+        // A row is declared to be rejected. If a compiler accepts it and the result differs, Karat doesn't report the
+        // declaration as fixed.
         declare("maths::blend", "vulkan:hlsl", "valid", "the compiler is wrong");
         let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &[]);
         assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
         assert!(!ran.err.contains("delete"), "{ran:?}");
-        // A validator that crashes rejects nothing.
+        // A crash of a validator isn't a rejection.
         let ran = run_with_glslang(&folder, "[ -f shader.hlsl ] && kill -SEGV $$", "", &[]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(ran.out.contains("NO VERDICT"), "{ran:?}");
@@ -1082,7 +1083,7 @@ mod planted {
             "[[matrix]]\nrows = []\ncolumns = [\"gl\"]\nstatus = \"valid\"\nreason = \"x\"\n";
         write(&folder.path().join("shaders"), "karat.toml", empty);
         assert!(run_with_glslang(&folder, "", "", &[]).error().contains("names no rows"));
-        // A declaration for a route doesn't apply to the direct path.
+        // The declared route isn't the direct route.
         declare("maths::blend", "vulkan", "agrees", "not so");
         let ran = run_with_glslang(&folder, "", "", &[]);
         assert!(
@@ -1126,7 +1127,7 @@ mod planted {
         assert_eq!(states(&matrix), expected("vulkan:hlsl", "executed", "differs"));
         let cell = &row(&matrix, "maths::blend")["vulkan:hlsl"];
         let says = cell["stopped"]["says"].as_str().expect("a text").to_owned();
-        // This is the simplest input with the difference.
+        // The message has the simplest input that shows the difference.
         assert!(says.contains("at x = 0; y = 1 `vulkan:hlsl` returns 1, `vulkan` -1"), "{says}");
     }
 

@@ -1,16 +1,16 @@
-//! Runs `docs/guide/tutorial.md`: writes its files, runs its commands, and compares the output with the page.
+//! Follows `docs/guide/tutorial.md`: writes its files, runs its commands, and compares their output with the page.
 
 use super::*;
 
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guide/tutorial.md");
 
-/// A part of the page.
+/// A part of the page that the test uses.
 enum Step<'p> {
     Section(&'p str),
     Block {
         language: &'p str,
         text: &'p str,
-        /// The line above the block. Empty if another block is there.
+        /// The line above the block. It is empty if another block is above.
         above: &'p str,
     },
 }
@@ -33,18 +33,17 @@ fn steps(page: &str) -> Vec<Step<'_>> {
     steps
 }
 
-/// Returns the file that a line says to write. The line ends with the name in backticks and a colon.
+/// The file that a line tells the reader to write. Such a line ends with the file's name in backticks and a colon.
 fn written(line: &str) -> Option<&str> {
     line.strip_suffix("`:")?.rsplit_once('`').map(|(_, file)| file)
 }
 
-/// Returns the file in which a line says to replace the next block by the one after it.
+/// The file in which a line tells the reader to replace the block below by the next block.
 fn changed(line: &str) -> Option<&str> {
     line.strip_suffix("`, replace")?.rsplit_once("In `").map(|(_, file)| file)
 }
 
-/// Returns the first part of a block that a text doesn't contain. `...` separates parts. The lines of a part are
-/// consecutive.
+/// The first part of a block that the text doesn't contain. `...` separates parts. The lines of a part are consecutive.
 fn missing(block: &str, text: &str) -> Option<String> {
     let lines: Vec<&str> = block.lines().collect();
     let text: Vec<&str> = text.lines().collect();
@@ -59,7 +58,7 @@ fn missing(block: &str, text: &str) -> Option<String> {
     None
 }
 
-/// Runs a line of the page, and returns its output. Returns `None` if the line isn't a command of Karat.
+/// Runs a command of the page, and returns its output. `None` if the line isn't a command of Karat.
 fn run(folder: &FilePath, line: &str, paths: &str) -> Option<String> {
     let (line, comment) = line.split_once("  #").unwrap_or((line, ""));
     let words = shell_words::split(line).expect("a line for a shell");
@@ -67,7 +66,7 @@ fn run(folder: &FilePath, line: &str, paths: &str) -> Option<String> {
     if words.first() != Some(&"karat") {
         return None;
     }
-    // The page describes a machine with a GPU.
+    // The page describes machines with a GPU.
     if words[1] == "accept" {
         words.push("--any-adapter");
     }
@@ -76,7 +75,7 @@ fn run(folder: &FilePath, line: &str, paths: &str) -> Option<String> {
     Some(ran.out + &ran.err)
 }
 
-/// Functions run on Karat's engine. From the section on frames on, all tests run on Vulkan.
+/// Functions run on Karat's engine. All commands from the frame on run on Vulkan.
 // Lesson 137
 // Lesson 211
 #[test]

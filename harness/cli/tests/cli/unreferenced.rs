@@ -218,7 +218,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         write(&golden, file, "");
         fails(file, case, "has no readable provenance: missing field");
         std::fs::remove_file(golden.join(file)).expect("removed");
-        fails(file, case, "is missing: it has the provenance of `");
+        fails(file, case, "is missing: the provenance of `");
         // Git may have changed the line ends.
         write(&golden, file, &facts.replace('\n', "\r\n"));
         karat(folder, &["unreferenced"]).good();
@@ -226,7 +226,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
     // A golden of another tool has no provenance.
     let room = golden.join("room.exr");
     Image::new(1, 1, vec![[1.0; 4]]).write_exr(&room, Precision::Half, None).expect("written");
-    fails("room.toml", "room", "has provenance, but `");
+    fails("room.toml", "room", "has provenance, but not `");
     std::fs::remove_file(golden.join("room.toml")).expect("removed");
     karat(folder, &["unreferenced"]).good();
     // An unreadable file has no provenance.

@@ -1,4 +1,4 @@
-//! A run reports everything that it left out or couldn't do.
+//! Tests that Karat reports each step that a run leaves out or couldn't do.
 
 use super::*;
 
@@ -36,7 +36,7 @@ fn features_reach_the_tests_of_a_folder() {
     assert!(without.out.contains(" compared; 1 test left out by conditions;"), "{without:?}");
     let with = test(folder.path(), &["--feature", "fast"]);
     assert!(with.code == Some(1) && with.out.contains("4 checks, 3 failed"), "{with:?}");
-    // The printed command has the same features.
+    // The printed command repeats the run with the same features.
     assert!(with.out.contains("karat test wgsl --feature fast=true --exact"), "{with:?}");
     let again = karat(folder.path(), &["replay", "--print", &replayed(&with.out)]).good();
     assert!(again.contains("--feature fast=true"), "{again}");
@@ -44,7 +44,7 @@ fn features_reach_the_tests_of_a_folder() {
     assert!(unknown.contains("uses the feature `fasd`"), "{unknown}");
 }
 
-/// If a test fails before it reaches the case to replay, it has its own message, and the other tests have their
+/// If a test fails before it reaches the case to replay, the test has its message, and the other tests have their
 /// verdicts.
 #[test]
 fn a_failure_before_the_replayed_case_is_reported() {
@@ -55,7 +55,7 @@ fn a_failure_before_the_replayed_case_is_reported() {
     };
     let ran = replay("g/is_finite/3");
     assert!(ran.code == Some(1) && ran.out.contains("`a::f` fails stays_within"), "{ran:?}");
-    // A test that passes without replaying a case fails, but no other test does.
+    // A test that passes and replays nothing fails if it runs singly.
     let two =
         format!("{IN_RANGE}[[test]]\nfunction = \"f\"\nover = {{ x = \"0..1\" }}\nfinite = true\n");
     write(folder.path(), "wgsl/a.wgsl", "fn f(x: f32) -> f32 { return x; }\n");
@@ -69,7 +69,6 @@ fn a_failure_before_the_replayed_case_is_reported() {
     }
 }
 
-/// Returns the first short name of a failure.
 fn replayed(out: &str) -> String {
     let line = out.lines().find_map(|line| line.strip_prefix("karat replay "));
     line.and_then(|line| line.split(' ').next()).expect("a failure is named").to_owned()
@@ -93,7 +92,7 @@ fn a_file_whose_name_resembles_a_test_file_fails_the_run() {
     );
 }
 
-/// Each error of a declared test has the location of its key. A failing row has the line of the table.
+/// Each error in a declared test has the line of its key, and each failing row of a table has the row's line.
 #[test]
 fn declared_tests_have_places_of_their_own() {
     let shader = "override GAIN = 1.0;\nfn f(x: f32) -> f32 { return x * GAIN; }\n\
@@ -108,7 +107,7 @@ fn declared_tests_have_places_of_their_own() {
         (
             format!("{f}finite = true\nover = {{ x = \"0,,1\" }}\n"),
             "4:1",
-            "is no domain of a number",
+            "isn't a domain of a number",
         ),
         (format!("{f}finite = true\ncases = 0\n"), "4:1", "has 0 cases"),
         (
@@ -125,7 +124,7 @@ fn declared_tests_have_places_of_their_own() {
         (
             format!("{f}symmetric_in = [\"x\", \"x\"]\ntolerance = \"exact\"\n"),
             "3:1",
-            "swaps a parameter with itself",
+            "a parameter can't be swapped with itself",
         ),
         (format!("{f}equals = 1\ntolerance = \"abs nan\"\n"), "4:1", "bounds nothing"),
         (format!("{f}tolerance = \"4 ulp\"\nequals = nan\n"), "4:1", "returned NaN"),
@@ -134,7 +133,7 @@ fn declared_tests_have_places_of_their_own() {
             "4:1",
             "can't name a golden",
         ),
-        (format!("{f}in_range = [0, 1, 2]\n"), "3:12", "a range is a list of two numbers"),
+        (format!("{f}in_range = [0, 1, 2]\n"), "3:12", "a range is a list of two"),
         (format!("{f}symmetric_in = [\"a\", \"b\", \"c\"]\n"), "3:16", "and this one has 3"),
         (
             format!("{f}golden = \"f\"\n"),
@@ -161,8 +160,8 @@ fn declared_tests_have_places_of_their_own() {
         assert!(ran.out.contains(part), "no `{part}`: {}", ran.out);
         assert!(!ran.out.contains("error: error:"), "{}", ran.out);
     }
-    // The location is also right for two paths, for a resource that is named as in messages, and for a test without an
-    // expectation.
+    // The errors also have lines on two paths, for a resource with its name from messages, and for a test that expects
+    // nothing.
     let declared = format!("{f}finite = true\nfails_on = {{ cpu = \"no\", vulkan = \"no\" }}\n");
     let both = folder(shader, &declared);
     let ran = karat(both.path(), &["test", "wgsl", "--paths", "cpu,vulkan"]);
@@ -189,8 +188,7 @@ fn declared_tests_have_places_of_their_own() {
     assert!(test(folder.path(), &[]).out.contains("wgsl/t.csv:2:1"));
 }
 
-/// The system, a driver or the deadline ends the process that runs the tests. Only Linux lists the children of a
-/// process.
+/// The system, a driver or the deadline ends a process of tests. Only Linux lists the children of a process.
 #[cfg(target_os = "linux")]
 #[test]
 fn tests_of_a_killed_process_are_named() {
@@ -220,14 +218,14 @@ fn tests_of_a_killed_process_are_named() {
     assert_eq!(ended.status.code(), Some(1), "{out}");
     assert!(out.contains("signal: 9"), "{out}");
     assert!(out.contains("before a verdict of") && out.contains("a::f in_range"), "{out}");
-    // The test counts as failed. `--failed` runs only this test.
+    // The test counts as failed, and runs again singly.
     write(folder.path(), "wgsl/a.test.toml", &format!("{IN_RANGE}finite = true\n"));
     let failed = test(folder.path(), &["--failed"]).good();
     assert!(failed.contains("stays_within") && failed.contains("1 check, 0 failed"), "{failed}");
 }
 
-/// Commands without a folder find the folder that was tested last, whatever it is called. They print paths relative to
-/// the working directory.
+/// Commands without a folder use the last tested folder, for any name of the folder. They print file names relative to
+/// the current folder.
 #[test]
 fn report_and_replay_find_the_last_tested_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
@@ -256,7 +254,7 @@ fn exact_names_are_exact() {
     assert!(near.contains("none of 1 test is called `in_range`"), "{near}");
 }
 
-/// If a golden of values has a different number of rows, no case fails, but the table shows the failure.
+/// A golden of values has other rows. No case fails, and the table shows the failure.
 #[test]
 fn a_golden_with_other_rows_fails_in_the_table() {
     let golden = "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\ncases = 20\ngolden = \"f\"\n\
@@ -272,7 +270,7 @@ fn a_golden_with_other_rows_fails_in_the_table() {
     assert!(ran.code == Some(1) && row.is_some_and(|row| row.contains("FAIL")), "{ran:?}");
 }
 
-/// A test with only one case stores no failing input, because the case always runs.
+/// If a test has only one case, Karat doesn't store the case, because it runs anyway.
 #[test]
 fn a_test_without_arguments_fails_once() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
@@ -284,7 +282,7 @@ fn a_test_without_arguments_fails_once() {
     }
 }
 
-/// Features of a folder apply to everything that its tests in WGSL import, as in its declared tests.
+/// The settings of a folder apply to all modules that its tests in WGSL import, as for its declared tests.
 #[test]
 fn features_reach_what_a_test_in_wgsl_imports() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -310,7 +308,7 @@ fn features_reach_what_a_test_in_wgsl_imports() {
     assert!(samples.code == Some(1) && samples.out.contains("3 checks, 1 failed"), "{samples:?}");
 }
 
-/// A replay of one case leaves the record of all failures.
+/// A replay of one case keeps the record of the whole run.
 #[test]
 fn a_replay_keeps_the_record_of_the_last_run() {
     let folder = folder(
@@ -344,7 +342,7 @@ fn a_misnamed_file_of_declared_tests_fails() {
         assert!(ran.code == Some(1) && ran.out.contains(&told), "{ran:?}");
         std::fs::remove_file(folder.path().join(name)).expect("it is there");
     }
-    // Copies of editors, build folders of Cargo, other settings, and hidden files.
+    // Backup copies of editors, Cargo's targets, other settings, and hidden files have no effect.
     for name in ["wgsl/a.test.toml~", "wgsl/a.test.toml.orig", "wgsl/Cargo.toml"] {
         write(folder.path(), name, &IN_RANGE.replace("[0, 1]", "[2, 3]"));
     }
@@ -366,14 +364,14 @@ fn a_folder_whose_tests_all_have_a_condition_says_so() {
     test(folder.path(), &["--feature", "fast"]).good();
 }
 
-/// If the record was made from an outer folder, its locations are also right in the inner folder.
+/// A record from a run in the parent folder has right file names in the inner folder.
 #[test]
 fn a_record_has_correct_places_from_a_subfolder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
     assert_eq!(test(folder.path(), &[]).code, Some(1));
     let within = karat(&folder.path().join("wgsl"), &["report", "--github"]);
     assert!(within.out.contains("file=a.wgsl,line=1,col=1,"), "{within:?}");
-    // A function that a test in WGSL calls counts as tested.
+    // A function that a test in WGSL calls is tested.
     write(
         folder.path(),
         "wgsl/a_test.wgsl",
@@ -385,7 +383,7 @@ fn a_record_has_correct_places_from_a_subfolder() {
     assert!(listed.lines().any(|line| line.contains("a::f") && line.contains("yes")), "{listed}");
 }
 
-/// Commands without a folder use `shaders`, whatever folder the last run named.
+/// Commands without a folder use `shaders`, for any folder of the last run.
 #[test]
 fn a_run_of_another_folder_does_not_change_the_default_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
@@ -407,7 +405,7 @@ fn a_run_of_another_folder_does_not_change_the_default_folder() {
     karat(folder.path(), &["check", "wgsl", "--shaders", "shaders"]).failure(2);
 }
 
-/// The two most likely mistakes in a first test.
+/// Tests two mistakes that beginners make in a first test.
 #[test]
 fn two_common_mistakes_of_first_tests_have_hints() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);

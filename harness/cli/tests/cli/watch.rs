@@ -1,4 +1,4 @@
-//! `karat watch`: the verdicts after each edit.
+//! Tests that `karat watch` prints verdicts after each edit.
 
 use std::io::{BufRead, BufReader};
 use std::process::Child;
@@ -16,13 +16,13 @@ const TESTS: &str = "import package::calc::half;\nimport karat::{expect_near, ex
 @test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n\
 @test fn other() { expect_true(true); }\n";
 
-/// The time limit of a wait. It is far longer than needed, because other tests keep the machine busy.
+/// A limit far longer than any step takes, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub(crate) struct Watching {
     child: Child,
     lines: Receiver<String>,
-    /// The watched folder, if the test owns it.
+    /// The watched folder, if this value owns it.
     folder: Option<TempDir>,
 }
 
@@ -35,14 +35,14 @@ impl Watching {
         Self::at(folder, ".", &["shaders"])
     }
 
-    /// Watches from a folder of the project.
+    /// Starts watching in a folder of the project.
     fn at(folder: TempDir, here: &str, arguments: &[&str]) -> Self {
         let mut watching = Self::of(&folder.path().join(here), arguments, |_| {});
         watching.folder = Some(folder);
         watching
     }
 
-    /// Watches in a folder. `more` may change the command.
+    /// Starts watching in a folder. `more` may change the command before.
     pub(crate) fn of(here: &FilePath, arguments: &[&str], more: impl Fn(&mut Command)) -> Self {
         let arguments = [&["watch"], arguments, &["--paths", "cpu", "--lines"]].concat();
         let mut command = command(here, &arguments);
@@ -65,13 +65,13 @@ impl Watching {
         self.folder.as_ref().expect("it is its own").path()
     }
 
-    /// Waits for a line, and returns the output up to it.
+    /// Waits for a line that contains `part`, and returns all lines up to it.
     #[track_caller]
     pub(crate) fn until(&self, part: &str) -> String {
         self.until_any(part, &[""])
     }
 
-    /// Waits for a line with this part followed by one of these words.
+    /// Waits for a line with one of several words after a part.
     #[track_caller]
     pub(crate) fn until_any(&self, part: &str, words: &[&str]) -> String {
         let (began, mut all) = (Instant::now(), String::new());
@@ -87,7 +87,7 @@ impl Watching {
     }
 
     fn edit(&self, file: &str, text: &str) {
-        // Editors save in this way: a new file replaces the old one.
+        // Replaces the file by a new file, as editors do.
         let shaders = self.folder().join("shaders");
         write(&shaders, "saved.tmp", text);
         std::fs::rename(shaders.join("saved.tmp"), shaders.join(file)).expect("renamed");
@@ -119,17 +119,17 @@ fn verdicts_follow_edits() {
     watch.until("cpu: 2 tests pass; 1 ran");
     watch.edit("calc.wgsl", &format!("// a comment\n{SHADER}"));
     watch.until("cpu: 2 tests pass; no code changed");
-    // A syntax error has its location, and goes away after the correction.
+    // A syntax error is reported with its line, and an edit fixes it.
     watch.edit("calc.wgsl", "fn half(x: f32) -> f32 { return 0.5 * ; }\n");
     let broken = watch.until("cpu: no verdict");
     let told = watch.until("calc.wgsl:1:39");
     assert!(broken.contains("changed: calc.wgsl"), "{broken}{told}");
-    // Another edit leaves the module without a verdict.
+    // After an edit of another file, the module still has no verdict.
     watch.edit("more.wgsl", "fn more() {}\n");
     watch.until("cpu: no verdict");
     watch.edit("calc.wgsl", SHADER);
     watch.until("cpu: 2 tests pass");
-    // A shader that hangs is ended, and the next edit gets a verdict.
+    // Karat ends a shader that hangs, and the next edit gets its verdict.
     let hangs = "fn half(x: f32) -> f32 {\n    var y = x;\n    \
                  for (var i = 0; i < 2000000000; i++) { y += 1.0; }\n    return y;\n}\n";
     watch.edit("calc.wgsl", hangs);
@@ -137,7 +137,7 @@ fn verdicts_follow_edits() {
     assert!(slow.contains("was stopped: ") && slow.contains("calc.wgsl:3:5"), "{slow}");
     watch.edit("calc.wgsl", SHADER);
     watch.until("cpu: 2 tests pass; 1 ran");
-    // The parameter of a domain is part of the test.
+    // The position of a domain's attribute is part of the test.
     let over = "import karat::expect_in_range;\n@test fn over(\n@over(0, 1)\na: f32,\n\
                 b: f32) { expect_in_range(a, 0.0, 1.0); }\n";
     watch.edit("over_test.wgsl", over);
@@ -147,7 +147,7 @@ fn verdicts_follow_edits() {
         &over.replace("\n@over(0, 1)\na: f32,\n", "\na: f32,\n@over(0, 1)\n"),
     );
     watch.until("cpu: 1 of 3 tests fail; 1 ran");
-    // A folder of modules is added, and then removed.
+    // A folder of modules appears, and disappears.
     let shaders = watch.folder().join("shaders");
     let away = watch.folder().join("more");
     std::fs::remove_file(shaders.join("over_test.wgsl")).expect("removed");
@@ -169,10 +169,10 @@ fn verdicts_follow_edits() {
     watch.until("cpu: 1 of 3 tests fail");
     std::fs::remove_dir_all(shaders.join("new")).expect("removed");
     watch.until("cpu: 2 tests pass");
-    // A removed test is forgotten, and a new test runs.
+    // A deleted test is forgotten, and a new test runs.
     watch.edit("calc_test.wgsl", &TESTS.replace("@test fn other", "@test fn third"));
     watch.until("cpu: 2 tests pass; 1 ran");
-    // The folder is removed, and then comes back.
+    // The folder disappears and appears again.
     let (here, there) = (watch.folder().join("shaders"), watch.folder().join("away"));
     std::fs::rename(&here, &there).expect("renamed");
     watch.until("cpu: no verdict");
@@ -191,7 +191,7 @@ fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     write(&shaders, "calc_test.wgsl", TESTS);
     let watch = Watching::at(folder, "shaders", &["."]);
     watch.until("cpu: 2 tests pass; 2 ran");
-    // As after `git checkout` of another branch, the folder is replaced at once.
+    // As in `git checkout` of another branch, the folder exists all the time.
     let other = watch.folder().join("other");
     write(&other, "calc.wgsl", &SHADER.replace("0.5", "0.25"));
     write(&other, "calc_test.wgsl", TESTS);
@@ -202,7 +202,7 @@ fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     watch.until("cpu: 2 tests pass");
 }
 
-/// A frame that a path can't judge is reported, and has no verdict on this path.
+/// If a path can't judge a test, Karat reports this. It is neither pass nor fail.
 #[test]
 fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -226,12 +226,12 @@ fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     karat(folder.path(), &[&accept[..], &["--because", "it is grey"]].concat()).good();
     let green = once("cpu,vulkan").good();
     assert!(green.contains(told) && green.contains("vulkan: 3 tests pass"), "{green}");
-    // A path that can only skip frames doesn't make other paths fail.
+    // A path that only leaves out frames doesn't make the run fail.
     std::fs::remove_file(folder.path().join("shaders/calc_test.wgsl")).expect("it is there");
     assert!(once("cpu,vulkan").good().contains("vulkan: 1 test passes"));
 }
 
-/// A program that expands modules may print another text after any edit.
+/// A program that expands modules may print another module after any edit.
 #[cfg(unix)]
 #[test]
 fn watch_reruns_after_an_edit_of_the_preprocessor_or_its_files() {
@@ -253,7 +253,7 @@ fn watch_reruns_after_an_edit_of_the_preprocessor_or_its_files() {
     watch.until("cpu: 1 test passes; no code changed");
 }
 
-/// Files that tests read count whatever their ending is. So do packages outside of the folder.
+/// Karat watches all files that tests read, for any extension, and packages outside of the folder.
 // Lesson 192
 #[test]
 fn an_edit_of_any_file_that_is_read_counts() {
@@ -311,19 +311,19 @@ fn an_edit_of_any_file_that_is_read_counts() {
     let noise = watch.folder().join("noise");
     write(&noise, "value.wgsl", "fn quarter(x: f32) -> f32 { return 0.5 * x; }\n");
     watch.until("cpu: 4 of 5 tests fail; 4 ran");
-    // A file that no test reads isn't mentioned, and runs no test.
+    // Karat ignores files that no test reads.
     write(&shaders, "notes.md", "a note");
     write(&noise, "value.wgsl", "fn quarter(x: f32) -> f32 { return 0.25 * x; }\n");
     let told = watch.until("cpu: 5 tests pass; 4 ran");
     assert!(!told.contains("notes.md"), "{told}");
 }
 
-/// If the output is in the watched folder, it starts at most one run.
+/// Output in the watched folder triggers at most one run.
 // Lesson 192
 #[cfg(unix)]
 #[test]
 fn watch_does_not_react_to_its_own_output() {
-    // A program that expands modules may read any file, so each file counts. The two commands run in parallel.
+    // A program that expands modules may read any file, so each file counts. The two watches wait at the same time.
     std::thread::scope(|scope| {
         for (manifest, end) in [
             ("", "> log.txt 2>&1"),

@@ -1,5 +1,5 @@
-//! `karat watch` and `karat test` agree: both fail after an edit that makes a project invalid, and both pass after an
-//! edit that doesn't.
+//! Compares `karat watch` with `karat test`. After an edit that makes a project invalid, both fail. After any other
+//! edit, both pass.
 
 use super::watch::Watching;
 use super::*;
@@ -24,10 +24,10 @@ const TEST: &str = "import package::main::tone;\nimport karat::expect_near;\n\
 
 const DECLARED: &str = "[[test]]\nfunction = \"tone\"\ntable = \"rows\"\ntolerance = \"exact\"\n";
 
-/// The packages: one is plain, one has include guards, and one is under a condition.
+/// The packages: one plain, one with include guards, and one with a condition.
 const PACKAGES: [&str; 3] = ["a", "b", "c"];
 
-/// Returns the content of a file of a package.
+/// The content of a file of a package.
 fn text(package: &str, file: &str) -> String {
     let text = match file {
         "lib.wgsl" => LIB,
@@ -45,7 +45,7 @@ fn text(package: &str, file: &str) -> String {
     }
 }
 
-/// An edit of a file: the replacement of a text in it, or a new name of the file.
+/// An edit of a file: replaces a text by another text, or renames the file.
 enum Edit {
     Text(&'static str, &'static str, &'static str),
     Name(&'static str, &'static str),
@@ -55,7 +55,7 @@ use Edit::{Name, Text};
 const RUN: &str = "@compute @workgroup_size(4) fn run";
 const VS: &str = "-> @builtin(position) vec4f";
 
-/// Ten kinds of edits that make a module invalid, with five edits of each kind in different files of the package.
+/// Five edits of each of ten kinds. Each edit makes the package invalid, at any position.
 const INVALID: [(&str, [Edit; 5]); 10] = [
     (
         "unknown name",
@@ -167,7 +167,7 @@ const INVALID: [(&str, [Edit; 5]); 10] = [
     ),
 ];
 
-/// As many edits that change no meaning, or concern no test.
+/// As many edits that don't change the meaning, or that no test detects.
 const VALID: [Edit; 50] = [
     Text("lib.wgsl", "fn idle", "// idle\nfn idle"),
     Text("lib.wgsl", "fn idle", "fn more(x: f32) -> f32 { return -x; }\nfn idle"),
@@ -256,7 +256,7 @@ impl Project {
     }
 }
 
-/// Saves as editors do: a new file replaces the old one.
+/// Replaces the file by a new file, as editors do.
 fn save(folder: &FilePath, file: &str, text: &str) {
     write(folder, ".saved", text);
     std::fs::rename(folder.join(".saved"), folder.join(file)).expect("renamed");
@@ -280,7 +280,7 @@ fn watch_and_test_agree_after_each_edit() {
         command.env("CARGO", "true");
     });
     let line = |package: &str, word: &str| watch.until_any(&format!("cpu ({package}): "), &[word]);
-    // The paths may answer in any order.
+    // The packages may run in any order.
     let mut told = String::new();
     while PACKAGES.iter().any(|package| !told.contains(&format!("cpu ({package}): 2 tests pass"))) {
         told += &watch.until("2 tests pass");
@@ -304,14 +304,14 @@ fn watch_and_test_agree_after_each_edit() {
     for edit in &VALID {
         let package = at.next().expect("it goes on");
         let undo = project.edit(package, edit);
-        // The previous edit may be in the same line.
+        // The line may also contain the edit before.
         watch.until_any("changed: ", &[&format!("{package}/")]);
         let told = watch.until(&format!("cpu ({package}): "));
         assert!(told.lines().last().is_some_and(|line| line.contains("2 tests pass;")), "{told}");
         let ran = project.test(package).good();
         assert!(ran.contains("2 checks, 0 failed"), "{ran}");
         undo();
-        // The previous edit may be in the same line.
+        // The line may also contain the edit before.
         watch.until_any("changed: ", &[&format!("{package}/")]);
         watch.until(&format!("cpu ({package}): "));
     }

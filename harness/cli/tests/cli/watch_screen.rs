@@ -1,4 +1,4 @@
-//! `karat watch` on a terminal, with keys.
+//! Tests `karat watch` on a terminal, with keys.
 
 use std::io::{Read, Write};
 use std::sync::mpsc::{Receiver, channel};
@@ -14,12 +14,11 @@ const SHADER: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n";
 const TESTS: &str = "import package::calc::half;\nimport karat::expect_near;\n\
 @test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n";
 
-/// The time limit of a wait. It is far longer than needed, because other tests keep the machine busy.
+/// A limit far longer than any step takes, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 const ROWS: u16 = 24;
 
-/// A terminal in which `karat watch` runs.
 struct Terminal {
     folder: TempDir,
     child: Box<dyn Child + Send + Sync>,
@@ -50,12 +49,12 @@ impl Terminal {
                 command.env_remove(name);
             }
         }
-        // The variable belongs to the run of this test. Each process still has its own path.
+        // Removes the settings of the surrounding run. Each process has its own path.
         command.env("KARAT_REQUIRE", "vulkan");
-        // This screen is for a person, not for CI.
+        // `CI` isn't set, because a person looks at this screen.
         command.env_remove("CI");
         command.env("KARAT_TIMEOUT", "1");
-        // Without a PATH, no program can open a page on this machine.
+        // The programs that open pages on this machine must not run.
         command.env("PATH", "");
         command.env("TERM", "xterm");
         for (name, value) in env {
@@ -77,7 +76,7 @@ impl Terminal {
         Self { folder, child, master: pair.master, keys, written, screen }
     }
 
-    /// Waits until the whole screen is drawn and contains this text. Returns the text of the screen.
+    /// Waits until the screen is complete and shows `part`, and returns its text.
     #[track_caller]
     fn until(&mut self, part: &str) -> String {
         let began = Instant::now();
@@ -174,7 +173,7 @@ fn keys_do_what_the_last_line_says() {
     let _ = &terminal.master;
 }
 
-/// On 80 x 24 characters, a person can reach each failure and each of its lines.
+/// On a screen of 80 x 24, keys reach each failure and each of its lines.
 #[test]
 fn the_user_can_page_and_scroll_through_failures() {
     let mut terminal = Terminal::start(80);
@@ -199,7 +198,7 @@ fn the_user_can_page_and_scroll_through_failures() {
     terminal.press("\u{1b}[B\u{1b}[B");
     let below = terminal.until("calc_test::long on cpu");
     assert!(below != top && below.contains("q quit"), "{below}");
-    // Scrolling stops at the last line.
+    // The last line doesn't scroll further.
     terminal.press(&" ".repeat(30));
     let end = terminal.until("calc_test::long on cpu");
     terminal.press("k");
@@ -207,7 +206,7 @@ fn the_user_can_page_and_scroll_through_failures() {
     assert!(above != end, "one line up is seen at once:\n{end}");
 }
 
-/// A new frame is accepted with a reason. Later runs compare with it.
+/// A person accepts a new frame with a reason. From then on the frame is compared.
 #[test]
 fn a_pending_frame_is_accepted() {
     let mut terminal = Terminal::start(100);
@@ -224,7 +223,7 @@ fn a_pending_frame_is_accepted() {
     terminal.press("a new lamp\r");
     terminal.until("accepted scene");
     assert!(golden.join("scene.exr").is_file());
-    // A test in a subfolder has goldens beside it.
+    // The test is in a folder below, and its goldens are beside it.
     let below = terminal.folder.path().join("shaders/sky/golden");
     pending_frame(&below, "room/dusk", "llvmpipe (LLVM 15.0.6, 256 bits)");
     terminal.press("a");
@@ -234,7 +233,7 @@ fn a_pending_frame_is_accepted() {
     assert!(below.join("room/dusk.exr").is_file());
 }
 
-/// A terminal without cursor commands gets lines, one below the other.
+/// On a terminal without commands, the output is a list of lines.
 #[test]
 fn a_dumb_terminal_has_lines() {
     let mut terminal = Terminal::with(80, &[("TERM", "dumb")]);
@@ -245,7 +244,7 @@ fn a_dumb_terminal_has_lines() {
     assert!(red.contains("cpu: 1 test passes; 1 ran") && red.contains("saw 0.75"), "{red}");
 }
 
-/// This also holds without colours: escape sequences that clear the screen aren't colours.
+/// Without colours, the screen is still cleared.
 #[test]
 fn a_narrow_terminal_has_no_line_that_wraps() {
     let mut terminal = Terminal::with(40, &[("NO_COLOR", "1")]);
@@ -254,7 +253,7 @@ fn a_narrow_terminal_has_no_line_that_wraps() {
     let red = terminal.until("cpu: 1 of 1 tests fail");
     assert!(red.lines().next().is_some_and(|line| line.starts_with("karat watch")), "{red}");
     assert!(red.lines().all(|line| line.chars().count() <= 40), "{red}");
-    // Long values are wrapped, not cut.
+    // Karat wraps values, and doesn't cut them.
     let joined: String = red.lines().map(str::trim).collect();
     assert!(joined.contains("saw 0.75, expected 1.5"), "{red}");
 }

@@ -1,6 +1,6 @@
-//! The files for CI systems: workflows, an action for GitHub and a template for GitLab. There is no runner, so these
-//! tests read the steps, parse their shell scripts, and run those that need no network. On Windows another `bash` may
-//! come first.
+//! Tests the files for CI systems: workflows, an action for GitHub, and a template for GitLab. Without a runner, the
+//! tests read the steps, parse their shell scripts, and run the scripts that need no network. On Windows `PATH` may
+//! begin with another `bash`.
 
 use yaml_rust2::{Yaml, YamlLoader};
 
@@ -26,7 +26,7 @@ fn read(file: &str) -> Yaml {
     documents.remove(0)
 }
 
-/// Collects the shell script of each step.
+/// Collects the shell script of each step, at any depth.
 fn scripts(yaml: &Yaml, found: &mut Vec<String>) {
     match yaml {
         Yaml::Hash(members) => {
@@ -66,7 +66,7 @@ fn bash_can_parse_every_workflow_script() {
         let scripts = scripts_of(file);
         assert!(!scripts.is_empty(), "{file}");
         for script in scripts {
-            // With an expression, GitHub would put foreign text into the script. Steps must use variables.
+            // GitHub would insert text from strangers into the script. The steps use variables instead.
             assert!(!script.contains("${{"), "{file}: {script}");
             let ran = output(Command::new("bash").args(["-n", "-c", &script]));
             assert_eq!(ran.code, Some(0), "{file}: {script}\n{ran:?}");
@@ -74,7 +74,7 @@ fn bash_can_parse_every_workflow_script() {
     }
 }
 
-/// Each expression names something that exists.
+/// Each input, output and step that an expression names exists.
 #[test]
 fn the_action_uses_each_of_its_inputs() {
     let action = read(ACTION);
@@ -98,7 +98,7 @@ fn the_action_uses_each_of_its_inputs() {
     for step in steps() {
         // A composite action has no default shell.
         assert!(step["run"].is_badvalue() || step["shell"].as_str() == Some("bash"), "{step:?}");
-        // Karat refuses variables that aren't its settings.
+        // Karat would refuse an unknown variable with its prefix.
         for (name, _) in step["env"].as_hash().into_iter().flatten() {
             let name = name.as_str().expect("a name");
             assert!(
@@ -114,7 +114,7 @@ fn the_action_uses_each_of_its_inputs() {
     }
 }
 
-/// The samples of the guide are valid YAML, and name existing inputs and an existing job.
+/// The guide's samples are valid YAML, and name inputs and a job that exist.
 #[test]
 fn samples_of_the_guide_use_what_is_there() {
     let guide = std::fs::read_to_string(FilePath::new(ROOT).join("docs/guide/ci.md"));
@@ -141,7 +141,6 @@ fn samples_of_the_guide_use_what_is_there() {
     }
 }
 
-/// A folder of shaders with one test, in a subfolder of a repository.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "engine/my_shaders/a.wgsl", GOOD);
@@ -152,7 +151,7 @@ const GOOD: &str = "import karat::expect_near;\n\
     fn half(x: f32) -> f32 { return 0.5 * x; }\n\
     @test fn half_of_two() { expect_near(half(2.0), 1.0, 1e-6); }\n";
 
-/// Runs a script as a runner does. An earlier step has installed `karat`.
+/// Runs a script as a runner does, with `karat` in the folder of the step before.
 fn runner(script: &str, folder: &FilePath) -> Command {
     let mut command = command(folder, &[]);
     let karat = FilePath::new(env!("CARGO_BIN_EXE_karat")).parent().expect("a folder").to_owned();
@@ -170,7 +169,8 @@ fn runner(script: &str, folder: &FilePath) -> Command {
     shell
 }
 
-/// The action's step runs the tests of a folder. A failure has an annotation with the path in the repository.
+/// The action's step runs a folder of tests. If a test fails, GitHub gets an annotation with the path in the
+/// repository.
 // Lesson 135
 #[test]
 fn the_step_of_the_action_runs_tests() {
@@ -186,14 +186,14 @@ fn the_step_of_the_action_runs_tests() {
     };
     let ran = run("my_shaders --all").good();
     assert!(ran.contains("a::half_of_two") && ran.contains("1 check, 0 failed"), "{ran}");
-    // An empty input means the whole project.
+    // An empty path means the project itself.
     assert!(run("").good().contains("1 check, 0 failed"));
     write(&here, "my_shaders/a.wgsl", &GOOD.replace("0.5", "0.4"));
     let ran = run("my_shaders");
     assert_eq!(ran.code, Some(1), "{ran:?}");
     let annotation = "::error file=engine/my_shaders/a.wgsl,line=3,";
     assert!(ran.out.contains(annotation), "{ran:?}");
-    // A missing path makes the step fail.
+    // A path that doesn't exist is an error.
     let mut command = runner(script, &here);
     command.env("ARGUMENTS", "my_shaders").env("KARAT_PATHS", "cpu").env("KARAT_REQUIRE", "dx12");
     assert_eq!(output(command.env("HOME", repository.path())).code, Some(1));
@@ -226,7 +226,7 @@ fn the_build_of_the_action_is_named_by_its_sources() {
     assert_ne!(hash(), first);
 }
 
-/// The template's test line runs the tests of a folder, and writes a report.
+/// The template's command runs a folder of tests and writes its report.
 #[test]
 fn the_line_of_the_template_runs_tests() {
     let repository = folder();
@@ -246,7 +246,7 @@ fn the_line_of_the_template_runs_tests() {
     assert!(text.contains("file=\"engine/my_shaders/a.wgsl\" line=\"3\""), "{text}");
 }
 
-/// Jobs that nobody has verified say so, and don't fail the pipeline. The others do.
+/// Unverified jobs say so and fail no run. Verified jobs fail the run.
 #[test]
 fn only_unverified_ci_jobs_may_fail() {
     let workflow = read(".github/workflows/ci.yml");

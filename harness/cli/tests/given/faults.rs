@@ -1,8 +1,8 @@
-//! The data of a failure, for a record that a test writes.
+//! Builds the data of a failure for a record that a test writes.
 
 use serde_json::{Value, json};
 
-/// Returns the fault with this message. `on PATH: ...` begins the part of a path, and `replay: ...` ends a case.
+/// The fault for a message. In the message, `on PATH: ...` begins a path, and `replay: ...` ends a case.
 pub(crate) fn fault(message: &str) -> Value {
     let first = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
     let mut paths: Vec<Value> = Vec::new();
@@ -13,7 +13,7 @@ pub(crate) fn fault(message: &str) -> Value {
         }
         let Some(command) = line.trim_start().strip_prefix("replay: ") else { continue };
         let words = shell_words::split(command).expect("a command");
-        // If there is no heading, the command names the path.
+        // Without such a heading, the replay command names the path.
         let named = words.iter().find_map(|word| word.strip_prefix("KARAT_PATHS="));
         let begun = |paths: &[Value]| {
             paths.iter().any(|own| own["adapter"]["path"] == *named.unwrap_or_default())

@@ -1,4 +1,4 @@
-//! Files for tests.
+//! Writes the files that a test needs.
 
 use std::path::Path;
 

@@ -1,9 +1,9 @@
-//! The tested program, without the settings of the person who runs the tests.
+//! Runs the tested program without the settings of the person who runs the tests.
 
 use std::path::Path;
 use std::process::Command;
 
-/// Returns a command that runs `karat` in a folder.
+/// `karat` with a folder as its working directory.
 pub(crate) fn program(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_karat"));
     for (name, _) in std::env::vars_os() {
@@ -26,7 +26,7 @@ pub(crate) fn program(folder: &Path) -> Command {
     ] {
         command.env_remove(name);
     }
-    // Each machine has another Tint, or none. Tests of Tint set this variable.
+    // Machines have different versions of Tint, or none, so tests of Tint name one.
     command.env("KARAT_TINT", "off").current_dir(folder);
     command
 }

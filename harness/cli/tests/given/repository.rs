@@ -1,9 +1,9 @@
-//! A folder as a git repository.
+//! Uses a folder as a git repository.
 
 use std::path::Path;
 use std::process::Command;
 
-/// Runs git in a folder, as the author Ada. Returns the output.
+/// Runs git in the folder as the author Ada. Returns git's output.
 pub(crate) fn git(folder: &Path, arguments: &[&str]) -> String {
     let mut command = Command::new("git");
     command.args(["-c", "user.name=Ada", "-c", "user.email=ada@example.org"]);

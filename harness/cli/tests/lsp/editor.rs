@@ -1,4 +1,4 @@
-//! A client of the protocol.
+//! An editor's side of the language server protocol.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::karat;
 
-/// The time limit of a wait. It is far longer than needed, because other tests keep the machine busy.
+/// A limit far longer than any step takes, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 pub(crate) struct Editor {
@@ -19,18 +19,18 @@ pub(crate) struct Editor {
     stdin: Option<ChildStdin>,
     messages: Receiver<Value>,
     folder: PathBuf,
-    /// The shown diagnostics of each file.
+    /// The diagnostics that the editor shows for each file.
     diagnostics: BTreeMap<String, Vec<Value>>,
-    /// The messages that the user saw.
+    /// The messages that the editor showed to the user.
     pub(crate) said: Vec<String>,
-    /// The methods of all other messages.
+    /// The methods of other messages from the server.
     heard: Vec<String>,
     requests: u64,
     version: u64,
 }
 
 impl Editor {
-    /// Starts a server, and sends it nothing.
+    /// Starts a server that has received no message yet.
     pub(crate) fn silent(folder: &Path) -> Self {
         Self::of(folder, karat(folder))
     }
@@ -55,12 +55,12 @@ impl Editor {
         Self { child, stdin, messages, folder, diagnostics, said, heard, requests, version }
     }
 
-    /// Starts a server, and opens a folder in it.
+    /// Starts a server with an open folder.
     pub(crate) fn open(folder: &Path) -> Self {
         Self::silent(folder).opened()
     }
 
-    /// Starts a server that uses the Tint of this machine, and opens a folder.
+    /// Starts a server that runs this machine's Tint.
     pub(crate) fn with_tint(folder: &Path) -> Self {
         let mut command = karat(folder);
         command.env_remove("KARAT_TINT");
@@ -102,7 +102,7 @@ impl Editor {
         self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
     }
 
-    /// Sends a request, and returns the whole response.
+    /// Sends a request, and returns the whole reply.
     pub(crate) fn ask(&mut self, method: &str, parameters: Value) -> Value {
         self.requests += 1;
         let id = self.requests;
@@ -112,7 +112,7 @@ impl Editor {
         })
     }
 
-    /// Returns the response to a message without a readable id.
+    /// The reply to a message without a readable id.
     pub(crate) fn refusal(&mut self) -> Value {
         self.until("a refusal", |_, message| message["error"].is_object())
     }
@@ -150,7 +150,7 @@ impl Editor {
         self.diagnostics.get(&self.uri(file)).cloned().unwrap_or_default()
     }
 
-    /// Waits until the diagnostics of a file meet a condition.
+    /// Waits until the diagnostics of a file satisfy a condition.
     #[track_caller]
     pub(crate) fn wait(&mut self, file: &str, is_so: impl Fn(&[Value]) -> bool) -> Vec<Value> {
         if !is_so(&self.shown(file)) {
@@ -160,7 +160,7 @@ impl Editor {
         self.shown(file)
     }
 
-    /// Waits until the user sees a message with this part.
+    /// Waits until the user has seen a message that contains `part`.
     pub(crate) fn wait_said(&mut self, part: &str) -> String {
         let has = |editor: &Self| editor.said.iter().any(|said| said.contains(part));
         if !has(self) {
@@ -169,7 +169,7 @@ impl Editor {
         self.said.iter().find(|said| said.contains(part)).cloned().unwrap_or_default()
     }
 
-    /// Waits for a call of a method that doesn't change the diagnostics.
+    /// Waits for a call of a method that changes nothing on the screen.
     pub(crate) fn wait_heard(&mut self, method: &str) {
         let has = |editor: &Self| editor.heard.iter().any(|heard| heard == method);
         if !has(self) {
@@ -199,7 +199,7 @@ impl Editor {
         self.notify("textDocument/didSave", json!({ "textDocument": document }));
     }
 
-    /// Returns the titles of the lenses in a file, each with its line.
+    /// The titles of a file's lenses, each with its line.
     pub(crate) fn lenses(&mut self, file: &str) -> Vec<(u64, String)> {
         let document = json!({ "uri": self.uri(file) });
         let answer = self.ask("textDocument/codeLens", json!({ "textDocument": document }));
@@ -211,7 +211,7 @@ impl Editor {
         lenses.iter().map(lens).collect()
     }
 
-    /// Waits until a lens on this line begins with this title.
+    /// Waits until a lens of a line begins with `title`.
     pub(crate) fn wait_lens(&mut self, file: &str, line: u64, title: &str) {
         let began = Instant::now();
         loop {
@@ -245,7 +245,7 @@ impl Drop for Editor {
     }
 }
 
-/// Reads the next message. Any other text on standard output fails the test.
+/// The next message. Other text on standard output fails the test.
 fn read(out: &mut impl BufRead) -> Option<Value> {
     let mut length = None;
     loop {

@@ -1,4 +1,4 @@
-//! Failing checks: tests without Rust after each save, and the tests of the last run.
+//! Tests the diagnostics of failing checks: of tests without Rust after each save, and of the last run.
 
 use serde_json::{Value, json};
 
@@ -27,23 +27,23 @@ fn tests_without_rust_run_after_each_save() {
     assert_eq!(line, 5, "{message}");
     assert!(message.starts_with("`calc::sum` fails invariant_under: "), "{message}");
     assert!(message.contains("(0 ulp) on cpu, "), "{message}");
-    // The failure doesn't belong to a run of `karat test`, so it has no name.
+    // No run has a name for this failure.
     assert_eq!(shown[0]["code"], Value::Null);
-    // If the author edits the failing text, the failure disappears. If the edit is undone, the failure is back.
+    // After an edit, the failure isn't shown any more. After undoing the edit, it is shown again.
     editor.edit(FILE, &format!("// new\n{wrong}"));
     editor.wait(FILE, <[_]>::is_empty);
     editor.wait(TEST, <[_]>::is_empty);
     editor.edit(FILE, &wrong);
     editor.wait(FILE, |all| all.len() == 1);
     editor.wait(TEST, |all| all.len() == 1);
-    // After the correction is saved, nothing fails.
+    // The fault is fixed and saved, so the check passes.
     editor.save(FILE, CALC);
     editor.wait(FILE, <[_]>::is_empty);
     editor.wait(TEST, <[_]>::is_empty);
     editor.wait_lens(TEST, 4, "karat: 1 check passes");
 }
 
-/// A test that can't begin has no record. Still, its error appears at its location.
+/// A test that can't start has no record. The editor still shows its error at its line.
 #[test]
 fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     let folder = folder();
@@ -57,7 +57,7 @@ fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     let (line, _, message) = told(&shown[0]);
     assert_eq!(line as usize, lines + 1, "{message}");
     assert!(message.contains("nothing"), "{message}");
-    // If there is a record without a location, the error of the test is shown instead.
+    // The record has no line, so the test's own message is shown.
     let declared =
         "[[test]]\nfunction = \"calc::half\"\nfinite = true\nfails_on = { vulcan = \"no\" }\n";
     write(folder.path(), "shaders/more.test.toml", declared);
@@ -67,7 +67,7 @@ fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     assert!(message.contains("did you mean `vulkan`?"), "{message}");
 }
 
-/// An unreadable file of tests has an error at its location, whatever the cause is.
+/// The editor shows an error at a file that should declare tests and declares none, for any mistake in the file.
 // Lesson 185
 #[test]
 fn a_misnamed_or_broken_test_file_is_a_diagnostic() {
@@ -87,7 +87,7 @@ fn a_misnamed_or_broken_test_file_is_a_diagnostic() {
     }
 }
 
-/// A test that an edit doesn't affect keeps its verdict, at its new line.
+/// If an edit doesn't affect a test, the test keeps its verdict, at its new line.
 #[test]
 fn an_unrelated_edit_keeps_the_verdicts_in_the_editor() {
     let folder = folder();
@@ -102,7 +102,7 @@ fn an_unrelated_edit_keeps_the_verdicts_in_the_editor() {
     assert!(told(&shown[0]).2.starts_with("`calc::sum` fails "), "{shown:?}");
     editor.wait_lens(FILE, 1, "karat: 1 check passes");
     editor.wait_lens(FILE, 6, "karat: 1 of 2 checks fail");
-    // An edit of another declared test doesn't change the verdict either.
+    // Another declared test has no effect either.
     let more = "[[test]]\nfunction = \"lonely\"\nover = { x = \"0..1\" }\nfinite = true\n";
     write(folder.path(), "shaders/calc.test.toml", &format!("{DECLARED}{more}"));
     editor.wait_lens(FILE, 4, "karat: 1 check passes");
@@ -110,7 +110,7 @@ fn an_unrelated_edit_keeps_the_verdicts_in_the_editor() {
     editor.wait(FILE, |all| all.len() == 1);
 }
 
-/// A save while tests run is judged after that run. No verdict is lost.
+/// If a file is saved while tests run, Karat judges it after they end. No diagnostics of the earlier run remain.
 #[test]
 fn a_save_while_tests_run_is_judged_after_them() {
     let folder = folder();
@@ -123,14 +123,14 @@ fn a_save_while_tests_run_is_judged_after_them() {
     editor.wait_lens(FILE, 1, "karat: 2 checks pass");
     for factor in ["0.125", "0.25"] {
         editor.save(FILE, &CALC.replace("0.5 * x", &format!("{factor} * x")));
-        // The slow test takes far longer than this, so it is running now.
+        // This wait is far shorter than the slow test, so the test still runs.
         std::thread::sleep(std::time::Duration::from_millis(150));
     }
     let shown = editor.wait(TEST, |all| all.len() == 1);
     assert!(told(&shown[0]).2.contains("saw 0.75"), "{shown:?}");
 }
 
-/// If another program edits a file, the server notices. An unreadable test has an error at its location.
+/// Another program edits a file. The error of an unreadable test is shown at its line.
 #[test]
 fn files_that_no_editor_has_open_are_followed() {
     let folder = folder();
@@ -151,7 +151,7 @@ fn files_that_no_editor_has_open_are_followed() {
     editor.wait(FILE, <[_]>::is_empty);
 }
 
-/// A failure of a run in a terminal has the name that `karat replay` knows.
+/// The diagnostics of a run in a terminal have the name that `karat replay` accepts.
 #[test]
 fn failures_in_the_editor_have_their_replay_names() {
     let folder = folder();
@@ -165,7 +165,7 @@ fn failures_in_the_editor_have_their_replay_names() {
     assert_eq!(shown[0]["code"], name);
 }
 
-/// A Cargo project with a Rust test that failed on a path that doesn't open on this machine.
+/// A Cargo project with the record of a Rust test that failed on a path which this machine doesn't have.
 fn recorded(hash: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "Cargo.toml", "[workspace]\n");
@@ -214,7 +214,7 @@ fn failures_of_the_last_run_are_shown_while_they_are_true() {
     editor.wait_lens(FILE, 3, "karat: changed since it was tested");
     editor.edit(FILE, CALC);
     editor.wait(FILE, |all| all.len() == 1);
-    // Another program changes a file that isn't open in the editor.
+    // Another program changes a file that no editor has open.
     let document = json!({ "uri": editor.uri(FILE) });
     editor.notify("textDocument/didClose", json!({ "textDocument": document }));
     write(folder.path(), FILE, &CALC.replace("return x", "return 1.0 * x"));
@@ -232,7 +232,7 @@ fn failures_of_other_files_are_not_shown() {
     assert!(editor.shown(FILE).is_empty());
 }
 
-/// An unreadable record is reported once, and everything else works.
+/// The server reports an unreadable record once, and continues.
 #[test]
 fn a_broken_record_is_reported_once() {
     let folder = recorded("0123");

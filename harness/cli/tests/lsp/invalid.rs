@@ -1,4 +1,4 @@
-//! Invalid modules, in the text that the author sees.
+//! Tests the diagnostics of invalid modules in text that isn't saved.
 
 use super::editor::Editor;
 use super::{CALC, folder, told, write};
@@ -10,7 +10,7 @@ fn a_fault_is_shown_at_its_place_and_goes_when_it_is_mended() {
     let folder = folder();
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
-    // The text isn't saved, so the file on disk stays valid.
+    // The edit isn't saved, so the file on disk stays valid.
     let fault = CALC.replace("return x;", "/* \u{1f980} */ return y;");
     editor.edit(FILE, &fault);
     let shown = editor.wait(FILE, |all| all.len() == 1);
@@ -20,7 +20,7 @@ fn a_fault_is_shown_at_its_place_and_goes_when_it_is_mended() {
     assert_eq!((&shown[0]["source"], &shown[0]["severity"]), (&"karat".into(), &1.into()));
     editor.edit(FILE, CALC);
     editor.wait(FILE, <[_]>::is_empty);
-    // Syntax errors are shown, too.
+    // The parser of modules rejects this text, and the editor shows its error, too.
     editor.edit(FILE, &CALC.replace("fn lonely(", "fn lonely(("));
     let shown = editor.wait(FILE, |all| !all.is_empty());
     assert_eq!(told(&shown[0]).0, 3, "{shown:?}");
@@ -28,7 +28,7 @@ fn a_fault_is_shown_at_its_place_and_goes_when_it_is_mended() {
     editor.wait(FILE, <[_]>::is_empty);
 }
 
-/// A rejection of Tint is a warning as you type. If the package requires Tint's verdict, it is an error.
+/// Tint's rejection is a warning while you type, and an error if the package requires Tint's verdict.
 // Lesson 201
 #[test]
 fn errors_of_tint_are_diagnostics() {
@@ -39,7 +39,7 @@ fn errors_of_tint_are_diagnostics() {
     let line = shift.lines().count() as u64;
     for severity in [2, 1] {
         editor.edit(FILE, &shift);
-        // Without Tint there is no warning. `cargo ci setup` installs Tint.
+        // Without Tint, nothing is shown. `cargo ci setup` installs Tint.
         let shown = editor.wait(FILE, |all| all.len() == 1);
         assert_eq!((told(&shown[0]).0, told(&shown[0]).1), (line, 36));
         assert!(told(&shown[0]).2.contains("Tint rejects this: mixing '<<' and '+'"), "{shown:?}");
@@ -51,7 +51,7 @@ fn errors_of_tint_are_diagnostics() {
     }
 }
 
-/// An edit in one module makes another module invalid.
+/// An edit of one module makes another module invalid.
 #[test]
 fn a_fault_is_shown_in_the_module_that_imports() {
     let folder = folder();
@@ -69,7 +69,7 @@ fn a_fault_is_shown_in_the_module_that_imports() {
     assert!(message.contains("lonely"), "{message}");
     editor.edit(FILE, CALC);
     editor.wait("shaders/user.wgsl", <[_]>::is_empty);
-    // After a file is closed, its text on disk counts.
+    // For a closed file, the server reads the file on disk.
     editor.edit(FILE, &CALC.replace("lonely", "alone"));
     editor.wait("shaders/user.wgsl", |all| !all.is_empty());
     let document = serde_json::json!({ "uri": editor.uri(FILE) });
@@ -77,7 +77,7 @@ fn a_fault_is_shown_in_the_module_that_imports() {
     editor.wait("shaders/user.wgsl", <[_]>::is_empty);
 }
 
-/// A deleted file, a file outside of all packages, and a URI that isn't a file have no diagnostics, and don't end the
+/// A deleted file, a file outside of packages, and a URI that isn't a file have no diagnostics, and don't stop the
 /// server.
 #[test]
 fn other_files_have_no_diagnostics() {
@@ -95,7 +95,7 @@ fn other_files_have_no_diagnostics() {
     editor.wait(FILE, |all| !all.is_empty());
     assert!(editor.shown("other.wgsl").is_empty() && editor.shown("shaders/gone.wgsl").is_empty());
     assert_eq!(editor.lenses("other.wgsl"), []);
-    // After the module is deleted, its error disappears.
+    // The module is deleted, and so is its error.
     std::fs::remove_file(folder.path().join(FILE)).expect("removed");
     let document = serde_json::json!({ "uri": editor.uri(FILE) });
     editor.notify("textDocument/didClose", serde_json::json!({ "textDocument": document }));

@@ -1,4 +1,4 @@
-//! The lenses beside functions, and the runs that they start.
+//! Tests the lenses beside functions, and the tests that they run.
 
 use serde_json::json;
 use tempfile::TempDir;
@@ -20,7 +20,7 @@ fn each_function_has_a_lens_with_its_test_results() {
     let expected = [
         (1, "karat: 1 check passes, 1 case".to_owned()),
         (1, "run".to_owned()),
-        // Without a test there is nothing to run.
+        // Without a test, the lens runs nothing.
         (3, "karat: no test".to_owned()),
         (5, "karat: 2 checks pass, worst 0 ulp (0 ulp) on cpu, 131072 cases".to_owned()),
         (5, "run".to_owned()),
@@ -30,7 +30,7 @@ fn each_function_has_a_lens_with_its_test_results() {
         editor.lenses(TEST),
         [(4, "karat: 1 check passes, 1 case".to_owned()), (4, "run".to_owned()),]
     );
-    // The lines are those of the unsaved text. The verdicts belong to the saved text.
+    // Lines are those of the unsaved text. Verdicts belong to the saved text.
     editor.edit(FILE, &format!("// a line\n{CALC}"));
     editor.wait_lens(FILE, 6, "karat: changed since it was tested");
     editor.wait_heard("workspace/codeLens/refresh");
@@ -51,14 +51,14 @@ fn a_lens_runs_the_tests_of_its_function() {
     for method in ["window/workDoneProgress/create", "$/progress"] {
         editor.wait_heard(method);
     }
-    // The run gives the failure a name.
+    // The run has a name for this failure.
     let shown = editor.wait(TEST, |all| all.len() == 1 && all[0]["code"].is_string());
     assert_eq!(told(&shown[0]).0, 5);
-    // The functions that didn't run keep their earlier state.
+    // The server still shows the last verdicts of functions that the run didn't check.
     editor.open_file(FILE, &CALC.replace("0.5 * x", "0.25 * x"));
     editor.wait_lens(FILE, 1, "karat: 1 check fails, 1 case");
     editor.wait_lens(FILE, 5, "karat: 2 checks pass");
-    // After the correction, the test passes.
+    // The fault is fixed, so the check passes.
     editor.save(FILE, CALC);
     editor.wait(TEST, <[_]>::is_empty);
     editor.said.clear();
@@ -87,7 +87,8 @@ fn a_lens_that_cannot_run_says_why() {
     }
 }
 
-/// A Cargo project with two Rust tests. The tests write records as Karat's checks do, but don't need a build of Karat.
+/// A Cargo project with two Rust tests. They write a record as Karat's checks do, but don't compile Karat, because
+/// these tests only examine which tests run.
 fn in_rust() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(
@@ -164,7 +165,7 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
         assert!(answer["error"].is_null(), "{answer}");
         editor.wait_said(&format!("`{function}`"))
     };
-    // After its first run, a Rust test is known to check this function.
+    // The server knows the functions of a Rust test after the test has run.
     editor.wait_lens(FILE, 1, "karat: no test is known: run `karat test`");
     assert_eq!(
         run(&mut editor, "calc::half"),
@@ -176,7 +177,7 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
     editor.wait_lens(FILE, 1, passes);
     editor.wait_lens(FILE, 1, "run");
     editor.wait_lens(FILE, 3, "karat: no test");
-    // The lens runs only the tests of its function. The last run has the verdicts of all others.
+    // Only tests of this function run. The verdicts of other functions are those of the last run.
     editor.save(FILE, &wrong());
     editor.wait_lens(FILE, 1, "karat: changed since it was tested");
     let failed = format!("karat: `calc::half`: 1 check, 1 failed{UNASKED}");
@@ -197,11 +198,11 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
         format!("karat: `calc::sum`: 1 check, 0 failed{UNASKED}")
     );
     editor.wait_lens(FILE, 5, passes);
-    // An error of rustc is shown, and there is no verdict.
+    // The editor shows the error of rustc, and no verdict.
     write(folder.path(), "tests/calc.rs", &RUST.replace("let text =", "let text: u32 ="));
     let said = run(&mut editor, "calc::half");
     assert_eq!(said, "karat: `calc::half`: error[E0308]: mismatched types");
-    // A removed test is reported, too.
+    // The editor also shows that a test no longer exists.
     write(folder.path(), "tests/calc.rs", &RUST.replace("fn halves", "fn halved"));
     let said = run(&mut editor, "calc::half");
     assert_eq!(

@@ -1,5 +1,5 @@
-//! `karat lsp` as an editor uses it: a program that is connected by two pipes. The tests encode messages independently
-//! of the server, so that they find mistakes in its encoding.
+//! Tests `karat lsp` as an editor uses it, through two pipes. The tests frame and read messages with their own code, so
+//! that they don't repeat a mistake of the server.
 
 mod editor;
 mod failing;
@@ -22,7 +22,7 @@ use program::program;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// The end of the last line in tests that don't use Tint.
+/// The end of each last line in these tests, because they don't run Tint.
 const UNASKED: &str = "; Tint wasn't asked: KARAT_TINT=off";
 
 const CALC: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\n\
@@ -35,7 +35,7 @@ const TESTS: &str = "import package::calc::half;\nimport karat::expect_near;\n\n
 const DECLARED: &str = "[[test]]\nfunction = \"sum\"\nover = { a = \"0..1\", b = \"0..1\" }\n\
 symmetric_in = [\"a\", \"b\"]\nin_range = [0, 2]\n";
 
-/// A folder of shaders with tests beside them, and without a Cargo project.
+/// A folder of shaders with tests, without a Cargo project.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "shaders/calc.wgsl", CALC);
@@ -50,13 +50,13 @@ fn karat(folder: &Path) -> Command {
     command
 }
 
-/// Returns the output of `karat test`, whether it passes or fails.
+/// The output of a `karat test` that passes or fails.
 fn tested(folder: &Path, arguments: &[&str]) -> String {
     let ran = karat(folder).arg("test").args(arguments).output().expect("it runs");
     String::from_utf8(ran.stdout).expect("text")
 }
 
-/// Returns the line and the column of a diagnostic, which count from 1, and its message.
+/// The line, column (both from 1) and message of a diagnostic.
 fn told(diagnostic: &Value) -> (u64, u64, &str) {
     let start = &diagnostic["range"]["start"];
     let number = |value: &Value| value.as_u64().expect("a number") + 1;

@@ -1,4 +1,4 @@
-//! The beginning and the end of a session, and invalid messages.
+//! Tests how a session begins and ends, and how the server handles wrong messages.
 
 use serde_json::{Value, json};
 
@@ -13,7 +13,7 @@ fn a_session_that_is_shut_down_ends_well() {
     let mut editor = Editor::open(folder.path());
     let answer = editor.ask("shutdown", Value::Null);
     assert_eq!((&answer["result"], &answer["error"]), (&Value::Null, &Value::Null), "{answer}");
-    // Requests before the initialization are refused.
+    // The server refuses requests before `initialize`.
     let answer = editor.ask("textDocument/codeLens", json!({}));
     assert_eq!(answer["error"]["code"], -32600, "{answer}");
     editor.notify("exit", Value::Null);
@@ -26,7 +26,7 @@ fn a_session_that_is_not_shut_down_ends_badly() {
     let mut editor = Editor::open(folder.path());
     editor.notify("exit", Value::Null);
     assert_eq!(editor.end(), Some(1));
-    // The editor ends without asking the server to shut down.
+    // An editor that crashes sends no `exit`.
     assert_eq!(Editor::open(folder.path()).end(), Some(1));
     let mut editor = Editor::silent(folder.path());
     editor.notify("exit", Value::Null);
@@ -39,7 +39,7 @@ fn requests_before_initialize_are_refused() {
     let mut editor = Editor::silent(folder.path());
     let answer = editor.ask("textDocument/codeLens", json!({}));
     assert_eq!(answer["error"]["code"], -32002, "{answer}");
-    // The parameters may be anything: some editors send no folders, or no capabilities.
+    // The server accepts an `initialize` without folders, and with wrong capabilities.
     let answer = editor.ask("initialize", json!({ "capabilities": 5, "workspaceFolders": "a" }));
     assert!(answer["result"]["capabilities"].is_object(), "{answer}");
     let answer = editor.ask("initialize", json!({}));
@@ -70,7 +70,7 @@ fn garbage_ends_no_session() {
     editor.notify("textDocument/didOpen", json!({}));
     editor.notify("textDocument/didChange", json!([1]));
     editor.notify("textDocument/didSave", Value::Null);
-    // The editor changes a file that it never opened.
+    // The file was never opened.
     editor.edit(FILE, "fn broken(");
     // The server still works.
     editor.open_file(FILE, CALC);
@@ -81,7 +81,7 @@ fn garbage_ends_no_session() {
     assert_eq!(editor.end(), Some(0));
 }
 
-/// A folder without shaders, a missing folder, and an unreadable project have no diagnostics.
+/// The folder has no shaders or doesn't exist, or the project is unreadable.
 #[test]
 fn folders_without_shaders_are_silent() {
     let folder = tempfile::tempdir().expect("a temporary folder");

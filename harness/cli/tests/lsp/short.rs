@@ -1,8 +1,8 @@
-//! `--short`: lines for problem matchers and quickfix lists.
+//! Tests `--short`, which prints lines for problem matchers and quickfix lists.
 
 use super::{CALC, UNASKED, folder, karat, tested, write};
 
-/// Parses `file:line:column: error: message`, as the patterns of VS Code and vim do.
+/// Parses `file:line:column: error: message` as VS Code's and vim's patterns do.
 fn parsed(line: &str) -> Option<(&str, u32, u32, &str)> {
     let (place, message) = line.split_once(": error: ")?;
     let mut parts = place.split(':');
@@ -25,7 +25,7 @@ fn each_failure_is_a_line() {
     assert_eq!((file, line, column), ("shaders/calc_test.wgsl", 5, 5));
     assert!(message.starts_with("`expect_near(half(3.0), 1.5, 0.0)` saw 0.75"), "{message}");
     assert_eq!(lines[2], &*format!("3 checks, 2 failed{UNASKED}"));
-    // The record has the same failures. In another folder, the paths are relative to that folder.
+    // `karat report` prints the same lines. In another folder, it prints paths relative to that folder.
     let report = karat(folder.path()).args(["report", "--short"]).output().expect("it runs");
     assert_eq!(String::from_utf8_lossy(&report.stdout), out);
     assert_eq!(report.status.code(), Some(1));
@@ -49,7 +49,7 @@ fn invalid_modules_have_a_line_and_passing_ones_none() {
         out.ends_with(&format!("1 module isn't valid: bad; 3 checks passed{UNASKED}\n")),
         "{out}"
     );
-    // A reviewer on GitHub sees the error at its line, and so does a later `karat report`.
+    // GitHub shows the error at its line, also if a later command reports the run.
     let start = "::error file=shaders/bad.wgsl,line=2,col=24,title=invalid module::";
     let out = tested(folder.path(), &["--github"]);
     assert!(out.lines().any(|line| line.starts_with(start)), "{out}");

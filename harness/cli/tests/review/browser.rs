@@ -1,4 +1,4 @@
-//! A headless Chromium. The tests control it by its protocol (CDP) over a WebSocket.
+//! Drives a headless Chromium by its own protocol (CDP) over a WebSocket.
 
 use std::io::BufRead;
 use std::net::TcpStream;
@@ -12,30 +12,30 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use tungstenite::{Message, WebSocket};
 
-/// The longest wait for an action of the browser. SwiftShader is slow on a busy machine.
+/// The longest wait for any action of the browser: SwiftShader on a busy machine is slow.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// The process of a browser. It ends after the last test that uses it.
+/// The process of a browser. It ends with the last test that uses this process.
 struct Process {
     child: Child,
     _profile: TempDir,
-    /// The URL of its protocol.
+    /// The URL on which the browser listens.
     url: String,
 }
 
-/// The process that tests share. Starting a process keeps both cores busy for half a second.
+/// The process that concurrent tests share. Starting a browser keeps both cores busy for half a second.
 static SHARED: Mutex<Weak<Process>> = Mutex::new(Weak::new());
 
-/// A browser that can reach only this machine, and has its own tabs and storage.
+/// A browser that reaches only this machine, with its own tabs and storage.
 pub(crate) struct Browser {
     _process: Arc<Process>,
-    /// The profile of this test. Other tests don't use it.
+    /// The profile of this test. Other tests don't see it.
     context: String,
     socket: WebSocket<TcpStream>,
     calls: u64,
-    /// The session of the front tab.
+    /// The session of the tab in front.
     front: String,
-    /// `true` if the left button of the pointer is down.
+    /// `true` while the pointer's left button is down.
     pressed: bool,
 }
 
@@ -44,12 +44,13 @@ pub(crate) struct Tab {
     session: String,
 }
 
-/// Returns the path of the browser, or panics with a remedy. No test is skipped silently.
+/// The path of the browser's program. Without a browser, this panics and says how to install one, so no test is
+/// skipped.
 fn program() -> PathBuf {
     if let Some(named) = std::env::var_os("KARAT_BROWSER") {
         return named.into();
     }
-    // The same list as in `ci/src/setup/browser.rs`, which installs a browser.
+    // `ci/src/setup/browser.rs`, which installs a browser, has the same names.
     let names = [
         "chromium",
         "chromium-browser",
@@ -78,15 +79,15 @@ impl Process {
         command.args([
             "--headless",
             "--remote-debugging-port=0",
-            // Frames are drawn in software, so that any machine can run the tests.
+            // The browser draws frames in software, so any machine can run it.
             "--use-angle=swiftshader",
             "--enable-unsafe-swiftshader",
-            // The GPU process only runs WebGL. Pages are drawn faster without it.
+            // Only WebGL needs the graphics process: the browser draws pages faster without it.
             "--disable-gpu-compositing",
             "--disable-gpu-rasterization",
-            // A spare process for the next page would keep a core busy.
+            // Without this flag, the browser starts a process for a later page, which keeps a core busy.
             "--disable-features=SpareRendererForSitePerProcess",
-            // Root can't use the sandbox. All loaded pages are ours.
+            // As root there is no sandbox. All loaded pages are Karat's.
             "--no-sandbox",
             "--disable-dev-shm-usage",
             "--disable-background-networking",
@@ -106,7 +107,7 @@ impl Process {
         let stderr = child.stderr.take().expect("it is piped");
         let (sender, receiver) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
-            // The output is read to its end: a full pipe would stop the browser.
+            // Reads all of standard error, because a full pipe would stop the browser.
             for line in std::io::BufReader::new(stderr).lines().map_while(Result::ok) {
                 if let Some(url) = line.strip_prefix("DevTools listening on ") {
                     drop(sender.send(url.to_owned()));
@@ -134,7 +135,7 @@ impl Browser {
         Self::of(process)
     }
 
-    /// Starts a separate process with more arguments.
+    /// Starts a browser in its own process, with more arguments.
     pub(crate) fn with(arguments: &[&str]) -> Self {
         Self::of(Arc::new(Process::start(arguments)))
     }
@@ -207,7 +208,7 @@ impl Browser {
         self.on(tab, "Emulation.setDeviceMetricsOverride", size);
     }
 
-    /// Makes the tab a telephone or tablet with a touch screen.
+    /// Makes the tab behave as on a telephone or tablet with a touch screen.
     pub(crate) fn touch(&mut self, tab: &Tab, width: u32, height: u32) {
         let size =
             json!({ "width": width, "height": height, "deviceScaleFactor": 1.0, "mobile": true });
@@ -216,7 +217,7 @@ impl Browser {
         self.on(tab, "Emulation.setTouchEmulationEnabled", touch);
     }
 
-    /// Moves several fingers at once: they go down, move or go up.
+    /// Puts down, moves or lifts several fingers at once.
     pub(crate) fn fingers(&mut self, tab: &Tab, kind: &str, places: &[(f64, f64)]) {
         let points: Vec<_> = places
             .iter()
@@ -227,7 +228,7 @@ impl Browser {
         self.on(tab, "Input.dispatchTouchEvent", event);
     }
 
-    /// Sets the person's preference for dark pages.
+    /// Sets whether the user prefers dark pages.
     pub(crate) fn prefer_dark(&mut self, tab: &Tab, dark: bool) {
         let value = if dark { "dark" } else { "light" };
         let feature = json!({ "name": "prefers-color-scheme", "value": value });
@@ -245,7 +246,7 @@ impl Browser {
         answer["result"]["value"].take()
     }
 
-    /// Returns the displayed text of the first element that a selector matches.
+    /// The displayed text of the first element that a selector matches.
     #[track_caller]
     pub(crate) fn text(&mut self, tab: &Tab, selector: &str) -> String {
         let text = self.value(tab, &format!("document.querySelector({selector:?})?.innerText"));
@@ -264,15 +265,15 @@ impl Browser {
         }
     }
 
-    /// Waits until the page has drawn the selected case in its present state.
+    /// Waits until the page shows the selected case and has drawn its current state.
     #[track_caller]
     pub(crate) fn settle(&mut self, tab: &Tab) {
-        // The browser doesn't draw a tab behind another one.
+        // The browser doesn't draw a tab behind another tab.
         if self.front != tab.session {
             self.on(tab, "Page.bringToFront", json!({}));
             self.front.clone_from(&tab.session);
         }
-        // The first frame draws the changes. The second frame comes after that.
+        // The first frame draws all changes so far. The second frame follows the first.
         let frames = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))";
         self.value(tab, frames);
         let ready = "window.karat?.stage.canvas.dataset.ready === 'true'";
@@ -282,6 +283,7 @@ impl Browser {
         }
     }
 
+    /// Presses and releases a key.
     pub(crate) fn press(&mut self, tab: &Tab, key: &str) {
         let (code, text) = match key {
             "Enter" => (13, "\r"),
@@ -305,7 +307,7 @@ impl Browser {
         self.settle(tab);
     }
 
-    /// Types into the focused element.
+    /// Types text into the focused element.
     pub(crate) fn write(&mut self, tab: &Tab, text: &str) {
         self.on(tab, "Input.insertText", json!({ "text": text }));
     }
@@ -321,7 +323,7 @@ impl Browser {
         self.on(tab, "Input.dispatchMouseEvent", event);
     }
 
-    /// Turns the wheel, away from the person if `by` is negative.
+    /// Turns the wheel: away from the user if `by` is negative.
     pub(crate) fn wheel(&mut self, tab: &Tab, (x, y): (f64, f64), by: f64) {
         let event = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": by });
         self.on(tab, "Input.dispatchMouseEvent", event);
@@ -336,7 +338,7 @@ impl Browser {
         self.pointer(tab, "mouseReleased", at);
     }
 
-    /// Returns the screen as rows of RGB. `save` also writes it to a file.
+    /// The picture on the screen, as rows of RGB. `save` also writes the picture to a file.
     pub(crate) fn screen(&mut self, tab: &Tab, save: Option<&Path>) -> Screen {
         let shot = self.on(tab, "Page.captureScreenshot", json!({ "format": "png" }));
         let data = shot["data"].as_str().expect("a picture");

@@ -1,4 +1,4 @@
-//! Differences: their gain and colours, failing areas, values on pixels, histograms.
+//! Tests the display of differences: gain and colours, failing areas, values of pixels, and histograms.
 
 use karat::Image;
 use serde_json::{Value, json};
@@ -14,7 +14,7 @@ fn open(project: &Project) -> (Server, Browser, Tab) {
     (server, browser, tab)
 }
 
-/// Adds a golden of 64 by 32 grey pixels, and a pending frame with changed pixels.
+/// Writes a grey frame of 64 by 32 pixels as golden, and a pending frame in which `change` sets some pixels.
 fn grey(project: &Project, case: &str, change: impl Fn(usize, usize, &mut [f32; 4])) {
     let golden = Image::new(64, 32, vec![[0.5, 0.5, 0.5, 1.0]; 64 * 32]);
     project.put_golden(case, &golden);
@@ -25,7 +25,7 @@ fn grey(project: &Project, case: &str, change: impl Fn(usize, usize, &mut [f32; 
     project.put_pending(case, &actual, |_| {});
 }
 
-/// Returns the colour of a texel on the canvas. There must be only one pane.
+/// The colour of a texel on the canvas of the only pane.
 fn colour(browser: &mut Browser, tab: &Tab, x: u32, y: u32) -> [u8; 3] {
     browser.settle(tab);
     let found = browser.value(tab, &format!(
@@ -45,7 +45,7 @@ fn gain(browser: &mut Browser, tab: &Tab) -> Value {
     )
 }
 
-/// A gain that suits one frame would make the next frame black or pale.
+/// Each frame has its own gain. With the gain of another frame, it would be black or pale.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn each_frame_has_its_own_gain() {
@@ -112,7 +112,7 @@ fn differences_have_the_hues_of_their_channels() {
     browser.press(&tab, "c");
     assert_eq!(colour(&mut browser, &tab, 0, 1), [255, 38, 38], "red in its hue");
     assert_eq!(colour(&mut browser, &tab, 1, 1), [0, 0, 0], "green isn't looked at");
-    // The colours on the canvas follow the formulas.
+    // The canvas shows the values that the formulas give.
     let expected =
         browser.value(&tab, "karat.tones.absolute([1, 1, 1], 1).map(v => Math.round(255 * v))");
     assert_eq!(expected, json!([255, 38, 38]));
@@ -137,7 +137,7 @@ fn failing_areas_are_outlined_and_single_pixels_enlarged() {
     let (_server, mut browser, tab) = open(&project);
     let boxes = browser.value(&tab, "karat.failing.of(karat.loaded()).boxes.map(({ left, top, right, bottom, count }) => [left, top, right, bottom, count])");
     assert_eq!(boxes, json!([[50, 25, 51, 26, 2], [10, 8, 19, 13, 60]]), "worst first");
-    // At one pixel per texel, a person would overlook two pixels.
+    // At a scale of 1, a person would overlook two pixels.
     browser.value(&tab, "karat.change({ scale: 1, fit: false, center: [32, 16], view: 'actual' })");
     browser.settle(&tab);
     let sizes = "[...document.querySelectorAll('#overlay .area')].map(area => [area.className, area.offsetWidth, area.offsetHeight])";
@@ -164,7 +164,7 @@ fn failing_areas_are_outlined_and_single_pixels_enlarged() {
     assert_eq!(browser.value(&tab, sizes), json!([]), "the golden itself fails nowhere");
 }
 
-/// Many single pixels form a few areas. Otherwise their rings would hide the image.
+/// Many single pixels share a few outlines. Otherwise the outlines would hide the image.
 #[test]
 fn noise_has_few_outlines() {
     let project = Project::new();
@@ -176,7 +176,7 @@ fn noise_has_few_outlines() {
     let (_server, mut browser, tab) = open(&project);
     let found = browser.value(&tab, "(({ count, boxes }) => [count, boxes.length, boxes.reduce((sum, box) => sum + box.count, 0)])(karat.failing.of(karat.loaded()))");
     assert_eq!(found, json!([242, 1, 242]), "each is in one");
-    // An outline around the whole image would be useless, so there is a text.
+    // An outline around the whole image would say nothing, so the page says it in words.
     assert_eq!(browser.value(&tab, "document.querySelectorAll('#overlay .area').length"), 0);
     let label = "[...document.querySelectorAll('#overlay .pane')].map(pane => pane.innerText)";
     assert_eq!(
@@ -190,8 +190,7 @@ fn noise_has_few_outlines() {
     assert_eq!(browser.value(&tab, label), json!(["Golden", "Actual"]));
 }
 
-/// Masked pixels aren't judged, and the gate has the bounds of the margins. Pixels that the gate accepts have no
-/// outline.
+/// The page outlines neither masked pixels nor pixels that only the margin's tolerance rejects.
 #[test]
 fn masked_pixels_do_not_fail() {
     let project = Project::new();
@@ -200,7 +199,7 @@ fn masked_pixels_do_not_fail() {
             pixel[1] *= 1.5;
         }
         if (x, y) == (30, 3) {
-            pixel[3] = 0.9995; // of alpha a thousandth is allowed
+            pixel[3] = 0.9995; // for alpha, a thousandth is allowed
         }
     });
     let (_server, mut browser, tab) = open(&project);

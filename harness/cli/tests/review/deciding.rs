@@ -1,4 +1,4 @@
-//! Accepting and rejecting in the page.
+//! Tests accepting and rejecting frames in the page.
 
 use karat::frame::{FrameAgreement, FrameError};
 use karat::golden::GoldenError;
@@ -9,12 +9,13 @@ use serde_json::Value;
 use crate::browser::{Browser, Tab};
 use crate::project::{Project, tiny};
 
+/// Accepts the selected case with the keyboard, as a person does.
 fn accept(browser: &mut Browser, tab: &Tab, because: &str) {
     decide(browser, tab, because);
     browser.press(tab, "Enter");
 }
 
-/// Accepts a frame for all machines, although it wasn't rendered on lavapipe.
+/// Accepts a frame as the golden for all drivers, also if it wasn't drawn on lavapipe.
 fn accept_for_all(browser: &mut Browser, tab: &Tab, because: &str) {
     decide(browser, tab, because);
     for (choice, shown) in [("any-adapter", "any-adapter-line"), ("of-all", "of-which")] {
@@ -90,8 +91,8 @@ fn a_frame_is_looked_at_and_accepted() {
     assert_eq!(code, Some(0));
 }
 
-/// Renders a frame of one colour, and compares it with the project's golden. If the pending frame is in another folder,
-/// as in CI, moves it beside its golden for the review.
+/// Renders a frame of one colour, and compares it with the project's golden. If the pending frame lies in another
+/// folder, as in CI, the function moves it beside the golden, where the review looks.
 fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> {
     let wgsl = format!(
         "@vertex fn corners(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {{\n    \
@@ -118,7 +119,8 @@ fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> 
     result
 }
 
-/// A new frame fails, is accepted in the page, and passes. Then a frame of another shader does the same.
+/// A test fails, a person accepts the frame in the page, and the test passes. The frame is new, or an edited shader has
+/// changed it.
 #[test]
 fn a_failing_frame_is_accepted_in_the_page_and_passes() {
     let project = Project::new();
@@ -185,7 +187,7 @@ fn the_library_s_refusals_are_shown() {
     );
     assert_eq!(facts(&project, "tiny").0, other, "the other golden isn't lost");
 
-    // The frame was rendered again, so the reader has seen another frame.
+    // The test renders the frame again, so the page shows an outdated frame.
     browser.press(&tab, "Escape");
     project.put_pending("tiny", &tiny(), |_| {});
     accept(&mut browser, &tab, "why");
@@ -217,8 +219,8 @@ fn on_gl(facts: &mut Value) {
     facts["adapter"]["path"] = "gl".into();
 }
 
-/// If the golden for all machines fails on a profile, the frame becomes the profile's golden, unless the reviewer
-/// decides otherwise.
+/// If the golden for all drivers fails on a profile, the frame becomes the profile's golden, unless the reviewer
+/// chooses otherwise.
 #[test]
 fn a_frame_of_another_profile_becomes_its_golden() {
     let project = Project::with_tiny();
@@ -237,6 +239,7 @@ fn a_frame_of_another_profile_becomes_its_golden() {
     assert!(own("tiny").is_file(), "the default harms no other profile");
     assert_eq!(facts(&project, "tiny").0, tiny());
 
+    // A frame can't be accepted before it's loaded.
     browser.settle(&tab);
     browser.press(&tab, "a");
     browser.wait(&tab, "document.getElementById('accept-dialog').open");
@@ -249,7 +252,7 @@ fn a_frame_of_another_profile_becomes_its_golden() {
     assert_eq!(facts(&project, "zebra").0, other);
 }
 
-/// An unreadable file is in the list, with the reason. The other frames can be reviewed.
+/// The list shows an unreadable file with the reason. The other frames can be reviewed.
 #[test]
 fn a_file_that_cannot_be_used_is_shown_with_its_reason() {
     let project = Project::with_tiny();
@@ -273,7 +276,7 @@ fn a_file_that_cannot_be_used_is_shown_with_its_reason() {
     assert!(project.pending("broken").is_file());
 }
 
-/// The page shows the frames of a CI run, and accepts them in the project.
+/// The page shows the frames of a CI run, and accepts them into this project.
 #[test]
 fn frames_of_a_ci_run_are_reviewed() {
     let project = Project::with_tiny();
@@ -344,7 +347,7 @@ fn files_show_the_frames_without_any_network() {
     assert_eq!(browser.value(&tab, "document.getElementById('accept').checkVisibility()"), false);
     browser.press(&tab, "a");
     assert_eq!(browser.value(&tab, "document.activeElement.id"), "accept-command");
-    // The policy blocks every request and all inline code.
+    // The content security policy allows no other requests, and no inline code.
     let blocked =
         browser.value(&tab, "fetch('http://127.0.0.1:9/').then(() => 'sent', error => error.name)");
     assert_eq!(blocked, "TypeError");

@@ -1,4 +1,4 @@
-//! One frame among many: their order, the filter, and links to a frame.
+//! Tests the list of many frames: its order, its filter, and links to a frame.
 
 use serde_json::{Value, json};
 
@@ -19,7 +19,6 @@ fn open(project: &Project, fragment: &str) -> (Server, Browser, Tab) {
     (server, browser, tab)
 }
 
-/// Returns the folders and frames in the list.
 fn list(browser: &mut Browser, tab: &Tab) -> Value {
     browser.settle(tab);
     browser.value(
@@ -74,7 +73,7 @@ fn the_filter_lists_only_frames_that_contain_all_of_its_words() {
         json!(["", ""])
     );
 
-    // Keys and decisions apply only to the filtered frames.
+    // Keys and decisions use only the filtered frames.
     browser.press(&tab, "/");
     browser.write(&tab, "f1");
     browser.press(&tab, "Enter");
@@ -110,7 +109,8 @@ fn the_address_names_the_frame() {
     browser.wait(&tab, "document.getElementById('name').textContent === 'a'");
 }
 
-/// The page writes the address a moment after a key. If a person types an address in this moment, the page keeps it.
+/// The page writes the address a moment after a key press. If a person changes the address in that moment, the person's
+/// address stays.
 #[test]
 fn a_typed_address_is_never_written_over() {
     let project = with(&["a", "rooms/dark", "z"]);

@@ -1,4 +1,5 @@
-//! The list of frames: thumbnails, the ratio of errors to tolerances, the contact sheet, and common decisions.
+//! Tests the list of frames: thumbnails, the distance from the tolerance, the contact sheet, and several decisions at
+//! once.
 
 use karat::Image;
 use serde_json::json;
@@ -14,7 +15,7 @@ fn open(project: &Project) -> (Server, Browser, Tab) {
     (server, browser, tab)
 }
 
-/// Tiny frames: one slightly different, one very different, one of another size, a new one, and one with NaN.
+/// A project of tiny frames: some differ a little or much, and others have another size, are new, or contain NaN.
 fn various() -> Project {
     let project = Project::new();
     for (case, factor) in [("a-little", 1.004), ("b-far", 3.0)] {
@@ -53,9 +54,10 @@ fn the_list_shows_and_sorts_frames_by_their_error() {
         text.as_str().and_then(|text| text.strip_suffix(" ×")?.parse().ok()).unwrap_or(f64::NAN)
     };
     assert!((times(&far[0]) - 4.0).abs() < 0.1 && times(&far[1]) > 1000.0, "{far}");
-    // A thumbnail has the colours of its frame: pale if all three channels differ equally, and the colour of NaN.
+    // A thumbnail has the colours of its frame: pale for three equal channels, and the colour of NaN.
     let pixel = "(() => { const c = document.querySelectorAll('#cases canvas.thumb')[4]; const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; for (let i = 0; i < d.length; i += 4) if (d[i] === 255 && d[i + 1] === 0 && d[i + 2] === 255) return true; return false; })()";
     assert_eq!(browser.value(&tab, pixel), true, "NaN is magenta");
+    // The page doesn't keep the data that it loaded for a thumbnail.
     let kept = browser.value(&tab, "karat.state.cases.map(({ data }) => data !== null)");
     assert_eq!(kept, json!([true, false, false, false, false]));
 
@@ -119,7 +121,7 @@ fn several_frames_are_accepted_with_one_reason() {
     assert!(project.pending("c-size").is_file(), "it wasn't chosen");
     browser.wait(&tab, "document.getElementById('name').textContent === 'c-size'");
 
-    // The page offers the previous reason, but Enter doesn't accept with it.
+    // The page offers the last reason again. Enter doesn't accept it without another key.
     browser.settle(&tab);
     browser.press(&tab, "a");
     assert!(browser.text(&tab, "#last-reason").contains("the light is warmer, as planned"));
@@ -131,7 +133,7 @@ fn several_frames_are_accepted_with_one_reason() {
     browser.wait(&tab, "document.getElementById('name').textContent === 'd-new'");
     assert!(!project.pending("c-size").exists());
 
-    // This chooses all listed frames. Rejecting asks first, and Enter deletes nothing.
+    // The key rejects all listed frames. The page asks first, and Enter deletes nothing.
     browser.press(&tab, "Y");
     assert_eq!(browser.text(&tab, "#reject-label"), "Reject 2");
     browser.press(&tab, "r");
@@ -145,7 +147,7 @@ fn several_frames_are_accepted_with_one_reason() {
     assert!(!project.pending("d-new").exists() && !project.pending("e-nan").exists());
 }
 
-/// If some of several decisions are refused, the page names them. The others are carried out.
+/// If some of several decisions are refused, the page reports them, and carries out the others.
 #[test]
 fn refused_frames_stay_pending() {
     let project = various();

@@ -1,4 +1,4 @@
-//! The pixels on the page, compared with the contents of the files.
+//! Compares the page's display with the content of the files.
 
 use karat::Image;
 use karat::unstable::value::format_f32;
@@ -7,7 +7,7 @@ use crate::browser::{Browser, Tab};
 use crate::project::{Project, provenance, tiny};
 use crate::shots::shoot;
 
-/// The page's colour by IEC 61966-2-1, exposed by `stops` and clipped.
+/// The sRGB colour (IEC 61966-2-1) that the page should show: exposed by `stops`, and clipped.
 fn srgb([r, g, b, _]: [f32; 4], stops: f32) -> [u8; 3] {
     [r, g, b].map(|value| {
         let x = (f64::from(value) * f64::from(stops).exp2()).clamp(0.0, 1.0);
@@ -20,7 +20,7 @@ fn close(a: [u8; 3], b: [u8; 3]) -> bool {
     a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= 1)
 }
 
-/// Returns the position of a texel's middle on the screen, in a pane.
+/// The screen position of the middle of a texel in a pane.
 fn place(browser: &mut Browser, tab: &Tab, pane: usize, x: u32, y: u32) -> (usize, usize) {
     let at = browser.value(tab, &format!(
         "(() => {{ const p = karat.stage.panes()[{pane}]; const [l, t] = karat.stage.origin(p); const s = karat.state.scale; const b = karat.stage.canvas.getBoundingClientRect(); return [b.x + l + ({x} + 0.5) * s, b.y + t + ({y} + 0.5) * s]; }})()"
@@ -29,7 +29,7 @@ fn place(browser: &mut Browser, tab: &Tab, pane: usize, x: u32, y: u32) -> (usiz
     (side(0), side(1))
 }
 
-/// Returns the colour of a texel on the screen, in a pane.
+/// The colour of a texel in a pane on the screen.
 fn seen(browser: &mut Browser, tab: &Tab, pane: usize, x: u32, y: u32) -> [u8; 3] {
     let (x, y) = place(browser, tab, pane, x, y);
     browser.screen(tab, None).rgb(x, y)
@@ -39,7 +39,7 @@ fn open(project: &Project) -> (crate::project::Server, Browser, Tab) {
     let server = project.serve();
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
-    // Colours are read in the middle of texels, where the page would write their values.
+    // The function reads colours in the middle of texels, where the page would write values.
     browser.value(&tab, "karat.change({ values: false, outlines: false })");
     browser.settle(&tab);
     (server, browser, tab)
@@ -89,7 +89,7 @@ fn all_cases_are_listed_and_keys_move_between_them() {
     assert_eq!(now, serde_json::json!([true, true, 1]));
     browser.press(&tab, "?");
     assert_eq!(browser.value(&tab, "document.getElementById('help').open"), true);
-    // The help lists all keys.
+    // The help names all keys.
     let missing = browser.value(&tab, "(() => { const names = { Escape: 'Esc', ' ': 'space', '-': '−', '=': '+', ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑', ArrowDown: '↓' };
         const told = [...document.querySelectorAll('#help kbd')].map(key => key.innerText);
         return karat.keys.filter(key => !told.includes(names[key] ?? key)); })()");
@@ -137,8 +137,7 @@ fn the_canvas_is_what_the_formulas_give() {
         }
         browser.press(&tab, "m");
     }
-    // In false colour, 0.18 is in the middle of the scale. There the polynomials are 0.588, 0.982 and 0.313, calculated
-    // by hand.
+    // In false colour, 0.18 is in the middle of the scale, where the polynomials are 0.588, 0.982 and 0.313 by hand.
     let middle = browser.value(&tab, "karat.tones.falseColor(0.18).map(v => Math.round(255 * v))");
     assert_eq!(middle, serde_json::json!([150, 250, 80]));
     browser.press(&tab, "f");
@@ -357,7 +356,7 @@ fn facts_are_side_by_side_with_what_differs_first() {
     assert_eq!(rows[1], serde_json::json!(["driver", old, "llvmpipe Mesa 25.0.7 (LLVM 19.1.7)"]));
     let gate = browser.text(&tab, "#gates li");
     assert!(gate.contains("gate rel 1e-3") && gate.contains("fails"), "{gate}");
-    // Each gate has one line, and all lines have the same layout.
+    // Parts that belong together share a line, and the lines of all gates have the same form.
     let parts = "[...document.querySelectorAll('#gates .values, #gates .margin, #gates .place, #verdict .number')]";
     let broken = format!(
         "{parts}.filter(part => part.getBoundingClientRect().height > 24).map(part => part.innerText)"
@@ -388,11 +387,11 @@ fn the_canvas_uses_the_full_resolution_of_a_high_density_screen() {
 fn the_page_shows_the_parts_maps_and_gates_of_the_data() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
-    // This is the map of FLIP.
+    // The map of FLIP is available.
     assert_eq!(browser.value(&tab, "document.getElementById('view-map').disabled"), false);
     let maps = browser.value(&tab, "karat.state.cases[0].data.maps.map((map) => map.name)");
     assert_eq!(maps, serde_json::json!(["HDR-FLIP", "worst exposure in stops"]));
-    // A data file with several images would pass this data.
+    // A data file may contain more than one image.
     browser.value(&tab, r#"(() => {
         const data = { ...karat.state.cases[0].data };
         const image = (...values) => ({ width: 4, height: 4, format: "f32", data:
@@ -424,7 +423,7 @@ fn the_page_shows_the_parts_maps_and_gates_of_the_data() {
     );
 }
 
-/// Scalars over their whole range, and pixels without a value.
+/// The map has scalars over its whole range, and pixels without a value.
 #[test]
 fn a_map_has_its_range_and_holes() {
     let project = Project::with_tiny();
@@ -448,7 +447,7 @@ fn a_map_has_its_range_and_holes() {
     assert_eq!(ticks.split_whitespace().collect::<Vec<_>>(), ["−6", "−4", "−2"]);
 }
 
-/// A browser may take the graphics memory back, and restore it later.
+/// A browser may take away the graphics memory, and return it later.
 #[test]
 fn a_lost_webgl_context_is_restored() {
     let project = Project::with_tiny();
@@ -478,7 +477,7 @@ fn without_webgl_2_the_page_says_so() {
     assert!(names.contains("tiny"), "{names}");
 }
 
-/// Writes a golden or pending table of the values of `x * gain`, as a test does.
+/// Writes a pending table with the values of `x * gain`, as a test does.
 pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
     let package =
         karat::Package::from_source("m", format!("fn f(x: f32) -> f32 {{ return x * {gain}; }}"));
@@ -490,7 +489,7 @@ pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
         .unrecorded()
         .try_matches(&goldens, case, karat::Ulp(1.0))
         .expect_err("nothing to agree with");
-    // In CI, the table is pending in another folder, together with those of other tests.
+    // In CI, pending tables lie in another folder, together with those of other tests.
     let elsewhere = karat::unstable::golden::build_output()
         .join(format!("karat/pending/golden/{case}.new.csv"));
     if karat::unstable::golden::in_ci() {
@@ -498,7 +497,7 @@ pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
     }
 }
 
-/// Accepts the values that [`left_values`] wrote.
+/// Accepts the values that [`left_values`] has written as the golden.
 pub(crate) fn accept_values(project: &Project, case: &str) {
     let goldens = karat::Goldens::open(&project.folder().join("golden"));
     let because = "the first".to_owned();
@@ -583,7 +582,7 @@ fn older_versions_of_values_are_compared_row_by_row() {
     choose(&mut browser, &tab);
     let history = browser.text(&tab, "#versions");
     assert!(history.contains("as now") && history.contains("4 rows differ"), "{history}");
-    // The ends of a range are sampled often.
+    // The function is sampled often at the end of a range.
     assert_eq!(browser.value(&tab, rows), 4);
     assert_eq!(browser.value(&tab, row), serde_json::json!(["1", "1", "0.5", "0.75", "0.5"]));
     let count = browser.text(&tab, "#table-count");
@@ -595,7 +594,7 @@ fn older_versions_of_values_are_compared_row_by_row() {
     assert_eq!(browser.text(&tab, "#table-count"), "24 rows");
     drop(server);
 
-    // The test repeats this with pending values, and in a report of files.
+    // Shows pending values, also in a report without a server.
     left_values(&project, case, "(0.5 + select(0.0, 0.5, x <= 1.0))");
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
@@ -630,7 +629,7 @@ fn values_are_shown_as_rows_and_decided_like_frames() {
     );
     assert_eq!(cells, serde_json::json!(["1", "0.5", "0.75", "0.5"]));
     assert!(browser.text(&tab, "#table-count").ends_with("rows differ"));
-    // For a frame, the page shows images again.
+    // A frame's images are shown again.
     browser.press(&tab, "j");
     browser.settle(&tab);
     assert_eq!(browser.text(&tab, "#name"), "tiny");

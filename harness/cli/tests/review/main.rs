@@ -1,4 +1,4 @@
-//! The review page in a browser, and its server without a browser.
+//! Tests the review page in a browser, and the review's server without a browser.
 
 mod browser;
 mod comparing;

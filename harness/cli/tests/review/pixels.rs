@@ -1,4 +1,4 @@
-//! The steps and values of a pixel, in the page.
+//! Tests the trace of a pixel in the page.
 
 use karat::Image;
 
@@ -13,7 +13,7 @@ fn shade(@location(0) uv: vec2f) -> @location(0) vec4f {
 }
 ";
 
-/// A frame of 4 x 4 pixels whose golden is white.
+/// A project with a frame of 4 x 4 pixels. Its golden is white.
 fn project() -> Project {
     let project = Project::new();
     project.put("shaders/m.wgsl", SHADER);
@@ -63,7 +63,7 @@ fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     let mut browser = Browser::start();
     let tab = browser.open(&format!("{}#disc", server.url));
     browser.settle(&tab);
-    // A pixel that doesn't differ is traced on request.
+    // A click traces a pixel that doesn't differ.
     browser.value(&tab, "karat.change({ pinned: [0, 3] })");
     browser.settle(&tab);
     assert_eq!(browser.text(&tab, "#steps"), "");
@@ -98,7 +98,7 @@ fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     assert_eq!(browser.value(&tab, &format!("{map}.range")), serde_json::json!([0.125, 0.875]));
     assert!(browser.text(&tab, "#map-about").contains("0.125 at (3, 0) to 0.875 at (0, 0)"));
     assert!(browser.text(&tab, "#map-value").contains("0.625"), "the pinned pixel's");
-    // A second request for the same value adds no second map.
+    // A second click on the same value shows the same map.
     let count = browser.value(&tab, "karat.loaded().maps.length");
     browser.value(&tab, &choose("m::shade::broken"));
     browser.wait(&tab, &format!("{map}.name === 'm::shade::broken'"));
@@ -111,7 +111,7 @@ fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     browser
         .screen(&tab, Some(&std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("pixels.png")));
 
-    // At the golden's commit, the shader was different.
+    // In the golden's commit, the shader was different.
     project.commit("first");
     project.put("shaders/m.wgsl", &SHADER.replace("near * near", "near * uv.y"));
     let tab = browser.open(&format!("{}#disc", server.url));
@@ -125,7 +125,7 @@ fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     assert!(steps.contains("was near * near: 0.390625"), "{steps}");
     assert!(browser.text(&tab, "#steps .parted").contains("near * uv.y"), "{steps}");
 
-    // If no frame is declared for a golden, the page says so.
+    // If no test declares a frame for the golden, the page says so.
     browser.press(&tab, "j");
     browser.wait(
         &tab,

@@ -1,4 +1,4 @@
-//! A folder with goldens and pending frames, and the server that shows them for review.
+//! A folder with goldens and pending frames, and the server for their review.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -17,8 +17,8 @@ use crate::files::write;
 use crate::program::program;
 use crate::repository::git;
 
-/// The longest wait for the server. The server gives a silent client more time than this, so a test that waits for a
-/// silent client fails.
+/// The longest wait for the server. It is shorter than the time that the server gives a silent client, so a server that
+/// only waits for a client fails the test.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(8);
 
 /// A project with its goldens in `golden/`.
@@ -26,18 +26,18 @@ pub(crate) struct Project {
     folder: TempDir,
 }
 
-/// Returns the folder of this repository's goldens: real frames.
+/// The folder of this repository, which has real goldens.
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../golden")
 }
 
-/// Returns the provenance of a golden of this repository.
+/// The provenance of a golden of this repository.
 pub(crate) fn provenance() -> Value {
     let (_, metadata) = Image::read_exr(&repository().join("furnace.exr")).expect("a golden");
     serde_json::from_str(&metadata.expect("provenance")).expect("JSON")
 }
 
-/// Returns an image of four by four pixels. All values of its channels differ: 0.01 to 0.64. Alpha is 1.
+/// An image of four by four pixels. All its values differ: 0.01 to 0.64, with alpha 1.
 pub(crate) fn tiny() -> Image {
     let value = |index: u8| f32::from(index + 1) * 0.01;
     let pixel = |i: u8| [value(4 * i), value(4 * i + 1), value(4 * i + 2), 1.0];
@@ -73,7 +73,7 @@ impl Project {
         git(self.folder(), arguments)
     }
 
-    /// Commits all files. Returns the hash of the commit.
+    /// Commits all files. Returns the commit's name.
     pub(crate) fn commit(&self, subject: &str) -> String {
         self.git(&["init", "-q"]);
         self.git(&["add", "-A"]);
@@ -85,7 +85,7 @@ impl Project {
         self.put_golden_with(case, image, |_| {});
     }
 
-    /// Writes a golden with a changed provenance.
+    /// Writes a golden with changed provenance.
     pub(crate) fn put_golden_with(&self, case: &str, image: &Image, change: impl Fn(&mut Value)) {
         let mut facts = provenance();
         facts["case"] = case.into();
@@ -96,7 +96,7 @@ impl Project {
         image.write_exr(&self.golden(case), Precision::Float, Some(&text)).expect("written");
     }
 
-    /// Writes a pending frame that was compared with the present golden.
+    /// Writes a pending frame that was compared with the current golden.
     pub(crate) fn put_pending(&self, case: &str, image: &Image, change: impl Fn(&mut Value)) {
         let golden = Image::read_exr(&self.golden(case)).ok();
         let own = golden.as_ref().and_then(|(_, metadata)| metadata.as_ref());
@@ -110,7 +110,7 @@ impl Project {
         facts["height"] = image.height().into();
         if let Some((golden, _)) = golden {
             facts["compared_with"] = golden.hash().into();
-            // A test with all these bounds would have this finding.
+            // The margins that a test with all these tolerances would find.
             let bounds = [FrameTolerance::gate(1e-3), FlipTile(0.01), FlipMean(0.005)];
             let found = FrameTolerance::All(bounds.into()).compare(&golden, image, None);
             let found = found.as_ref().err().map(FrameFinding::from);
@@ -124,7 +124,7 @@ impl Project {
         image.write_exr(&self.pending(case), precision, Some(&text)).expect("written");
     }
 
-    /// A project with the tiny golden, and a pending frame that is twice as bright.
+    /// A project with the tiny golden, and a pending frame twice as bright.
     pub(crate) fn with_tiny() -> Self {
         let project = Self::new();
         project.put_tiny("tiny");
@@ -141,8 +141,8 @@ impl Project {
         self.put_pending(case, &actual, |facts| facts["shader"] = "changed".into());
     }
 
-    /// A project with frames of this repository: one with a changed shader, one with a changed driver, one with NaN,
-    /// and a new one.
+    /// A project with frames of this repository: the first has a changed shader, the second a changed driver, the third
+    /// contains NaN, and the fourth is new.
     pub(crate) fn with_frames() -> Self {
         let project = Self::new();
         let read = |case: &str| {
@@ -157,7 +157,7 @@ impl Project {
         let width = scene.width() as usize;
         for (index, pixel) in scene.pixels_mut().iter_mut().enumerate() {
             let (x, y) = (index % width, index / width);
-            // Highlights are halved, and a part of the image is 5 % brighter and warmer.
+            // Halves highlights, and makes a part of the picture 5 % brighter and warmer.
             let bright = pixel[0] > 2.0;
             let inside = (260..330).contains(&x) && (120..190).contains(&y);
             for (value, warm) in pixel.iter_mut().zip([1.06, 1.05, 1.03]) {
@@ -231,7 +231,7 @@ pub(crate) struct Server {
     out: BufReader<ChildStdout>,
 }
 
-/// The response to a raw request.
+/// The reply to a raw request.
 #[derive(Debug)]
 pub(crate) struct Answer {
     pub(crate) status: u16,
@@ -239,7 +239,7 @@ pub(crate) struct Answer {
 }
 
 impl Answer {
-    /// Reads the response of a connection to its end.
+    /// Reads the reply from a connection until it closes.
     #[track_caller]
     pub(crate) fn of(stream: &mut TcpStream) -> Self {
         let mut text = String::new();
@@ -250,7 +250,7 @@ impl Answer {
 }
 
 impl Server {
-    /// Returns `127.0.0.1:port`.
+    /// The host as `127.0.0.1:port`.
     pub(crate) fn host(&self) -> String {
         self.url.split('/').nth(2).expect("a host").to_owned()
     }
@@ -260,7 +260,7 @@ impl Server {
         format!("/{}/", self.url.split('/').nth(3).expect("a token"))
     }
 
-    /// Sends a request exactly as written. A browser would add headers.
+    /// Sends a request without a browser's checks.
     pub(crate) fn raw(&self, head: &str, body: &str) -> Answer {
         let length = body.len();
         let request =
@@ -268,7 +268,7 @@ impl Server {
         Answer::of(&mut self.send(&request))
     }
 
-    /// Opens a connection, sends a text, and keeps the connection open.
+    /// Opens a connection and sends these bytes. The connection stays open.
     pub(crate) fn send(&self, text: &str) -> TcpStream {
         let mut stream = TcpStream::connect(self.host()).expect("it listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a time");
@@ -280,7 +280,7 @@ impl Server {
         self.raw(&format!("GET {}{place} HTTP/1.1\r\nHost: {}", self.path(), self.host()), "")
     }
 
-    /// Sends a decision as the page does.
+    /// Posts a decision as Karat's own page does.
     pub(crate) fn post(&self, place: &str, decision: &Value) -> Answer {
         let (path, host) = (self.path(), self.host());
         let head = format!(
@@ -291,7 +291,7 @@ impl Server {
     }
 
     pub(crate) fn signal(&self) {
-        // The `kill` of a shell is used, because not every machine has the program.
+        // Uses the shell's own `kill`, because some machines lack the program.
         let script = format!("kill -INT {}", self.child.id());
         assert!(Command::new("sh").args(["-c", &script]).status().expect("a shell").success());
     }
@@ -300,7 +300,7 @@ impl Server {
         self.child.try_wait().expect("a child").is_none()
     }
 
-    /// Stops the server as Ctrl-C does. Returns its exit code, and its last output.
+    /// Stops the server with Ctrl-C. Returns its exit code and its last output.
     pub(crate) fn interrupt(mut self) -> (Option<i32>, String) {
         self.signal();
         let start = Instant::now();
@@ -324,7 +324,7 @@ impl Drop for Server {
     }
 }
 
-/// Returns the data that the page sends to accept a case with these pixels.
+/// The message that the page sends to accept a case with these pixels.
 pub(crate) fn decision(case: &str, pixels: &str) -> Value {
     json!({ "case": case, "pixels": pixels, "because": "why" })
 }

@@ -1,4 +1,4 @@
-//! The server without a browser: it refuses strangers, and reading changes nothing.
+//! Tests the server without a browser: it refuses strangers, and reading changes no file.
 
 use serde_json::json;
 
@@ -65,7 +65,7 @@ fn other_origins_cannot_decide() {
     assert!(!project.pending("tiny").exists());
 }
 
-/// Returns every file in the goldens' folder with its content.
+/// All files of the goldens' folder with their content.
 fn snapshot(project: &Project) -> Vec<(String, Vec<u8>)> {
     let entries = std::fs::read_dir(project.folder().join("golden")).expect("a folder");
     let mut files: Vec<_> = entries

@@ -1,4 +1,4 @@
-//! The report of a run in a browser.
+//! Tests the page of a run in a browser.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::browser::Browser;
 use crate::faults::fault;
 use crate::project::Project;
 
-/// Writes a record of two functions. One of them fails over two arguments.
+/// Writes a record of two functions. One fails, and has two arguments.
 fn record(folder: &Path) {
     let line = |name: &str, fails: bool| {
         let ratio = |x: f64, y: f64| if fails { 40.0 * x * y } else { 0.1 };
@@ -41,7 +41,7 @@ fn record(folder: &Path) {
     std::fs::write(folder.join("run.json"), run.to_string()).expect("written");
 }
 
-/// Search, links and plots work for a page from a file, at any width, in light and dark.
+/// Search, links and plots work without a server, at any width, in light and dark.
 #[test]
 fn a_report_page_can_be_searched_and_fits_any_width() {
     let project = Project::new();
@@ -71,7 +71,7 @@ fn a_report_page_can_be_searched_and_fits_any_width() {
     assert_eq!(browser.value(&tab, &search("")), 3);
     let failing = format!("(() => {{ failing.click(); return {shown}; }})()");
     assert_eq!(browser.value(&tab, &failing), 2);
-    // There are two plots and a map. The plots have points of both colours.
+    // The page has two plots and their map, with points of both colours.
     assert_eq!(browser.value(&tab, "document.querySelectorAll('figure svg').length"), 3);
     let colours = "new Set([...document.querySelectorAll('figure circle')].map(c => c.getAttribute('fill'))).size";
     assert_eq!(browser.value(&tab, colours), 2);

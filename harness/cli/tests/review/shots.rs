@@ -1,5 +1,5 @@
-//! Pictures of each view at several sizes, in `target/karat/review`, for people. `cargo ci full` draws them, and `cargo
-//! test --test review -- --ignored shots::`.
+//! Draws pictures of each view at several sizes into `target/karat/review`, for people to look at. `cargo ci full` and
+//! `cargo test --test review -- --ignored shots::` run these tests.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ fn files_and_maps_are_drawn() {
     for key in ["j", "j"] {
         browser.press(&tab, key);
     }
-    // This map comes from another metric: in this test, from half of the golden's red channel.
+    // Adds the map of another metric: half of the golden's red channel.
     browser.value(
         &tab,
         r#"(() => {
@@ -78,7 +78,7 @@ fn every_view_is_drawn() {
     }
 }
 
-/// The choices when accepting, an unusable file, and many frames.
+/// Draws the choices of the accept dialog, unusable files, and many frames.
 #[test]
 #[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn choices_faults_and_many_frames_are_drawn() {
@@ -111,7 +111,7 @@ fn choices_faults_and_many_frames_are_drawn() {
     shoot(&mut browser, &tab, "absent-1280");
 }
 
-/// The views of the second edition at usual widths, in dark and light, and on touch screens.
+/// Draws the page at usual widths, dark and light, and with touch.
 #[test]
 #[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn every_width_is_drawn() {
@@ -172,7 +172,7 @@ fn every_width_is_drawn() {
     shoot(&mut browser, &tab, "edition-touch-below-390");
 }
 
-/// The origins of cases: a repository with a record, goldens and failing functions.
+/// Draws the origin of cases: a repository with a record, goldens, and functions that fail.
 #[test]
 #[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn origins_are_drawn() {
@@ -227,7 +227,7 @@ fn origins_are_drawn() {
             shoot(&mut browser, &tab, &format!("origin-{file}-{width}"));
             let aside = "document.querySelector('#versions:not([hidden]), #test').scrollIntoView()";
             browser.value(&tab, aside);
-            // The visible part of the history is loaded then.
+            // The page loads versions of the history when they become visible.
             browser.wait(&tab, "[...document.querySelectorAll('#versions .version')].every(version => version.querySelector('canvas'))");
             shoot(&mut browser, &tab, &format!("origin-{file}-below-{width}"));
             browser.value(&tab, "document.querySelector('header').scrollIntoView()");

@@ -1,5 +1,5 @@
-//! The origin of a case: its test, the changes since its golden, the golden's versions. Also failing functions, and
-//! goldens without a pending frame.
+//! Tests the origin of a case: its test, the changes since its golden, and the golden's versions. Also tests functions
+//! that fail, and goldens without a pending frame.
 
 use karat::Image;
 use karat::unstable::record::FileRead;
@@ -56,7 +56,7 @@ fn function_record() -> Value {
     })
 }
 
-/// Adds a repository in which the scene's shader changed, and a run in which a function also failed.
+/// A repository with an edited shader of the scene, and a run in which a function also failed.
 pub(crate) fn with_origins(project: &Project) {
     let text = "// The sun.\nconst SUN = 1.0;\n\nfn sun(cosine: f32) -> f32 {\n    return SUN * max(cosine, 0.0);\n}\n";
     project.put("shaders/light.wgsl", text);
@@ -100,7 +100,7 @@ pub(crate) fn with_origins(project: &Project) {
     put_record(project, &[frame, function_record()]);
 }
 
-/// The page names the changed module with its lines, and the versions of the golden with their reasons.
+/// The page names the edited module with its lines, and the golden's versions with their reasons.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn changes_since_the_golden_are_shown() {
@@ -158,10 +158,11 @@ fn changes_since_the_golden_are_shown() {
             "KARAT_PATHS=vulkan cargo test frames"
         ])
     );
-    // The button copies the text. If the browser doesn't allow that, it selects the text. Its label says which.
+    // The button copies the line. If the browser forbids copying, the button selects the line. The page says which
+    // happened.
     browser.click(&tab, "#test .line:nth-child(3) button");
     browser.wait(&tab, "['Copied', 'Selected'].includes(document.querySelector('#test .line:nth-child(3) button').innerText)");
-    // A golden that is accepted but not committed belongs to no commit.
+    // A golden that was accepted and isn't committed yet belongs to no commit.
     let mut other = tiny();
     other.pixels_mut()[0][0] = 5.0;
     project.put_golden("tiny", &other);
@@ -169,8 +170,8 @@ fn changes_since_the_golden_are_shown() {
     assert!(browser.text(&tab, "#modules").contains("the golden isn't committed"));
 }
 
-/// Golden and frame contain the hashes of their modules. So the golden needn't be committed, and commits of other
-/// goldens don't count.
+/// Golden and frame store the hashes of the modules that drew them. So the golden needn't be committed, and other
+/// commits don't count.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn modules_that_changed_are_known_by_their_hashes() {
@@ -208,7 +209,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
         );
         browser.text(&tab, "#modules .body")
     };
-    // The golden's version of the light isn't the latest version in git.
+    // The golden was drawn with an older version of the light than git's newest version.
     let (light, other) = ("shaders/light.wgsl", "shaders/other.wgsl");
     put(
         json!({ light: hash(lights[0]), other: hash("a"), "noise::value": hash("b") }),
@@ -226,7 +227,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
             "shaders/new.wgsl: the golden didn't use this module",
         ]
     );
-    // The module was edited again, and never committed.
+    // The module was edited and never committed.
     put(
         json!({ light: hash(lights[1]), other: hash("never") }),
         json!({ light: hash("a draft"), other: hash("now") }),
@@ -241,18 +242,18 @@ fn modules_that_changed_are_known_by_their_hashes() {
         told.contains("other.wgsl: git has no version of this module with the golden's hash"),
         "{told}"
     );
-    // A checkout that changes line ends isn't an edit.
+    // A checkout with other line ends isn't an edit.
     project.put("shaders/light.wgsl", &lights[2].replace('\n', "\r\n"));
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[2]) }));
     let told = shown(&project);
     assert!(told.contains("+const SUN = 3.0;") && !told.contains("edited"), "{told}");
     project.put("shaders/light.wgsl", lights[2]);
-    // The modules are equal, so something else changed the program.
+    // All modules are equal, so something else changed the linked program.
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[0]) }));
     let told = shown(&project);
     assert!(told.contains("No module changed since the golden, by their hashes."), "{told}");
     assert!(told.contains("features, overrides or Karat changed"), "{told}");
-    // An old golden has no hashes, so the page shows what git knows.
+    // An old golden has no hashes. The page shows the changes that git knows.
     put(json!({}), json!({ light: hash(lights[2]) }));
     assert!(shown(&project).contains("the golden isn't committed"));
     project.git(&["add", "golden/tiny.exr"]);
@@ -265,7 +266,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
     assert!(!told.contains("other.wgsl"), "the frame says which modules are its own: {told}");
 }
 
-/// An older version of a golden is a thumbnail in its history, and a part for comparison.
+/// An older version of a golden has a thumbnail in the history, and can be compared.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_of_a_golden_are_seen_and_compared() {
@@ -279,7 +280,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
         project.commit(because)
     };
     let first = version(7.0, "the first");
-    // Two versions may differ only in their provenance.
+    // The provenance may change without the image.
     let (same, second) = (version(8.0, "the second"), version(8.0, "for another reason"));
     let commits = [first, second];
     version(9.0, "now");
@@ -307,7 +308,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     assert!(label.contains(&format!("Golden of {}", commits[0])), "{label}");
     let pressed = "document.querySelector('.version[aria-pressed=true]')?.dataset.commit ?? 'none'";
     assert_eq!(browser.value(&tab, pressed), commits[0].as_str());
-    // Choosing another version replaces it. Choosing the same version again shows the golden again.
+    // Choosing another version replaces the first. Choosing the same version again shows the golden.
     browser.value(&tab, &choose(&commits[1]));
     browser.wait(&tab, "karat.loaded().parts[1].golden.values[0] === 8");
     assert_eq!(browser.value(&tab, "karat.loaded().parts.length"), 2);
@@ -315,7 +316,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     browser.wait(&tab, "karat.state.part === 0");
     assert_eq!(browser.value(&tab, sides), json!([9, red(0.01)]));
 
-    // Only commits that git has listed are versions.
+    // The server only accepts versions that git has listed.
     for (place, status, text) in [
         ("data/0-HEAD.js", 200, "this isn't a version of the golden"),
         ("data/0---output=x.js", 200, "this isn't a version of the golden"),
@@ -325,7 +326,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
         assert!(answer.status == status && answer.text.contains(text), "{answer:?}");
     }
 
-    // A golden without a pending frame is compared with its older versions.
+    // A golden without a pending frame is compared with its older version.
     std::fs::remove_file(project.pending("tiny")).expect("there");
     let (_server, mut browser, tab) = open(&project, &["--all-goldens"]);
     browser.value(&tab, &choose(&commits[0]));
@@ -336,7 +337,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     let label = browser.text(&tab, "#overlay");
     assert_eq!(label, format!("Golden now − golden of {}", commits[0]));
 
-    // This also works for a page from files.
+    // A report without a server has the versions, too.
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--all-goldens", "--static"]).arg(&report).output();
     assert!(ran.expect("it was built").status.success());
@@ -346,13 +347,14 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     browser.wait(&tab, "karat.state.part === 1");
     assert_eq!(browser.value(&tab, sides), json!([8, 9]));
     assert!(report.join(format!("data/0-{}.js", commits[0])).is_file());
-    // The files of an older page are removed.
+    // The files of an older report are deleted.
     std::fs::remove_dir_all(project.folder().join(".git")).expect("there");
     let ran = project.karat(&["review", "--all-goldens", "--static"]).arg(&report).output();
     assert!(ran.expect("it was built").status.success());
     assert!(!report.join(format!("data/0-{}.js", commits[0])).exists());
 }
 
+/// A report contains only as many older versions as fit.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_leave_a_report_small() {
@@ -391,7 +393,7 @@ fn older_versions_leave_a_report_small() {
     browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out to keep this report small')");
 }
 
-/// The header names changed properties that the test declares.
+/// The page's header names declared facts that changed.
 #[test]
 fn declared_facts_that_changed_are_in_the_header() {
     let project = Project::new();
@@ -432,7 +434,7 @@ fn functions_that_fail_are_on_the_list() {
     assert_eq!(browser.text(&tab, "#name"), "tiny");
     assert_eq!(browser.value(&tab, "document.getElementById('function').hidden"), true);
 
-    // This also works for a page from files.
+    // A report without a server names them, too.
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
     assert!(ran.status.success(), "{ran:?}");
@@ -468,7 +470,7 @@ fn goldens_are_looked_at_without_anything_pending() {
     browser.wait(&tab, "document.querySelectorAll('#sheet canvas.thumb').length === 2");
 }
 
-/// People mail and keep reports: a frame of 480 by 270 pixels takes less than 1 MB, even if it is all noise.
+/// People mail and store reports. A frame of 480 by 270 takes less than 1 MB, even if all its pixels are noise.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn a_frame_takes_less_than_a_megabyte() {
@@ -476,14 +478,14 @@ fn a_frame_takes_less_than_a_megabyte() {
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
     assert!(ran.status.success(), "{ran:?}");
-    // Frames are sorted by name. `diffuse` is an image of 480 by 270 pixels with noise everywhere.
+    // Files are in the order of names. `diffuse` is a picture of 480 by 270 in which all pixels have noise.
     let length = |index: usize| {
         std::fs::metadata(report.join(format!("data/{index}.js"))).expect("written").len()
     };
     let lengths: Vec<u64> = (0..4).map(length).collect();
     println!("bytes: {lengths:?}");
     assert!(lengths.iter().all(|length| *length < 1_000_000), "{lengths:?}");
-    // The browser gets every bit of the data.
+    // The browser reads every bit of the frame.
     let mut browser = Browser::start();
     let tab = browser.open(&format!("file://{}/index.html", report.display()));
     browser.settle(&tab);

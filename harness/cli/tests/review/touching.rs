@@ -1,11 +1,11 @@
-//! Narrow windows and touch screens.
+//! Tests narrow windows and touch screens.
 
 use serde_json::json;
 
 use crate::browser::Browser;
 use crate::project::Project;
 
-/// All visible controls fit on the screen, and are large enough for a finger.
+/// All visible parts fit the screen, and are large enough for a finger.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn the_page_fits_narrow_touch_screens_with_large_buttons() {
@@ -38,7 +38,7 @@ fn the_page_fits_narrow_touch_screens_with_large_buttons() {
     }
 }
 
-/// On a telephone, the toolbar is one line with scrolling views. The other controls unfold.
+/// On a telephone, the toolbar is one line with views that scroll. Its other parts unfold.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn the_toolbar_is_one_line_on_a_telephone() {
@@ -60,7 +60,7 @@ fn the_toolbar_is_one_line_on_a_telephone() {
         browser.value(&tab, &format!("document.getElementById('{id}').checkVisibility()"))
     };
     assert_eq!(shown(&mut browser, "exposure"), false);
-    // The toolbar scrolls to the current view, even if a key selected it.
+    // The selected view is visible, whichever key or tap selected it.
     browser.press(&tab, "6");
     let inside = "(() => { const [view, row] = ['#view-map', '#tools .views'].map(of => document.querySelector(of).getBoundingClientRect()); return view.left >= row.left && view.right <= row.right + 1; })()";
     browser.wait(&tab, inside);
@@ -92,7 +92,7 @@ fn fingers_drag_and_pinch() {
         serde_json::from_value(browser.value(&tab, look)).expect("numbers")
     };
     let [x, y, scale, ..] = read(&mut browser)[..] else { panic!("five numbers") };
-    // The fingers move to twice their distance. The image doubles its size, and the point between the fingers stays.
+    // If the distance of two fingers doubles, the image doubles its size, and the point between the fingers stays.
     browser.fingers(&tab, "touchStart", &[(x - 40.0, y)]);
     browser.fingers(&tab, "touchStart", &[(x - 40.0, y), (x + 40.0, y)]);
     browser.fingers(&tab, "touchMove", &[(x - 60.0, y), (x + 60.0, y)]);
@@ -102,7 +102,7 @@ fn fingers_drag_and_pinch() {
     assert!((larger / scale - 2.0).abs() < 0.01, "{scale} {larger}");
     assert!((across - 2.0).abs() < 0.05 && (down - 2.0).abs() < 0.05, "{across} {down}");
     assert!(browser.value(&tab, "karat.state.pinned").is_null(), "a pinch is no tap");
-    // One finger drags, and a tap pins.
+    // One finger drags the image, and a tap pins a pixel.
     browser.fingers(&tab, "touchStart", &[(x, y)]);
     browser.fingers(&tab, "touchMove", &[(x + 50.0, y + 20.0)]);
     browser.fingers(&tab, "touchMove", &[(x + 100.0, y + 40.0)]);

@@ -1,16 +1,16 @@
-//! Clients that are silent, announce data that never arrives, or are many. The server waits for none of them.
+//! Tests that the server doesn't wait for clients that are silent, announce a body that never arrives, or are many.
 
 use std::net::Shutdown;
 use std::time::Duration;
 
 use crate::project::{Answer, Project, Server, decision, tiny};
 
-/// Returns the hash of the frame that [`Project::put_tiny`] makes pending.
+/// The hash of the pending frame from [`Project::put_tiny`].
 fn pixels(project: &Project) -> String {
     karat::Image::read_exr(&project.pending("tiny")).expect("pending").0.hash()
 }
 
-/// Returns a POST of the page that announces a body of this length, without the body.
+/// A POST as Karat's page sends it, with a content length but without a body.
 fn announced(server: &Server, length: &str) -> String {
     let (path, host) = (server.path(), server.host());
     format!(
@@ -32,7 +32,7 @@ fn a_client_that_never_sends_its_body_blocks_no_other() {
     assert_eq!(Answer::of(&mut refused).status, 403, "it is told without its body");
     let _silent = ["", "G", "GET / HTTP/1.1\r\nHost: ", stranger, &announced(&server, "200")]
         .map(|begun| server.send(begun));
-    // The client doesn't read its response, which is larger than the buffers of the system.
+    // The client reads nothing of the reply, which is larger than the system's buffer.
     let (path, host) = (server.path(), server.host());
     let data = format!("GET {path}data/0.js HTTP/1.1\r\nHost: {host}\r\n\r\n");
     let _greedy = [(); 3].map(|()| server.send(&data));
@@ -43,7 +43,7 @@ fn a_client_that_never_sends_its_body_blocks_no_other() {
     assert_eq!((code, text.as_str()), (Some(1), "2 frames left pending\n"));
 }
 
-/// These are more connections than the server keeps open, and more than it could have threads for.
+/// There are more clients than the server keeps open, and more than the system has threads for.
 #[test]
 fn silent_connections_are_closed_for_new_requests() {
     let project = Project::with_tiny();
@@ -71,12 +71,12 @@ fn a_wrong_content_length_is_refused() {
     }
     let chunked = announced(&server, "2\r\nTransfer-Encoding: chunked");
     assert_eq!(Answer::of(&mut server.send(&chunked)).status, 413);
-    // The server reads no body of a stranger.
+    // The server reads nothing from strangers.
     for length in huge {
         let head = format!("POST / HTTP/1.1\r\nHost: x\r\nContent-Length: {length}\r\n\r\n");
         assert_eq!(Answer::of(&mut server.send(&head)).status, 403, "{length}");
     }
-    // This body ends too early.
+    // The client closes its connection before the end.
     let mut stream = server.send(&announced(&server, "200"));
     stream.shutdown(Shutdown::Write).expect("open");
     assert_eq!(Answer::of(&mut stream).status, 400);
@@ -103,12 +103,12 @@ fn malformed_requests_have_an_error_status() {
     }
     let head = Answer::of(&mut server.send("HEAD / HTTP/1.1\r\nHost: x\r\n\r\n"));
     assert!(head.status == 403 && head.text.ends_with("\r\n\r\n"), "without a body: {head:?}");
-    // The server doesn't read this megabyte, but the sender still gets the response.
+    // A client that sends an unread megabyte still gets its reply.
     assert_eq!(server.raw("POST / HTTP/1.1\r\nHost: x", &"x".repeat(1 << 20)).status, 403);
     assert_eq!(server.get("").status, 200);
 }
 
-/// Of many decisions on one frame, one is carried out. The others get the reason.
+/// Of many concurrent decisions on a frame, the server carries out one, and refuses the others with a message.
 #[test]
 fn decisions_at_once_are_one_after_the_other() {
     let project = Project::with_tiny();
@@ -138,12 +138,11 @@ fn decisions_at_once_are_one_after_the_other() {
     assert_eq!(server.interrupt().0, Some(0));
 }
 
-/// The server completes a decision before it ends, but doesn't wait for clients. Golden and provenance are always
-/// written completely.
+/// The server's end waits for a decision, but not for clients, so golden and provenance are never half written.
 #[test]
 fn a_decision_is_completed_before_the_end() {
     let project = Project::with_tiny();
-    // This lock allows one acceptance at a time in a folder.
+    // Karat holds this lock during an acceptance, so each folder has one acceptance at a time.
     let folder = project.folder().join("golden").canonicalize().expect("a folder");
     let hash = blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex();
     let lock = std::env::temp_dir().join(format!("karat-{}.lock", &hash[..16]));
@@ -152,7 +151,7 @@ fn a_decision_is_completed_before_the_end() {
     let mut server = project.serve();
     let body = decision("tiny", &pixels(&project)).to_string();
     let _deciding = server.send(&format!("{}{body}", announced(&server, &body.len().to_string())));
-    // The thread of the decision has reached the lock by now, even on a busy machine.
+    // After this time, the server's thread waits for the lock, even on a busy machine.
     std::thread::sleep(Duration::from_secs(2));
     server.signal();
     std::thread::sleep(Duration::from_millis(500));

@@ -16,7 +16,6 @@ use crate::limits::{CHANGED_WORK, COMPARED_WORK, LAST_VERTEX, LEAST_EQUAL, OTHER
 use crate::made_up::{Arguments, Content, Drawn, Mix, Ranges, Resources};
 use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
-/// The seed of the arguments, the same in each run.
 const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
 
 #[derive(Default)]
@@ -33,7 +32,6 @@ struct Pair<'p> {
     shared: &'p Shared,
 }
 
-/// The results of both versions, one row for each call.
 struct Results {
     was: Vec<u32>,
     is: Vec<u32>,
@@ -64,7 +62,6 @@ impl<'p> Pair<'p> {
 }
 
 impl Results {
-    /// The results of one call, before and after the edit.
     fn of(&self, case: usize) -> (&[u32], &[u32]) {
         let [was, is] = self.widths;
         (&self.was[case * was..][..was], &self.is[case * is..][..is])
@@ -186,7 +183,6 @@ fn contents() -> impl Iterator<Item = Content> {
     Content::OF_FUNCTIONS.into_iter().chain(Content::NAMELESS)
 }
 
-/// The resources of both versions.
 struct Made {
     held: [Fixtures; 2],
     members: Vec<(String, String)>,

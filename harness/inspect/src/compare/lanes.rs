@@ -137,7 +137,6 @@ impl Shared {
     }
 }
 
-/// Checks if an attribute has another type after the edit.
 fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     let of = |all: &Keyed| -> BTreeMap<String, Keyed> {
         let mut types = BTreeMap::<_, Keyed>::new();
@@ -167,7 +166,6 @@ fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
     function.parameters.iter().flat_map(of).collect()
 }
 
-/// The names of the result's lanes: `result.color.x`.
 fn result_lanes(function: &Function) -> Vec<(String, Scalar)> {
     let shape = &function.result;
     let named = shape.lane_names().into_iter().zip(shape.lanes());

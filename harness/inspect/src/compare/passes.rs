@@ -282,7 +282,6 @@ fn ordered(
 /// The reason for an `expect`: each resource that a pass writes has lanes.
 const WRITTEN: &str = "a pass writes the resource";
 
-/// The differences between the values that two passes write.
 #[derive(Default)]
 struct Difference {
     words: usize,

@@ -30,7 +30,6 @@ pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool
     }
 }
 
-/// A distance between two results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Distance {
     /// Two integers or booleans that differ.
@@ -98,7 +97,6 @@ pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
     })
 }
 
-/// The largest changes of several lanes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Largest {
     /// The largest distance in steps of an `f32`; `None` if a changed lane has no such distance.
@@ -114,7 +112,6 @@ impl Default for Largest {
 }
 
 impl Largest {
-    /// Adds the two values of a lane, and returns their distance.
     pub(super) fn add(&mut self, scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
         let far = distance(scalar, was, is)?;
         let (a, b) = (f64::from(f32::from_bits(was)), f64::from(f32::from_bits(is)));

@@ -31,7 +31,6 @@ impl Callers {
         callers
     }
 
-    /// Checks if another function calls this one.
     pub(super) fn calls(&self, function: &str) -> bool {
         self.by_called.contains_key(function)
     }

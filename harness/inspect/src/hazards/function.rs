@@ -40,7 +40,6 @@ pub(super) struct Trial {
     main: Tally,
 }
 
-/// A case: the content of the resources, and the arguments.
 #[derive(Clone, Debug)]
 struct Case {
     content: Content,
@@ -57,7 +56,6 @@ struct Gathered {
     /// The number of cases in which the result, a condition or an index depends on the wrong value.
     wrong: usize,
     dropped: usize,
-    /// Some of the failing cases.
     failing: Vec<Case>,
     /// The numbers of the failing cases over the first content.
     numbers: Vec<usize>,
@@ -66,7 +64,6 @@ struct Gathered {
     last: Option<(Content, usize)>,
 }
 
-/// The findings of one or more runs.
 #[derive(Debug, Default)]
 struct Tally {
     cases: usize,
@@ -133,7 +130,6 @@ impl Trial {
         }
     }
 
-    /// Selects the cases that run over a content.
     fn chosen(&self, resources: &Resources, (count, rows): (usize, &[u32])) -> Chosen {
         let Self { probed, arguments, .. } = self;
         let side = Side { probed, fixtures: &resources.fixtures, own: None };
@@ -207,7 +203,6 @@ impl Trial {
         Ok(())
     }
 
-    /// Adds the findings of some rows with one content.
     fn add(
         &self,
         tally: &mut Tally,
@@ -303,7 +298,6 @@ impl Trial {
         tally
     }
 
-    /// Runs rows over a content, with some inputs of another content.
     fn run(
         &self,
         (content, other, takes): (Content, Content, Takes<'_>),
@@ -318,7 +312,6 @@ impl Trial {
         Some((resources, rows, seen))
     }
 
-    /// The inputs in the function's resources.
     fn inputs(&self) -> Vec<Input> {
         let made = Resources::of(&self.probed, &self.ranges, FIRST);
         made.map(|made| made.inputs).unwrap_or_default()
@@ -388,7 +381,6 @@ impl Trial {
         (Class::Requirement, None)
     }
 
-    /// The arguments of a case, and the members of buffers.
     fn described(&self, row: &[u32], members: &[(String, String)]) -> Vec<(String, String)> {
         let mut named =
             if row.is_empty() { Vec::new() } else { self.probed.function().arguments(row) };

@@ -66,7 +66,6 @@ fn is_short(content: &Content) -> bool {
     content.tail.is_some() || content.shorter.is_some()
 }
 
-/// Makes a pass over a content.
 type Make<'m> =
     &'m (dyn Fn(Content, Option<&Mix<'_>>) -> Result<(Passes, Resources), String> + Sync);
 
@@ -79,9 +78,7 @@ struct InContent {
     /// The invocations in which an operation goes wrong; empty for a race.
     wrong: BTreeMap<Key, BTreeSet<usize>>,
     reached: BTreeMap<String, BTreeSet<usize>>,
-    /// `true` if the run stopped early.
     is_cut: bool,
-    /// `true` if only one workgroup ran.
     one_workgroup: bool,
 }
 
@@ -424,13 +421,11 @@ fn variable_of(text: &str) -> &str {
 struct Ran {
     hazards: Vec<(Key, Hazard)>,
     content: InContent,
-    /// The reason why the run stopped early.
     reason: Option<String>,
     of: usize,
     too_long: bool,
 }
 
-/// The position of a violation, and the text at that position.
 fn place_of(violation: &Violation, diagnostic: &Diagnostic) -> (String, String) {
     match diagnostic.location() {
         Some(span) => {

@@ -9,7 +9,6 @@ use karat_core::value::Scalar;
 
 use super::{Content, Ranges, Resources};
 
-/// The number of cases for each function.
 const CASES: usize = 128;
 
 /// The largest relative width of bounds that `Spec` accepts by default.

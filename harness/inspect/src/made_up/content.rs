@@ -71,7 +71,6 @@ pub(crate) enum Shorter {
     Least,
 }
 
-/// The contents and sizes of resources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Content {
     /// The content's number. With 0, all values are random samples. With each further number, the first value is
@@ -99,7 +98,6 @@ pub(crate) struct Content {
     /// The values of each of three buffers in turn. A sorted buffer leads to an unsorted one, like the edges of a
     /// graph.
     pub(super) orders: Option<[Numbered; 3]>,
-    /// `true` if only one workgroup is dispatched.
     pub(crate) one_workgroup: bool,
     /// `true` if a host may use such indices and counts.
     pub(crate) is_likely: bool,

@@ -65,7 +65,7 @@ impl Extents {
         if !APART.contains(&least) {
             return Some(least);
         }
-        // The three bytes of the hash are independent.
+        // Each of the three values of `least` uses another byte of the hash.
         let own = blake3::hash(name.as_bytes()).as_bytes()[least as usize] % 3;
         Some(least + u32::from(own) + lane as u32)
     }
@@ -88,7 +88,6 @@ impl Extents {
         }
     }
 
-    /// The number of elements in a runtime-sized array.
     pub(super) fn elements_of(&self, name: &str) -> u32 {
         self.part_of(name, self.total())
     }
@@ -115,7 +114,6 @@ impl Extents {
         count.saturating_mul(part).div_ceil(MOST)
     }
 
-    /// The number of all elements.
     pub(crate) fn total(&self) -> u32 {
         self.elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count))
     }

@@ -139,10 +139,8 @@ const SPACES: [&str; 14] = [
 /// Words that suggest a distance from a centre, which is never negative.
 const RADII: [&str; 3] = ["radius", "radii", "thickness"];
 
-/// The largest radius.
 const MOST_RADIUS: f64 = 1000.0;
 
-/// The largest width or height in pixels.
 const MOST_PIXELS: f64 = 4096.0;
 
 /// Words that suggest a count of at least 1, in names of integers.
@@ -216,7 +214,6 @@ pub(super) fn is_transform(name: &str) -> bool {
     is_projection(name) || words(name).iter().any(|word| SPACES.contains(&word.as_str()))
 }
 
-/// Checks if a matrix has a name such as `clip_from_view`.
 pub(super) fn is_projection(name: &str) -> bool {
     words(name).iter().any(|word| PROJECTIONS.contains(&word.as_str()))
 }

@@ -37,21 +37,18 @@ pub(crate) struct Input {
     pub(crate) declared: bool,
     /// `true` if the input is declared. Also if names count as declarations and its name suggests a range.
     pub(crate) known: bool,
-    /// The number of the input's lanes, which are adjacent in the buffer.
     lanes: usize,
 }
 
 /// The selection of inputs that take their values from another content.
 #[derive(Clone, Copy)]
 pub(crate) struct Mix<'m> {
-    /// The other content.
     pub(crate) content: Content,
     /// The sizes of the other content, for a pass.
     pub(crate) extents: Option<Extents>,
     pub(crate) takes: &'m (dyn Fn(&Input) -> bool + Sync),
 }
 
-/// The fixtures of a function's resources.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resources {
     pub(crate) fixtures: Fixtures,
@@ -498,7 +495,6 @@ impl Ranges {
         Self { extents, ..self.clone() }
     }
 
-    /// The floats in the shader's text.
     fn floats(&self) -> &[f32] {
         self.literals.as_ref().map_or(&[], |all| &all.floats)
     }
@@ -705,7 +701,6 @@ fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
 
 #[derive(Clone, Copy)]
 struct Noise<'l> {
-    /// The smallest value of a colour.
     least: f32,
     /// The numbers in the shader's text.
     literals: &'l [f32],
@@ -831,7 +826,6 @@ fn made<T: karat::Shareable>(
     }
 }
 
-/// The number of layers or slices.
 const LAYERS: u32 = 4;
 
 #[cfg(test)]

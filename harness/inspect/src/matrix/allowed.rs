@@ -45,7 +45,6 @@ impl Allowed {
         allowed
     }
 
-    /// Adds the counts of further cases.
     pub(super) fn and(self, more: Self) -> Self {
         let (bounded, outside) = (self.bounded + more.bounded, self.outside + more.outside);
         Self { bounded, outside, first: self.first.or(more.first) }

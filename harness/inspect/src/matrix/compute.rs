@@ -136,7 +136,6 @@ pub(super) fn run_entry_point_on_each(
     conclude(&mut cells[*first], agreeing, others.len());
 }
 
-/// The reason why a column has no words to compare.
 enum Unwritten {
     Stop(Stop),
     Error(DispatchError),
@@ -148,7 +147,6 @@ impl From<DispatchError> for Unwritten {
     }
 }
 
-/// Runs an entry point on a path, and returns the words of its writable resources.
 fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     let device = path::device(path);
     let device = device.map_err(|error| Unwritten::Stop(Stop::Unavailable(error.to_string())))?;

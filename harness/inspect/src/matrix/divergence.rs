@@ -142,7 +142,6 @@ pub(super) fn divergence(
 /// A let-binding that can't be compared.
 struct Unseen;
 
-/// Returns the values of a let-binding on both columns; `None` if they are equal.
 fn differing(
     request: &Request,
     (one, beyond): (&Let, Address),

@@ -49,7 +49,6 @@ pub(super) struct Comparison {
     pub(super) worst_ulp: Option<u64>,
 }
 
-/// The rules for comparing a function's results.
 #[derive(Clone, Debug)]
 pub(super) struct Judge<'j> {
     scalars: &'j [Scalar],
@@ -147,10 +146,8 @@ impl<'j> Judge<'j> {
     }
 }
 
-/// The comparison of one case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Seen {
-    /// `true` if a lane was compared.
     pub(super) compared: bool,
     /// `true` if a lane differs, unless WGSL allows both results.
     pub(super) differs: bool,

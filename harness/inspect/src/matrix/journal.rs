@@ -36,7 +36,6 @@ struct At {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Culprit {
     at: At,
-    /// A sentence about the end of the process.
     why: String,
 }
 
@@ -128,7 +127,6 @@ impl Line {
     }
 }
 
-/// The lines of the file; none if the file doesn't exist.
 fn lines(file: &Path) -> io::Result<Vec<Line>> {
     let text = match std::fs::read_to_string(file) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),

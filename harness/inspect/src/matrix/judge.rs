@@ -84,7 +84,6 @@ impl Judged {
         Self(judged)
     }
 
-    /// The cell of a row on a column, after translation and validation.
     pub(super) fn cell(&self, row: usize, ready: &Ready, column: Column) -> Cell {
         let nothing = Cell::default();
         let made = ready.of(column);

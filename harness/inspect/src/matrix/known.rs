@@ -158,15 +158,12 @@ impl Matrix {
             for (head, cell) in self.columns.iter().zip(&row.cells) {
                 let why = match (&cell.known, &cell.stopped) {
                     (Some(known), Some(stop)) if cell.contradicts() && stop.is_wrong() => format!(
-                        "the row reaches `{}`, although a declaration excludes that, and fails at a later step: {}",
+                        "the row reaches `{}`, although it is declared not to, and fails at a later step: {}",
                         known.status,
                         stop.text()
                     ),
                     (Some(known), _) if cell.contradicts() => {
-                        format!(
-                            "the row reaches `{}`, although a declaration excludes that",
-                            known.status
-                        )
+                        format!("the row reaches `{}` and is declared not to", known.status)
                     }
                     _ if cell.fails_as_declared().is_some() => continue,
                     (Some(known), Some(stop)) if stop.is_wrong() => format!(

@@ -48,7 +48,6 @@ enum Weight {
     Absent,
 }
 
-/// The largest number of rows that a list names.
 const MOST_NAMES: usize = 6;
 
 /// A name as code: between backticks, or as escaped HTML if it has special characters.

@@ -8,7 +8,6 @@ use karat_core::value::Scalar;
 use super::execute::{Comparison, Judge};
 use super::leeway::{Latitude, Leeway};
 
-/// The maximum number of rounds that simplify an input.
 const ROUNDS: usize = 24;
 
 pub(super) struct Pair<'r, 'p> {

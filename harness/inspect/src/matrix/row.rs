@@ -149,7 +149,6 @@ impl Cell {
     }
 }
 
-/// Runs cases of a function on each column, and compares the results.
 fn run_cases(
     request: &Request,
     probed: &Probed,
@@ -228,8 +227,7 @@ fn compare_all(
     let [first, others @ ..] = ran else { return };
     let judge = Judge::new(&results, &request.within, &first.results);
     let ranges = Ranges::of(&request.package).expect("the inputs were made from these ranges");
-    let inputs = made_up::Arguments::of(function, &ranges)
-        .expect("the inputs were made from these arguments");
+    let inputs = made_up::Arguments::of(function, &ranges).expect("the inputs exist");
     let mut agreeing: Option<Comparison> = None;
     for other in others {
         let pair = Pair {
@@ -314,7 +312,6 @@ mod tests {
             .expect("the matrix is made")
     }
 
-    /// The cells of all rows, except for the first column.
     fn others(matrix: &Matrix) -> impl Iterator<Item = (&str, &Cell)> {
         matrix.rows.iter().flat_map(|row| row.cells.iter().skip(1).map(|cell| (&*row.name, cell)))
     }

@@ -51,7 +51,6 @@ impl Ready {
         made.expect("each column has a translation")
     }
 
-    /// The row with its cells.
     pub(super) fn row(self, cells: Vec<super::Cell>) -> Row {
         Row { cells, ..self.row }
     }

@@ -56,9 +56,7 @@ pub(crate) fn of_pixels(
     let kernel = probed.kernel.of_pixels();
     let text = kernel.text.strip_prefix(program.text()).expect("a kernel begins with the program");
     let drawn = program.followed_by(text).map_err(|error| error.to_string())?;
-    let bindings = drawn
-        .fragment_entry_point(Probed::ENTRY_POINT)
-        .expect("the kernel has a fragment entry point");
+    let bindings = drawn.fragment_entry_point(Probed::ENTRY_POINT).expect("an entry point");
     let (_, words_out) = kernel.words();
     let results = vec![0_u32; (words_out + 1) * (across * down) as usize];
     let own: [(u32, Fixture); 3] = [

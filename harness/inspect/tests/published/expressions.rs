@@ -8,7 +8,7 @@
 use karat::check::HazardKind;
 use karat::prelude::*;
 
-/// An expression, the ranges of its inputs, and its computation in both precisions.
+/// An expression, the ranges of its inputs, and the same computation in `f32` and in `f64`.
 struct Expression {
     text: &'static str,
     inputs: &'static [(&'static str, f64, f64)],

@@ -9,7 +9,7 @@ const address = (() => {
     try {
       return decodeURIComponent(text);
     } catch {
-      return text; // typed by hand: its % escapes nothing
+      return text; // typed by hand: its % isn't an escape
     }
   };
 

@@ -79,7 +79,7 @@ function prepared(image) {
 (() => {
   const list = byId("cases");
   const filter = byId("filter");
-  const MANY = 12; // more aren't found at a glance
+  const MANY = 12; // with more entries, the filter is useful
   const UNUSABLE = "can't be used";
   const STATUS = { accepted: "accepted", rejected: "rejected", gone: "no longer pending" };
 
@@ -98,7 +98,7 @@ function prepared(image) {
 
   const row = (position) => {
     const entry = state.cases[position];
-    const unusable = entry.status in GROUPS; // they stand together, with their whole names
+    const unusable = entry.status in GROUPS; // these entries are together, with their whole names
     const status = STATUS[entry.status] ?? (entry.new ? "new" : "");
     const name = unusable || state.sort === "error" ? entry.name : entry.name.slice(groupOf(entry).length);
     const marked = status || severity(entry) || badges(entry).length;

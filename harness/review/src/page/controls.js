@@ -43,7 +43,7 @@ const actions = (() => {
     ...(entry?.data?.maps ?? []).map(({ image }) => image),
   ];
 
-  // Goes to the worst pixel that the test found. From there it goes to the next failing area.
+  // Goes to the worst pixel that the test found. With `by`, goes to the next failing area.
   const worst = (by = 0) => {
     const boxes = failing.of(loaded())?.boxes ?? [];
     const place = loaded()?.gates.find((gate) => gate.place)?.place;
@@ -71,7 +71,7 @@ const keys = (() => {
   for (const [id, name] of Object.entries(toggles)) {
     button(id, () => {
       change({ [name]: !state[name] });
-      if (name === "relative") change({ gainAuto: true }); // another unit
+      if (name === "relative") change({ gainAuto: true }); // the unit of the gain changes
     });
   }
   for (const view of VIEWS) button(`view-${view}`, () => actions.show(view));
@@ -133,7 +133,7 @@ const keys = (() => {
     const parts = loaded()?.parts ?? [];
     byId("for-map").hidden = state.view !== "map" || maps.length < 1;
     byId("view-map").disabled = maps.length < 1;
-    const alone = selectedCase()?.status === "golden" && !part()?.version; // there is nothing beside it
+    const alone = selectedCase()?.status === "golden" && !part()?.version; // there is nothing to compare with
     for (const view of ["actual", "swipe", "flip", "difference"]) byId(`view-${view}`).disabled = alone;
     byId("for-part").hidden = parts.length < 2;
     refill(byId("map"), maps.map(({ name }) => name), state.map);

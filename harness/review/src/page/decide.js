@@ -4,7 +4,7 @@ const decide = (() => {
   const accepting = byId("accept-dialog");
   const rejecting = byId("reject-dialog");
   const because = byId("because");
-  let deciding = []; // the entries that the open dialog is about
+  let deciding = []; // the entries of the open dialog
 
   const command = (kind, entry) => (kind === "accept"
     ? `karat accept ${entry.name}${entry.accept} --because "…"`

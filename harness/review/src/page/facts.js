@@ -20,7 +20,7 @@
     (i % 2 ? element("span", { className: "number" }, piece) : piece));
 
   const gate = ({ name, ratio, value, bound, note, place, passes }) => {
-    const number = typeof value === "number"; // else it is a word: NaN, inf
+    const number = typeof value === "number"; // otherwise a string: NaN, inf
     const times = number && bound ? `, ${numbers.rounded(value / bound)} × bound` : "";
     const measured = element("div", {},
       element("span", { className: "name" }, name),

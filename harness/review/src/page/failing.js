@@ -2,8 +2,8 @@
 // script finds the refused pixels again, by the same bounds.
 
 const failing = (() => {
-  const CLEAR = 0.01; // alpha below this is compared as if it were this, as the gate does
-  const MOST = 48; // more rectangles hide what they show: then near ones become one
+  const CLEAR = 0.01; // a smaller alpha is compared as this alpha, as in the gate
+  const MOST = 48; // more rectangles would hide the image, so near ones are joined
 
   // Returns for each pixel 1 if it differs from the golden by more than the bound. Also returns the worst ratio.
   const refused = ({ golden, actual }, { relative, absolute }, mask) => {
@@ -29,7 +29,7 @@ const failing = (() => {
   // Returns rectangles around refused pixels whose cells of a given size touch, even if only at corners.
   const areas = (ratios, width, height, cell) => {
     const [across, down] = [Math.ceil(width / cell), Math.ceil(height / cell)];
-    const cells = new Map(); // of the ones with refused pixels: their rectangle
+    const cells = new Map(); // the rectangle of each cell with refused pixels
     ratios.forEach((ratio, i) => {
       if (!ratio) return;
       const [x, y] = [i % width, Math.floor(i / width)];
@@ -72,7 +72,7 @@ const failing = (() => {
   const ALL = 0.9;
   const isWhole = ({ left, top, right, bottom }, { width, height }) =>
     Math.min(width, height) >= SMALL && right - left + 1 >= ALL * width && bottom - top + 1 >= ALL * height;
-  const SMALL = 16; // pixels; of fewer each is seen
+  const SMALL = 16; // pixels; in a smaller area each pixel is visible
 
   const share = (part) => (part < 0.001 ? "less than 0.1 %" : `${numbers.rounded(100 * part)} %`);
 

@@ -3,7 +3,7 @@
 // darken all other pixels. Values beyond the scale are pale.
 
 const gain = (() => {
-  const LEAST = 149; // stops below 1 of the smallest f32
+  const LEAST = 149; // the smallest f32 is this many stops below 1
   const channels = (channel) => (channel === 0 ? [0, 1, 2] : channel === 5 ? null : [channel - 1]);
 
   // Returns the gain in stops at which 99 % of the differences are within the scale. Differences are counted by powers

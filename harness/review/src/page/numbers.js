@@ -46,13 +46,13 @@ const numbers = (() => {
         let word = 0;
         for (let byte = 0; byte < size; byte += 1) word = (word << 8) | stored[start + byte * count + i];
         const distance = (word >>> 1) ^ -(word & 1);
-        words[c * count + i] = (ofGolden ? golden[c * count + i] : before) + distance; // wraps
+        words[c * count + i] = (ofGolden ? golden[c * count + i] : before) + distance; // wraps at 2^16 or 2^32
         before = words[c * count + i];
         if (size === 2) values[4 * i + c] = halves[before];
         else floats[4 * i + c] = before;
       }
     }
-    if (channels === 1) { // a map; a hole is no number
+    if (channels === 1) { // a map; a hole is NaN
       for (let i = 0; i < values.length; i += 4) {
         const hole = Number.isNaN(values[i]);
         values.fill(hole ? 0 : values[i], i, i + 3);

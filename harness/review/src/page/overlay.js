@@ -128,7 +128,7 @@
     if (!current) return "Nothing is pending.";
     if (current.error) return current.error;
     if (!current.data) return "Loading …";
-    if (current.table || current.status === "function") return ""; // it lies over the canvas
+    if (current.table || current.status === "function") return ""; // it covers the canvas
     const { golden, actual } = part();
     const sizes = golden && actual && (golden.width !== actual.width || golden.height !== actual.height);
     if (current.status === "golden" && !part().version) return ["golden", "side"].includes(state.view) ? "" : "Nothing is pending for this golden.";

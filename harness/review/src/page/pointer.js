@@ -11,7 +11,7 @@
   };
 
   let dragged = null;
-  const fingers = new Map(); // where each pointer that is down is
+  const fingers = new Map(); // the positions of the pointers that are down
   const pinch = () => {
     const [a, b] = [...fingers.values()];
     return { middle: [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2], apart: Math.max(1, Math.hypot(a[0] - b[0], a[1] - b[1])) };
@@ -52,7 +52,7 @@
   canvas.addEventListener("pointerup", (event) => {
     const others = fingers.size > 1;
     fingers.delete(event.pointerId);
-    if (others) { // the finger that stays goes on to drag, and doesn't pin
+    if (others) { // the remaining finger continues to drag, and doesn't pin
       if (fingers.size === 1) { drag([...fingers.values()][0]); dragged.moved = true; }
       return;
     }

@@ -16,21 +16,21 @@ precision highp sampler2D;
 uniform sampler2D golden, actual, map;
 uniform ivec2 goldenSize, actualSize, mapSize;
 uniform vec2 origin;      // the image's top left corner, in pixels of the canvas from the top left
-uniform float scale;      // pixels of the canvas a texel
-uniform float height;     // of the canvas
-uniform float exposure;   // a factor
+uniform float scale;      // pixels of the canvas per texel
+uniform float height;     // the height of the canvas
+uniform float exposure;   // the factor for colours
 uniform bool marks;
 uniform bool grid;
-uniform float gain;       // of differences: a factor
-uniform float dark;       // what is darker counts as this bright in relative differences
-uniform vec2 range;       // the values of a map that are at the ends of the false colours
+uniform float gain;       // the factor for differences
+uniform float dark;       // in relative differences, darker pixels count as this bright
+uniform vec2 range;       // the values of a map at the ends of the false colours
 out vec4 shown;
 
 const int layer = ${layer};         // 0 golden, 1 actual, 2 difference, 3 map
-const int tone = ${tone};           // as in tones.all
+const int tone = ${tone};           // the index in tones.all
 const int channel = ${channel};     // 0 rgb, 1 r, 2 g, 3 b, 4 a, 5 luminance
 const bool falseColor = ${falseColor};
-const bool relative = ${relative};  // differences as shares of the golden
+const bool relative = ${relative};  // differences divided by the golden
 const int how = ${how};             // 0 signed, largest; 1 signed by channel; 2 absolute by channel
 const bool scalarMap = ${scalarMap};
 const int n = ${samples};           // on each axis of a pixel
@@ -38,7 +38,7 @@ const int n = ${samples};           // on each axis of a pixel
 const float STOPS = ${tones.STOPS}.0;
 const vec3 MAGENTA = vec3(1, 0, 1), YELLOW = vec3(1, 1, 0), CYAN = vec3(0, 1, 1);
 
-// By their bits: compilers may assume that there is no NaN.
+// This tests the bits, because compilers may assume that there is no NaN.
 bvec4 nan(vec4 x) { return greaterThan(floatBitsToUint(x) & 0x7fffffffu, uvec4(0x7f800000u)); }
 bvec4 infinite(vec4 x) { return equal(floatBitsToUint(x) & 0x7fffffffu, uvec4(0x7f800000u)); }
 
@@ -61,7 +61,7 @@ vec3 agx(vec3 c) { // Wrensch 2023; see tones.js
 }
 
 vec3 toned(vec3 c) {
-  c = clamp(c, 0.0, 1e15); // the fits square it, and infinity over infinity is no white
+  c = clamp(c, 0.0, 1e15); // the fits square it, and infinity divided by infinity isn't white
   if (tone == 3) return agx(c);
   if (tone == 1) c = c / (1.0 + c);                                            // Reinhard 2002, eq. 3
   if (tone == 2) c = (c * (2.51 * c + 0.03)) / (c * (2.43 * c + 0.59) + 0.14); // Narkowicz 2016
@@ -85,7 +85,7 @@ vec3 diverging(float value) {
   return mix(hue * sqrt(min(abs(value), 1.0)), vec3(1.0), over);
 }
 
-// The channels that are looked at; the others can't be marked.
+// The selected channels. Other channels can't be marked.
 bvec4 looked() {
   if (channel == 0) return bvec4(true);
   if (channel == 5) return bvec4(true, true, true, false);
@@ -99,7 +99,7 @@ vec3 picked(vec4 c) {
 
 bool both(bvec4 a, bvec4 b) { return any(bvec4(a.x && b.x, a.y && b.y, a.z && b.z, a.w && b.w)); }
 
-// A mark's colour in w = 3 (NaN), 2 (infinite) or 1 (negative); none: w = 0.
+// The colour of a mark. w is 3 for NaN, 2 for infinity, 1 for a negative value, and 0 for no mark.
 vec4 mark(vec4 c) {
   if (both(nan(c), looked())) return vec4(MAGENTA, 3.0);
   if (both(infinite(c), looked())) return vec4(YELLOW, 2.0);
@@ -116,10 +116,10 @@ vec3 seen(vec4 c) {
   return channel == 4 ? encode(clamp(picked(c), 0.0, 1.0)) : toned(light); // alpha isn't exposed
 }
 
-// The difference of each colour, or of the channel in all three.
+// The difference of each colour. With one channel, all three colours have its difference.
 vec3 difference(vec4 g, vec4 a) {
   vec3 d = picked(a) - picked(g);
-  // Alpha isn't light: it is neither exposed nor dark.
+  // Alpha isn't light: exposure and darkness don't apply to it.
   vec3 by = relative ? max(abs(picked(g)), channel == 4 ? 0.01 : dark) : vec3(1.0 / (channel == 4 ? 1.0 : exposure));
   return gain * d / by;
 }
@@ -157,19 +157,19 @@ void main() {
       if (layer == 2) {
         vec4 other = mark(a);
         if (other.w > m.w) m = other;
-        if (m.w < 2.0) m = vec4(0.0); // the difference of negative numbers is one
+        if (m.w < 2.0) m = vec4(0.0); // a difference may be negative
       }
-      if (layer == 3 && scalarMap && m.w < 2.0) m = vec4(0.0); // nor is a negative scalar light
+      if (layer == 3 && scalarMap && m.w < 2.0) m = vec4(0.0); // a scalar may be negative, too
       if (m.w > marked.w) marked = m;
       vec3 d = layer == 2 ? difference(g, a) : vec3(0.0);
       most = mix(most, d, greaterThan(abs(d), abs(most)));
-      // Black is no value, as it is no difference.
+      // A pixel without a value is black, like a pixel without a difference.
       vec3 level = c.a == 0.0 ? vec3(0.0) : turbo((c.r - range.x) / (range.y - range.x));
       sum += layer == 3 && scalarMap ? level : seen(c);
     }
   }
   vec3 color = layer == 2 ? coloured(most) : sum / float(n * n);
-  bool mandatory = marked.w >= 2.0; // what is no number has no colour of its own
+  bool mandatory = marked.w >= 2.0; // NaN and infinity have no colour
   if (marked.w > 0.0 && (marks || mandatory)) color = marked.rgb;
   if (grid) {
     ivec2 tile = ivec2(floor(at / 16.0));

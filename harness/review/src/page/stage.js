@@ -16,7 +16,7 @@ const stage = (() => {
   let vertex = compiled(gl.VERTEX_SHADER, VERTEX);
   let generation = 0;
   canvas.addEventListener("webglcontextlost", (event) => {
-    event.preventDefault(); // else it is never given again
+    event.preventDefault(); // otherwise the browser never restores the context
     change();
   });
   canvas.addEventListener("webglcontextrestored", () => {

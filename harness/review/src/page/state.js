@@ -22,14 +22,14 @@ const state = {
       .sort((a, b) => KINDS.indexOf(a.status) - KINDS.indexOf(b.status) || inOrder(a, b)),
     ...index.unusable.map((entry) => ({ ...entry, index: null, status: "unusable", data: null })).sort(inOrder),
   ],
-  selected: 0, // position; -1: none
-  absent: null, // the name that the address has, where no case has it
+  selected: 0, // the position; -1 means none
+  absent: null, // the name in the address, if no case has this name
   filter: "",
-  sort: "name", // or "error": what is furthest over its tolerance first
-  sheet: false, // all frames as thumbnails, in place of one
-  chosen: new Set(), // entries that are decided together
+  sort: "name", // or "error": the largest ratio to the tolerance first
+  sheet: false, // thumbnails of all frames, in place of one frame
+  chosen: new Set(), // the entries for a common decision
   view: "side",
-  more: false, // the whole toolbar, where it is folded
+  more: false, // the whole toolbar, on screens where it is folded
   part: 0,
   map: 0,
   channel: 0,
@@ -38,21 +38,21 @@ const state = {
   falseColor: false,
   marks: true,
   grid: false,
-  relative: true, // differences as shares of the golden, as they are judged
+  relative: true, // differences divided by the golden, as the test judges them
   gain: 0, // stops
-  gainAuto: true, // until somebody chooses one
-  how: 0, // how a difference is coloured: as in tones.differences
-  outlines: true, // around what fails
-  values: true, // on pixels that are large enough
-  hz: 3, // changes a second
+  gainAuto: true, // until you choose a gain
+  how: 0, // the colours of differences: an index in tones.differences
+  outlines: true, // around failing areas
+  values: true, // numbers on pixels that are large enough
+  hz: 3, // changes per second
   flipping: false,
-  phase: 0, // of flip: 0 golden, 1 frame
-  swipe: 0.5, // share of the pane
-  scale: 1, // pixels of the screen a texel
+  phase: 0, // the visible side of flip: 0 golden, 1 frame
+  swipe: 0.5, // the golden's share of the pane
+  scale: 1, // pixels of the screen per texel
   center: [0, 0], // the texel in the middle of each pane
-  fit: true, // until somebody zooms
-  hover: null, // texel under the cursor
-  pinned: null, // texel that the inspector stays at
+  fit: true, // until you zoom
+  hover: null, // the texel under the cursor
+  pinned: null, // the pinned texel
 };
 
 const listeners = [];

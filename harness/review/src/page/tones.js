@@ -73,9 +73,9 @@ const tones = (() => {
   // brightens small values.
   const root = (value) => Math.sqrt(clamp(Math.abs(value)));
   const differences = [
-    "signed, largest", // orange is more, blue is less
-    "signed by channel", // grey is equal; a channel that is more adds its hue, one that is less takes it away
-    "absolute by channel", // black is equal; each channel in its hue
+    "signed, largest", // orange: the frame is larger; blue: the golden is larger
+    "signed by channel", // grey: equal; a larger channel adds its hue, a smaller one subtracts it
+    "absolute by channel", // black: equal; each channel has its hue
   ];
   // Returns the colour of a single channel: R, G and B have their hue, and all others are white.
   const HUES = { 1: [1, 0.15, 0.15], 2: [0.15, 1, 0.15], 3: [0.25, 0.35, 1] };

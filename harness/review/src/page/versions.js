@@ -88,7 +88,7 @@ const versions = (() => {
   };
 
   // A thumbnail loads only when you scroll to it.
-  const waiting = new WeakMap(); // what loads the one of a button
+  const waiting = new WeakMap(); // the function that loads the thumbnail of a button
   const seen = new IntersectionObserver((items) => {
     for (const { isIntersecting, target } of items) {
       if (!isIntersecting) continue;

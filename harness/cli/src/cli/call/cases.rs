@@ -306,7 +306,7 @@ fn read(
     let above = head_of(text.as_bytes());
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
-        .flexible(true) // each row is compared with the signature, not with the row above it
+        .flexible(true) // the length of each row is checked against the signature
         .trim(csv::Trim::All)
         .from_reader(&text.as_bytes()[above..]);
     let lanes = function.result.lane_names().into_iter();

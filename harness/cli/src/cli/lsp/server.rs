@@ -133,13 +133,10 @@ impl Server {
             ("initialize", _) => {
                 Err(Refused(Refusal::Invalid, "the session has already begun".to_owned()))
             }
-            (_, Phase::New) => Err(Refused(
-                Refusal::NotInitialized,
-                "the first request must be `initialize`".to_owned(),
-            )),
-            (_, Phase::Shut) => {
-                Err(Refused(Refusal::Invalid, "the session is shut down".to_owned()))
+            (_, Phase::New) => {
+                Err(Refused(Refusal::NotInitialized, "begin with `initialize`".to_owned()))
             }
+            (_, Phase::Shut) => Err(Refused(Refusal::Invalid, "the session is over".to_owned())),
             ("shutdown", _) => {
                 self.phase = Phase::Shut;
                 Ok(Value::Null)
@@ -316,9 +313,8 @@ impl Server {
             Ok(Told::Verdicts) => self.judged = true,
             Ok(Told::Ended(why)) => {
                 self.client.log(format!("the process that runs the tests ended: {why}"));
-                self.client.tell_once(
-                    "the tests ended early (see the log); the next save runs them again",
-                );
+                self.client
+                    .tell_once("tests ended early; the next save runs them again (see the log)");
                 self.judged = true;
             }
             Err(error) => self.client.tell_once(&format!("{error:#}")),

@@ -55,10 +55,7 @@ pub(super) fn hear(from: &mut dyn BufRead) -> Heard {
         if let Some((_, value)) = line.rsplit_once("content-length:") {
             length = value.trim().parse::<u64>().ok().filter(|length| *length <= LONGEST);
             if length.is_none() {
-                return Heard::Garbage(
-                    Refusal::Unparsed,
-                    format!("the header has no length: {}", value.trim()),
-                );
+                return Heard::Garbage(Refusal::Unparsed, format!("bad length: {}", value.trim()));
             }
         } else if line.trim().is_empty()
             && let Some(length) = length

@@ -146,10 +146,7 @@ fn readme(
         }
     }
     let all = baseline.into_iter().chain([&*head.name]).collect::<Vec<_>>().join(",");
-    writeln!(
-        text,
-        "To repeat it with Karat in this folder: `karat matrix --shaders shader.wgsl --columns {all}`."
-    )?;
+    writeln!(text, "Karat repeats it with `karat matrix --shaders shader.wgsl --columns {all}`.")?;
     Ok(text)
 }
 

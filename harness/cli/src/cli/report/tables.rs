@@ -115,7 +115,7 @@ pub(in crate::cli) fn write_sum(
     for overlay in overlays {
         writeln!(
             out,
-            "{BAD}with KARAT_OVERLAY={overlay}: files of this folder replaced modules of the packages{BAD:#}"
+            "{BAD}with KARAT_OVERLAY={overlay}: it replaced modules of the packages{BAD:#}"
         )?;
     }
     Ok(())

@@ -42,8 +42,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     };
     let (image, shown) = (image.display(), beside.display());
     let Some(metadata) = metadata else {
-        let why =
-            || format!("`{shown}` has provenance, but `{image}` has none: another tool wrote it");
+        let why = || format!("`{shown}` has provenance, but not `{image}`: another tool wrote it");
         return is_facts(beside).then(why);
     };
     let held = match Provenance::parse(&metadata) {
@@ -53,9 +52,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     let told = match std::fs::read_to_string(beside) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            return Some(format!(
-                "`{shown}` is missing: it has the provenance of `{image}` as text"
-            ));
+            return Some(format!("`{shown}` is missing: the provenance of `{image}` as text"));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
     };

@@ -46,10 +46,7 @@ pub(in crate::cli) struct Request {
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Said {
     /// A test ran. `wrong` is set if it failed.
-    Test {
-        name: String,
-        wrong: Option<Wrong>,
-    },
+    Test { name: String, wrong: Option<Wrong> },
     /// All tests have a verdict. `tests` are all tests, `broken` are unreadable tests, and `idle` is the number of
     /// tests that this path can't judge.
     Done {
@@ -72,12 +69,9 @@ pub(in crate::cli) enum Said {
         records: Vec<Record>,
     },
     /// The process wrote the records, or failed with this error.
-    Reported {
-        error: Option<String>,
-    },
-    Ended {
-        why: String,
-    },
+    Reported { error: Option<String> },
+    /// The process ended. `why` is its error text.
+    Ended { why: String },
 }
 
 impl Said {

@@ -2,13 +2,13 @@
 
 const fresh = () => ({
   package: null, filter: "", show: new Set(), kinds: new Set(),
-  columns: null, // names; null: all
+  columns: null, // the names of the shown columns; null means all
   fold: new Set(), row: null, column: null, reason: null,
 });
 let state = fresh();
 let model = null;
 let models = [];
-let saving = null; // the timer of an address that changes soon
+let saving = null; // the timer of the next change of the address
 let known = location.hash; // the fragment that the page has followed or written
 
 const encode = (text) => encodeURIComponent(text).replace(/%3A/g, ":").replace(/%2F/g, "/");
@@ -16,7 +16,7 @@ const decode = (text) => {
   try {
     return decodeURIComponent(text);
   } catch {
-    return text; // typed by hand: its % escapes nothing
+    return text; // typed by hand: its % isn't an escape
   }
 };
 

@@ -1,6 +1,6 @@
 // Drawing the page.
 
-let sifted = null; // what the rows are shown for
+let sifted = null; // the settings for which the rows were drawn
 function drawRows() {
   const shown = model.columns.filter(visible);
   byId("table").style.setProperty("--n", shown.length);

@@ -6,7 +6,7 @@ function targetIn(tr, column) {
   return tr.children[at].querySelector("button") ?? tr.querySelector("button");
 }
 
-let stop = null; // the one button of the table that Tab goes to
+let stop = null; // the only button of the table that Tab reaches
 function rove(to) {
   if (stop === to || !to) return;
   if (stop) stop.tabIndex = -1;
@@ -53,7 +53,7 @@ function goTo(target, entry, column) {
   if (state.row !== null && entry) change({ row: entry.row.name, column: entry.row.error ? null : model.columns[column]?.name ?? null });
 }
 
-let wish = null; // the column that up and down keep, through rows that lack it
+let wish = null; // the column that the up and down keys keep, even if a row lacks it
 function moveOn(event) {
   const target = event.target.closest("#table tbody button");
   if (!target || event.altKey || event.metaKey) return;

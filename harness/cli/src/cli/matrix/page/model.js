@@ -18,7 +18,7 @@ function digest(text) {
 
 function modelOf(matrix) {
   const columns = matrix.columns.map((head, index) => ({ head, index, name: String(head.name) }));
-  const texts = new Map(); // what the filter reads of cells, each text once
+  const texts = new Map(); // the text of each cell for the filter, without duplicates
   const intern = (text) => texts.get(text) ?? (texts.set(text, texts.size), texts.size - 1);
   const reasons = new Map();
   const modules = new Map();

@@ -57,10 +57,10 @@ function accused(cell) {
   return [...says.matchAll(/\b(?:ERROR|WARNING): (?:0|shader\.\w+):(\d+):|\bshader\.\w+:(\d+):/g)].map((m) => Number(m[1] ?? m[2]));
 }
 
-const AROUND = 3; // lines beside a marked one
+const AROUND = 3; // the number of lines above and below a marked line
 const DIFFERENT = "The first value that differs";
 const NAMED = "The reason names this line";
-const WHOLE = 120; // a shorter text isn't folded if the function's lines are unknown
+const WHOLE = 120; // shorter texts aren't folded if the function's lines are unknown
 
 // Shows the lines of a text, numbered from `first`. The lines of `range` and those around marked lines are visible, the
 // others appear with a click on a button. `marked` has the reason for each marked line.
@@ -217,7 +217,7 @@ function rowFacts(entry) {
   return facts;
 }
 
-let drawn = null; // what the panel holds
+let drawn = null; // the cell that the panel shows
 const selected = () => (state.row === null ? null : model.byName.get(state.row) ?? null);
 const columnNamed = (name) => model.columns.find((column) => column.name === name) ?? null;
 const small = matchMedia("screen and (max-width: 760px)");

@@ -17,7 +17,7 @@ const toggled = (set, value) => {
   return made;
 };
 
-let toggles = []; // each tells its own button what is pressed
+let toggles = []; // each function updates the state of its button
 function buildTools() {
   toggles = [];
   const counts = new Map();
