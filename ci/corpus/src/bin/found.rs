@@ -80,8 +80,8 @@ const FOUND: [Found; 9] = [
         krate: "bevy_render@0.20.1",
         function: "color_operations::rgb_to_hsv",
         says: "For every grey the function returns the hue NaN: red, green and blue are equal, so the function divides \
-               0 by 0. A later line prevents this division only for the saturation. Bevy's tone mapping changes hues \
-               with this function.",
+               0 by 0. A later line avoids a division by 0 for the saturation, but no line avoids it for the hue. \
+               Bevy's tone mapping changes hues with this function.",
         check: |package| hue_of_grey(package).into(),
         change: [
             "(swizzle.x - swizzle.y) / c + swizzle.z",
@@ -489,7 +489,7 @@ const DISPATCHED: &str = "
 - Softmax of operator sets 11 and 12 has a race. The host dispatches one column of invocations for each element right of the axis. Each column writes the whole chunk, so several columns write the same elements.
 - If the sizes of a MatMul have 5, 7 or 9 as their common divisor, the shader uses tiles of size 4, which don't divide the sizes. Two matrices of a stack then write the same elements, and each matrix reads and writes beyond its buffer. With the divisor 3, a vector has 16 bytes in the shader and 12 on the host.
 - Conv of 3 x 3 without a bias reads beyond its weights, because wonnx pads the weights only if there is a bias.
-- Above 65,535 elements a workgroup has two invocations. If the number of elements is odd, the last invocation of Relu, Add and other nodes uses an index outside of the array, because no template compares the index with the length.
+- For more than 65,535 elements, wonnx uses workgroups of two invocations. If the number of elements is odd, the last invocation of Relu, Add and other nodes uses an index outside of the array, because no template compares the index with the length.
 - Resize with given sizes rounds its scale to two digits: a resize from 300 to 400 texels reads beyond the row.
 ";
 
