@@ -44,9 +44,9 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     ensure!(child.wait()?.success(), "the benchmark failed: `{PAGE}` is as it was");
     let page = format!(
         "# Speed\n\n\
-         `cargo ci bench --page` measured these figures in the profile of `cargo test`. Each figure is a median, with \
-         the least and the largest\nmeasurement in parentheses. Compare only figures of one run, because other machines \
-         and busy machines give other figures.\n\n\
+         `cargo ci bench --page` measured the figures below, with programs in the profile of `cargo test`. Each figure is \
+         a median, with the least and\nthe largest measurement in parentheses. Compare only figures of the same run, \
+         because other machines and busy machines give other figures.\n\n\
          {}\n\n```text\n{}\n```\n",
         machine(),
         measured.trim()
@@ -95,7 +95,7 @@ fn machine() -> String {
         ("System", Some(format!("{} {}", std::env::consts::OS, std::env::consts::ARCH))),
         ("Rust", rust),
         ("Vulkan", Some(vulkan.join("; "))),
-        ("Driver cache", Some("an empty folder of the benchmark's own".to_owned())),
+        ("Driver cache", Some("a folder that is empty when the benchmark begins".to_owned())),
     ];
     let known = facts.into_iter().filter_map(|(name, fact)| {
         let fact = fact.filter(|fact| !fact.trim().is_empty())?;

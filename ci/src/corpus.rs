@@ -12,13 +12,15 @@ use crate::{command, setup};
 const HEAD: &str = "\
 # Shaders that others wrote
 
-Made by `cargo ci corpus` from the list in `ci/corpus.toml`. This repository has no text of these crates. A module is
-*open* if Karat can list its functions. A module is *whole* if it links and all of it is valid, with the features that
-the list sets. Without these features, many modules aren't valid: `karat check --crate bevy_pbr@0.20.1` doesn't know the
-values that the engine sets. A function is *callable* if `karat call` and tests can call it.
+`cargo ci corpus` makes this page from the list of crates in `ci/corpus.toml`. This repository contains no text of
+these crates. A module is *open* if Karat can list its functions. A module is *whole* if it links and all of it is
+valid, with the features that the list sets. Without these features many modules aren't valid, because
+`karat check --crate bevy_pbr@0.20.1` doesn't know the values that the engine sets. A function is *callable* if
+`karat call` and tests can call it.
 
-If a crate's Rust code generates its WGSL, the list has a `karat.toml` that does the same: features, `[values]`, a
-`preprocess` command. The last table explains why Karat refuses the other functions.
+If a crate's Rust code generates the crate's WGSL, the list contains a `karat.toml` that generates the same WGSL, with
+features, `[values]` or a `preprocess` command. The last table explains why Karat refuses the functions that aren't
+callable.
 
 ";
 
@@ -26,11 +28,12 @@ If a crate's Rust code generates its WGSL, the list has a `karat.toml` that does
 const ROUTES_HEAD: &str = "\
 # Shaders that others wrote, on each route
 
-Made by `cargo ci corpus --routes` from the list in `ci/corpus.toml`. *In the matrix* are functions that a kernel can
-call, and entry points of valid modules; [corpus.md](corpus.md) explains why the other functions aren't. A function runs
-on 64 inputs, which Karat generates from its signature. It agrees if another column returns the same result within 1e-3.
-*Wrong* cells have different results, are rejected by a validator, or can't be written by naga. Most rejections are by
-glslang, of naga's HLSL. In messages `#` replaces digits.
+`cargo ci corpus --routes` makes this page from the list of crates in `ci/corpus.toml`. The column *in the matrix*
+counts functions that a kernel can call, and entry points of valid modules; [corpus.md](corpus.md) explains why the
+matrix leaves out other functions. Karat runs each function on 64 inputs, which Karat generates from the function's
+signature. A cell agrees if another column returns the same results within 1e-3. A cell is *wrong* if its results
+differ from another column's results, if a validator rejects the translation, or if naga can't write the translation.
+Most rejections are rejections of naga's HLSL by glslang. In messages `#` replaces digits.
 
 ";
 
@@ -38,11 +41,12 @@ glslang, of naga's HLSL. In messages `#` replaces digits.
 const COMPILERS_HEAD: &str = "\
 # Shaders that others wrote, by both compilers
 
-Made by `cargo ci corpus --compilers` from the list in `ci/corpus.toml`, with the features that the list sets. Both
-compilers get each module as in `karat check --crate NAME@VERSION`. naga is the compiler of wgpu and Firefox, Tint
-is the compiler of Chrome, Edge, Node and Electron. *On purpose* are modules with features that only wgpu has, such as
-ray queries. The other modules that only naga accepts don't say that they aren't for Chrome. Most modules in the column
-*neither* become WGSL only by another program: [corpus.md](corpus.md) lists these.
+`cargo ci corpus --compilers` makes this page from the list of crates in `ci/corpus.toml`, with the features that the
+list sets. Both compilers validate each module as `karat check --crate NAME@VERSION` does. naga is the compiler of wgpu
+and Firefox. Tint is the compiler of Chrome, Edge, Node and Electron. The column *naga alone, on purpose* counts
+modules with features that only wgpu has, such as ray queries. The column *naga alone* counts the other modules that
+only naga accepts. Most modules in the column *neither* become WGSL only after another program has processed them:
+[corpus.md](corpus.md) lists these modules.
 
 ";
 

@@ -18,50 +18,58 @@ const ARGUED: &[(&str, Whose, &str)] = &[
     (
         "names of another file",
         Nature,
-        "the crate's Rust joins files, or the file is a part that others include",
+        "the crate's Rust code joins files, or other files include the file",
     ),
     (
         "template",
         Nature,
-        "a template engine of the crate's Rust writes the code, with loops over its tensors",
+        "a template engine in the crate's Rust code writes the WGSL, with loops over tensors",
     ),
-    ("WGSL of 2021", Nature, "`[[block]]` and `;` between members: naga refuses it today"),
-    ("invalid for naga", Nature, "naga's validator refuses it, in the crate's own program, too"),
+    (
+        "WGSL of 2021",
+        Nature,
+        "the shader has `[[block]]` or `;` between members, which today's naga rejects",
+    ),
+    (
+        "invalid for naga",
+        Nature,
+        "naga's validator rejects the shader, in the crate's own program, too",
+    ),
     (
         "no result",
         Nature,
-        "it returns nothing, and writes what ends with the invocation: a call gives nothing to compare",
+        "the function returns nothing, and writes only variables that end with the invocation: Karat has no result to compare",
     ),
-    ("unknown preprocessor", Nature, "the crate's Rust has a preprocessor of its own"),
+    ("unknown preprocessor", Nature, "the crate's Rust code has its own preprocessor"),
     (
         "included by others",
         Nature,
-        "the file is a part that others include, and has no meaning alone",
+        "other files include the file, and the file isn't valid without them",
     ),
     (
         "syntax",
         Karat,
-        "naga_oil's `virtual` and `override` functions, which its own tests alone use",
+        "the shader has `virtual` or `override` functions of naga_oil, which only naga_oil's tests use",
     ),
-    ("asset path", Karat, "names out of an asset's path, `#import \"a.wgsl\"::f`"),
+    ("asset path", Karat, "the shader imports a name by an asset's path, `#import \"a.wgsl\"::f`"),
     (
         "import not found",
         Karat,
-        "modules that a program adds under names of its own, which no file has",
+        "the shader imports a module that a program adds under a name that no file has",
     ),
     (
         "under a condition",
         Karat,
-        "the list sets the features of one variant, and the name is another's",
+        "the list sets the features of one variant, and the function is in another variant",
     ),
-    ("value of a feature", Karat, "the list gives the feature no value"),
-    ("pointer", Karat, "a pointer into a buffer as an argument"),
-    ("discards", Karat, "a form of `discard` that isn't wrapped"),
-    ("fragment that writes", Karat, "it writes what other pixels see"),
-    ("texture as argument", Karat, "a texture or sampler as an argument"),
-    ("64 bits", Karat, "numbers of 64 bits"),
-    ("runtime array", Karat, "an array without a size as an argument"),
-    ("not probed otherwise", Karat, "another form of argument"),
+    ("value of a feature", Karat, "the list doesn't give the feature a value"),
+    ("pointer", Karat, "an argument is a pointer into a buffer"),
+    ("discards", Karat, "the function has a form of `discard` that Karat doesn't support"),
+    ("fragment that writes", Karat, "the function writes data that other pixels read"),
+    ("texture as argument", Karat, "an argument is a texture or a sampler"),
+    ("64 bits", Karat, "the function has 64-bit numbers"),
+    ("runtime array", Karat, "an argument is an array without a size"),
+    ("not probed otherwise", Karat, "an argument has another form that Karat doesn't support"),
 ];
 
 /// Returns `true` if the list has a reason.
@@ -81,11 +89,11 @@ pub(crate) fn told(functions: usize, callable: usize, reasons: &BTreeMap<String,
     let natural: usize = of(Nature).map(|(_, count, _)| count).sum();
     let share = 100.0 * (callable + natural) as f64 / functions.max(1) as f64;
     let mut text = format!(
-        "\n{} of {functions} functions ({share:.1} %) are callable, or refused by nature.\n\n\
-         | refused because | functions | whose limit | why |\n|---|---:|---|---|\n",
+        "\n{} of {functions} functions ({share:.1} %) are callable, or refused because of the shader.\n\n\
+         | refused because | functions | limit of | why |\n|---|---:|---|---|\n",
         callable + natural
     );
-    for (whose, name) in [(Nature, "the shader's"), (Karat, "Karat's")] {
+    for (whose, name) in [(Nature, "the shader"), (Karat, "Karat")] {
         for (reason, count, why) in of(whose) {
             writeln!(text, "| {reason} | {count} | {name} | {why} |").expect("text takes text");
         }

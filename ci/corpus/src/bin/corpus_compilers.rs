@@ -82,7 +82,8 @@ fn tables(wanted: &[Wanted]) -> Result<String, String> {
         Ok(tint) => tint.version()?,
         Err(missing) => return Err(format!("Tint isn't here: {missing}; {}", missing.remedy)),
     };
-    let mut text = format!("Asked were the naga of this Karat, and the Tint of {version}.\n\n");
+    let mut text =
+        format!("The tables have the verdicts of Karat's naga, and of the Tint in {version}.\n\n");
     text += "| crate | modules | both | naga alone, on purpose | naga alone | Tint alone | neither |\n\
              |---|---:|---:|---:|---:|---:|---:|\n";
     let (mut all, mut differences) = (Sum::default(), Vec::new());
