@@ -1590,7 +1590,7 @@ fn declared_inputs_of_the_host_are_used() {
             "[inputs]\nplaces = { distinct = true, range = [0, 10] }",
             "elements that differ, but only 11 numbers lie",
         ),
-        ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
+        ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer has the name `summ`"),
         ("[inputs]\nk = { one_of = [0.5] }", "not all of them are u32"),
         ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", but it is u32"),
         ("[inputs]\nk = \"unit vector\"", "the input `k` must be a number"),

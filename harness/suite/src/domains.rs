@@ -446,7 +446,7 @@ mod tests {
         let count = Shape::Scalar(Scalar::U32);
         let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };
         for (shape, text, part) in [
-            (&float, "\"0-1\"", "no domain"),
+            (&float, "\"0-1\"", "isn't a domain"),
             (&float, "\"a..1\"", "`a` isn't a number"),
             (&float, "\"-1...1\"", "a range has two dots"),
             (&float, "true", "no f32"),

@@ -213,7 +213,7 @@ mod tests {
             ("t = { perpendicular_to = \"uv\" }", "the vector has 3 components, but `uv` has 2"),
             ("t = { perpendicular_to = 1 }", "the name of a vector, or a list"),
             ("t = { perpendicular_to = [] }", "the name of a vector, or a list"),
-            ("t = { perpendicular_to = \"n\", x = 1 }", "stands alone"),
+            ("t = { perpendicular_to = \"n\", x = 1 }", "must be the only key"),
             ("uv = { perpendicular_to = [\"w\", \"w\"] }", "can't be perpendicular to 2 vectors"),
             (
                 "t = { perpendicular_to = \"n\" }\nn = { perpendicular_to = \"t\" }",

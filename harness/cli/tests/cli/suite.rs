@@ -376,7 +376,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "brdf.test.toml",
             "[[test]]\nfunction = \"is_odd\"\nfinite = true\n",
-            "it returns no float",
+            "the function returns no float",
         ),
         (
             "brdf.test.toml",
