@@ -36,6 +36,7 @@ use serde::Serialize;
 pub struct Report {
     /// The adapter behind the path, from its greeting.
     pub adapter: Adapter,
+    /// All questions in order, with their answers.
     pub answers: Vec<Answered>,
 }
 

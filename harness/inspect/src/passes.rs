@@ -57,6 +57,10 @@ pub struct Usual {
 }
 
 impl Usual {
+    /// Determines the usual dispatch of an entry point.
+    ///
+    /// # Errors
+    /// If the entry point isn't valid, or isn't a compute entry point.
     pub fn of(package: &Package, name: &str) -> Result<Self, String> {
         Self::with_overrides(package, name, &Overrides::new())
     }

@@ -111,5 +111,4 @@ pub(crate) fn rows(
     Ok(rows.iter().copied().cycle().take(cases * width).collect())
 }
 
-pub(crate) const ENDS_FOR_NONE: &str =
-    "for each input, a loop runs more than 4096 times";
+pub(crate) const ENDS_FOR_NONE: &str = "for each input, a loop runs more than 4096 times";

@@ -65,6 +65,7 @@ pub struct Suite {
     fingerprints: OnceLock<BTreeMap<String, String>>,
 }
 
+/// A test of a package.
 #[derive(Debug)]
 pub struct Test {
     /// The test's unique name: `brdf_test::grazing`, or `brdf::schlick in_range` for a declared test.

@@ -26,6 +26,7 @@ pub struct Wrong {
     pub fault: Fault,
 }
 
+/// The kind of a fault that makes a test fail.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Fault {
     /// Values differ from the assertion.

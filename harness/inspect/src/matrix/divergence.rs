@@ -14,6 +14,7 @@ use super::leeway::Leeway;
 use super::reduce::{Case, Pair};
 use crate::made_up::{self, Ranges};
 
+/// The difference between two columns for one input.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Divergence {
     /// The name of the column that this column is compared with.

@@ -300,7 +300,10 @@ pub enum Missed {
     },
     /// A declaration names a row that the matrix doesn't have.
     #[error("a declaration names the row `{name}`, which the matrix doesn't have")]
-    NoSuchRow { name: String },
+    NoSuchRow {
+        /// The row.
+        name: String,
+    },
 }
 
 fn list(rows: &[(String, String)]) -> String {
