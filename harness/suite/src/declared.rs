@@ -28,8 +28,8 @@
 //! `"rgba8unorm-srgb"`), the compared target (`target = 1`, or `depth = true`), `tolerance` (a relative difference,
 //! `1e-3`), `fails_on`, `refused_on`, `module`, and the folder of its `golden`.
 //!
-//! `with = { exposure = 2, albedo = "wood.png" }` binds the variables that a test's function reads. `override = { GAIN
-//! = 2 }` sets overrides.
+//! `with = { exposure = 2, albedo = "wood.png" }` binds the variables that a test's function reads.
+//! `override = { GAIN = 2 }` sets overrides.
 //!
 //! | assertion | holds if |
 //! |---|---|
@@ -45,8 +45,7 @@
 //! | `symmetric_in = ["v", "l"]` | swapping the two arguments doesn't change the result |
 //! | `monotone = { x = "increasing" }` | the result never falls as `x` rises |
 //! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
-//! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction, is this
-//! value; with `at_most` in place of `equals`, it isn't larger |
+//! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction, is this value; with `at_most` in place of `equals`, it isn't larger |
 //! | `no_hazards = true` | no operation inside becomes NaN or infinite, or loses half of its digits |
 //! | `no_hazards = ["nan", "out_of_range"]` | no operation inside has a hazard of these kinds |
 //!
@@ -68,14 +67,12 @@
 //! | `equals = [1, 2]` | the content is this value; a single number stands for each component |
 //! | `table = "file.csv"` | each element equals a row with the columns `x,y,z` or `value` |
 //! | `golden = "name"` | the content equals the accepted content in `golden/name.csv` |
-//! | `agrees_with = "entry"` | another entry point in place of the last one, dispatched in Karat's engine, computes the
-//! same content |
+//! | `agrees_with = "entry"` | another entry point in place of the last one, dispatched in Karat's engine, computes the same content |
 //! | `sorted = true` | the elements rise; with `"descending"` they fall |
 //! | `sum_of = "input"` | the numbers have the same sum as the numbers of a buffer before the passes |
 //! | `permutation_of = "input"` | the elements are those of a buffer before the passes, in any order |
 //! | `unchanged = true` | the passes don't change the content |
-//! | `written = true` | some invocation writes each element of the buffer, or each texel of the texture, including the
-//! last ones |
+//! | `written = true` | some invocation writes each element of the buffer, or each texel of the texture, including the last ones |
 //! | `in_range = [0, 1]`, `finite = true` | as for functions |
 //!
 //! `no_hazards = true`, or a list of kinds, beside `entry` asserts that no operation of the passes becomes NaN or

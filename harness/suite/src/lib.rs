@@ -2,9 +2,8 @@
 //!
 //! There are two forms. Both use Karat's checks, with the same verdicts, records, simplest failures and replays:
 //!
-//! - **In WGSL**: a function with `@test` in any module calls expectations. These are functions such as `expect_near`
-//! of the
-//!   package `karat`, or of the WESL community's `wgsl_test`. See [`WgslTest`].
+//! - **In WGSL**: a function with `@test` in any module calls expectations. These are functions of the package `karat`,
+//!   such as `expect_near`, or of the WESL community's `wgsl_test`. See [`WgslTest`].
 //! - **Declared**: `brdf.test.toml` beside `brdf.wgsl` asserts properties of its functions. See [`declared`].
 //!
 //! ```no_run
