@@ -167,7 +167,11 @@ mod tests {
         assert_eq!(asks([64, 1, 1], [true, true, false]), [2, 3, 1]);
         assert_eq!(asks([64, 1, 1], [false, true, false]), [1, 3, 1]);
         assert_eq!(asks([1, 1, 1], [false, false, true]), [1, 1, 64]);
-        assert_eq!(asks([64, 1, 1], [false; 3]), [2, 1, 1], "it asks for their number alone");
+        assert_eq!(
+            asks([64, 1, 1], [false; 3]),
+            [2, 1, 1],
+            "it only reads the number of workgroups"
+        );
         let usual = |size| Usual { size, workgroups: usual_workgroups(size, true) };
         assert_eq!(usual([8, 8, 1]).invocations_with(usual([4, 4, 1])), [16, 24, 1]);
         assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);

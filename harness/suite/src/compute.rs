@@ -604,7 +604,7 @@ impl Assertion {
                 let was = before(&self.variable)?;
                 let element = was.element().clone();
                 let breaks = |lanes: &[u32]| first_other(&element, &was.lanes, lanes);
-                concluded(untyped::satisfies(&after, "it is what it was before", true, &breaks))
+                concluded(untyped::satisfies(&after, "its content is unchanged", true, &breaks))
             }
             What::Written => concluded(after.try_is_written()),
             What::InRange(range) => {

@@ -60,7 +60,7 @@ pub fn fixture(
         BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
             buffer(program, binding, value, folder)
         }
-        BindingKind::Other => Err(format!("it is a {}", binding.kind)),
+        BindingKind::Other => Err(format!("the variable is a {}", binding.kind)),
     };
     made.map_err(wrong)
 }
@@ -139,7 +139,9 @@ pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
 fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     let (name, space) = name_and_space(file);
     if name.is_empty() {
-        return Err("it is empty: name an image, or give a value for all texels".to_owned());
+        return Err(
+            "the image's name is empty: name an image, or give a value for all texels".to_owned()
+        );
     }
     let path = folder.join(name);
     let data = texels != Texels::Float;

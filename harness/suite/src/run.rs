@@ -89,7 +89,7 @@ impl Suite {
         verdict.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().cloned();
             let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
-            Err(Wrong::of(text.unwrap_or_else(|| "it panics".to_owned())))
+            Err(Wrong::of(text.unwrap_or_else(|| "the test panics".to_owned())))
         })
     }
 
