@@ -25,7 +25,7 @@ pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 /// The first of these cases include an end of a range.
 pub(crate) const HOLDS: usize = 4;
 
-/// The most such cases for all findings of a function together. Each case costs a twentieth of the function's trial.
+/// The most held cases for all findings of a function together. Each case costs a twentieth of the function's trial.
 pub(crate) const ALL_HOLDS: usize = 8;
 
 /// The most failing cases that Karat keeps for each finding. The cases with held inputs are chosen from these.

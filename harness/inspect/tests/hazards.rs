@@ -434,7 +434,7 @@ fn of_kind(hazards: &Hazards, kind: Kind) -> Hazard {
     one.unwrap_or_else(|| panic!("no {kind:?}: {hazards:#?}")).clone()
 }
 
-/// The function `always` goes wrong in every case. Karat must not count only one lane of 256.
+/// If the engine counted only one lane of 256, the function `always` would look like the function `rarely`.
 // Lesson 140
 #[test]
 fn each_input_of_a_hazard_counts() {

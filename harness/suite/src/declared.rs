@@ -122,7 +122,7 @@ pub(crate) struct Declared {
     /// The domain of each argument: `{ x = "0..1", n = "unit_vector" }`.
     #[serde(default)]
     pub(crate) over: BTreeMap<String, Value>,
-    /// An expression in WGSL, such as `"a < b"`: the test uses only arguments for which it is true.
+    /// An expression in WGSL, such as `"a < b"`. The test uses only arguments for which the expression is true.
     #[serde(rename = "where")]
     pub(crate) filter: Option<String>,
     /// The number of cases; by default 65536, for an integral fewer.
@@ -147,7 +147,7 @@ pub(crate) struct Declared {
     /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// Another WGSL function that must return the same value. Karat executes it in `f64`.
+    /// Another WGSL function that must return the same value. Karat executes this function in `f64`.
     agrees_with: Option<String>,
     /// A CSV file with an expected result in each row.
     table: Option<PathBuf>,
@@ -159,8 +159,7 @@ pub(crate) struct Declared {
     finite: Option<bool>,
     /// `true` if each result must be a vector of length 1.
     unit: Option<bool>,
-    /// The name of an argument: each result must be a vector at right angles to it. A zero vector fails, because it has
-    /// no angle.
+    /// The name of an argument. Each result must be a vector at right angles to this argument. A zero vector fails.
     perpendicular_to: Option<String>,
     /// `true` if each result must be three unit vectors at right angles, as columns of a `mat3x3f` or members of a
     /// structure. The third vector must be the cross product of the first two.
@@ -175,8 +174,8 @@ pub(crate) struct Declared {
     limit: Option<BTreeMap<String, Value>>,
     /// The integral over the last argument, a direction. The keys are listed below.
     integral: Option<Integral>,
-    /// `true`, or a list of kinds: no operation inside may have a hazard of these kinds, such as `["nan",
-    /// "out_of_range"]`. Not for functions that write storage.
+    /// `true`, or a list of kinds such as `["nan", "out_of_range"]`: no operation inside may have a hazard of these
+    /// kinds. Not for functions that write storage.
     no_hazards: Option<NoHazards>,
     /// The operations that may have a hazard in spite of `no_hazards`, each with the reason.
     #[serde(default)]

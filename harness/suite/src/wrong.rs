@@ -55,7 +55,7 @@ impl Wrong {
         Self { headline, place: None, message, fault: Fault::Unbegun }
     }
 
-    /// Returns the cause, if other tests may fail for the same cause. Wrong values are specific to one test: `None`.
+    /// Returns the cause, if other tests may fail for the same cause. Wrong values have no common cause: `None`.
     #[must_use]
     pub fn common(&self) -> Option<String> {
         match &self.fault {

@@ -310,7 +310,7 @@ fn floats(passes: &Passes) -> Vec<bool> {
 }
 
 /// Checks if a driver may take too long to compile an entry point with this number of barriers. vello's `binning` has
-/// four: llvmpipe takes more than 40 s for it on GL and from glslang's output, and 0.3 s on Vulkan from naga's output.
+/// four: llvmpipe takes more than 40 s on GL and from glslang's output, and 0.3 s on Vulkan from naga's output.
 fn is_slow(device: &Device, barriers: usize) -> bool {
     const MOST_BARRIERS: usize = 3;
     let path = device.path();

@@ -62,7 +62,7 @@ fn code(name: &str) -> String {
 /// Formats a sentence, with code between single backticks.
 fn prose(text: &str) -> String {
     let parts: Vec<&str> = text.split('`').collect();
-    // The backticks come in pairs, and never two side by side, so exactly the parts between the pairs are code.
+    // The backticks come in pairs, and never two side by side, so exactly the parts inside of the pairs are code.
     if text.contains("``") || parts.len().is_multiple_of(2) {
         return markdown(text);
     }

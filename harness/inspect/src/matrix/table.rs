@@ -93,7 +93,7 @@ pub enum MatrixError {
         /// The reason.
         why: String,
     },
-    /// A declaration about a failing row can't be right.
+    /// A declaration about a failing row is wrong.
     #[error("row `{row}` is declared not to work on `{column}`: {why}")]
     Known {
         /// The row's name.
