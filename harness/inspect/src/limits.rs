@@ -16,9 +16,8 @@ pub(crate) const DRAWS: usize = 64;
 /// example zeros, or numbers in order.
 pub(crate) const CONTENTS: usize = 6;
 
-/// The number of rows that are sampled again: the first number with the first content, the second number with each
-/// other content. The first number is twice [`DRAWS`], because some rows don't reach the operation, or bring bad
-/// operands.
+/// The numbers of rows that are sampled again for a held case: with the first content, and with each other content. The
+/// first number is twice [`DRAWS`], because some rows don't reach the operation, or bring bad operands.
 pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 
 /// The most failing cases of a finding that run again, with the known inputs held and the other inputs sampled anew.

@@ -622,8 +622,7 @@ fn planted_races_are_found_without_a_test() {
             hazards.found.iter().filter(|one| matches!(one.kind, Kind::Race | Kind::EqualWrites))
         };
         if kernel.planted == Planted::Bounds {
-            // The missing guard has a loop. A wrong read that changes no result isn't a finding, so such reads don't
-            // count.
+            // Count findings at the loop without the guard. A wrong read that changes no result isn't a finding.
             let outside = hazards.found.iter().filter(|one| one.kind == Kind::OutOfRange);
             let is_told = !lines(outside.map(|one| &*one.location)).is_disjoint(&kernel.lines);
             guards[usize::from(is_told)] += 1;
