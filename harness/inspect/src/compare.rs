@@ -447,7 +447,9 @@ impl Request {
             (Ok(before), Ok(after)) => (before, after),
             (before, after) => {
                 return Err([before.err(), after.err()].map(|error| {
-                    error.map(|error| format!("its overrides: {}", with_place(&error.to_string())))
+                    error.map(|error| {
+                        format!("the module's overrides: {}", with_place(&error.to_string()))
+                    })
                 }));
             }
         };
@@ -710,7 +712,9 @@ impl Request {
         let [was, is] = state;
         let (before, after) = match (probed(&self.before, was), probed(&self.after, is)) {
             (Ok(before), Ok(after)) => (before, after),
-            (Err(error), Err(_)) => return unjudged(&format!("it was edited, and {error}")),
+            (Err(error), Err(_)) => {
+                return unjudged(&format!("the function was edited, but {error}"));
+            }
             (Err(error), _) => return unjudged(&format!("before: {error}")),
             (_, Err(error)) => return unjudged(&format!("after: {error}")),
         };
@@ -1278,7 +1282,7 @@ mod tests {
             let why = if name == "nothing" {
                 "the pass writes no resource"
             } else {
-                "it was edited, and "
+                "the function was edited, but "
             };
             assert!(reason.starts_with(why), "{reason}");
         }
@@ -2020,7 +2024,7 @@ mod tests {
         let invalid = "@id(3) override size: u32 = 4u;\nfn broken() -> f32 { return missing; }\n";
         for (from, to) in [("4u", "8u"), ("@id(3)", "@id(4)")] {
             let told = of(invalid, &invalid.replace(from, to));
-            assert!(told.contains("m: ") && told.contains("its overrides: "), "{told}");
+            assert!(told.contains("m: ") && told.contains("the module's overrides: "), "{told}");
         }
     }
 

@@ -239,7 +239,7 @@ fn values_of_textures_and_buffers_are_exact() {
     };
     told(
         &["t::word", "--bind", "words=4294967296"],
-        "a texel is 4294967296, and its texels are u32",
+        "a texel is 4294967296, but the texture's texels are u32",
     );
     told(&["t::word", "--bind", words, "--bind", "words=1"], "`words` is bound twice");
     told(

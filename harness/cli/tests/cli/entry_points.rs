@@ -799,7 +799,11 @@ depth_write = false
         ),
         ("fragment = \"ground\"", "", "a draw needs a `fragment`"),
         ("size = [16, 16]", "size = [16, 16]\nfragment = \"fs\"", "remove `vertex` and `fragment`"),
-        ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1, 7]", "the index 7 is beyond"),
+        (
+            "mesh = \"two.csv\"",
+            "mesh = \"two.csv\"\nindices = [0, 1, 7]",
+            "the index 7 is too large",
+        ),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1]", "aren't whole triangles"),
         ("vertices = 3", "vertices = 3\ninstances = 0", "0 instances draw nothing"),
         ("vertices = 3", "indices = [0, 1, 2]", "`indices` need a `mesh`"),

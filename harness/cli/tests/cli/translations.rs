@@ -783,7 +783,7 @@ fn tests_judge_the_functions_that_they_have() {
     assert_eq!(bad.code, Some(1), "{bad:?}");
     let cell = &row(&json(&bad.out), "maths::blend")["vulkan:wgsl"];
     assert_eq!(cell["status"], "executed");
-    assert_eq!(cell["stopped"]["says"], "its tests fail on this path: `blends`");
+    assert_eq!(cell["stopped"]["says"], "the function's tests fail on this path: `blends`");
     let other = "0".repeat(64);
     let stale = matrix(&[record("blends", "vulkan:wgsl", 3, &other)]);
     assert_eq!(stale.code, Some(2), "{stale:?}");

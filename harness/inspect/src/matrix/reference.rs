@@ -69,7 +69,8 @@ fn judge(cell: &mut Cell, found: &[(&Record, PathRecord)]) {
     } else {
         cell.status = Some(Status::Executed);
         let tests = reference.failed.join("`, `");
-        cell.stopped = Some(Stop::Differs(format!("its tests fail on this path: `{tests}`")));
+        cell.stopped =
+            Some(Stop::Differs(format!("the function's tests fail on this path: `{tests}`")));
     }
     cell.reference = Some(reference);
 }
