@@ -128,7 +128,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
         (json.replace("0.5", "\"a\""), "argument `m`: `roughness`: "),
         (json.replace("[1, 2]", "[1, -2]"), "argument `m`: `layers`: `-2` isn't of type u32"),
         (json.replace("0.5", "0.5, \"roughness\": 1"), "argument `m`: `roughness` is given twice"),
-        (json.replace("0.5", "null"), "argument `m`: `null` isn't a WGSL value"),
+        (json.replace("0.5", "null"), "argument `m`: `null` isn't a value"),
         (json.replace('}', ""), "argument `m`: EOF while parsing an object"),
         (
             "1,2".to_owned(),
@@ -420,7 +420,7 @@ fn missing_values_of_a_call_are_generated_and_named() {
     assert_ne!(made, call(&["--arbitrary=7"]).good());
     let bound = call(&["--arbitrary", "--bind", "p={\"groups\": 1, \"gain\": 0}"]).good();
     assert!(!bound.contains("generated: p."), "{bound}");
-    assert!(call(&["--arbitrary=5000"]).error().contains("cases, from 0"));
+    assert!(call(&["--arbitrary=5000"]).error().contains("cases, counted from 0"));
     assert!(call(&["0.5", "3", "--arbitrary"]).error().contains("cannot be used with"));
 }
 

@@ -32,7 +32,7 @@ fn doctor_prints_and_writes_the_lines_that_karat_toml_lacks() {
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
-        "2 of 7 modules whole",
+        "2 of 7 modules complete",
         "BLOCK_SIZE = 64 # invented, as nothing declares it",
         "ACT = \"\" # empty",
         "EXTRA = \"\" # empty",
@@ -75,7 +75,7 @@ fn doctor_reports_errors_that_karat_toml_cannot_repair() {
     let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
-        "0 of 3 modules whole",
+        "0 of 3 modules complete",
         "preprocess = [..]",
         "no definition in scope for identifier: `lower`",
         "[dependencies] sky = { path = \"../sky\" }, or { crate = \"sky@1.2.3\" }",

@@ -662,7 +662,7 @@ fn one_race_has_one_message() {
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert_eq!(ran.out.matches("  --> m.wgsl:13:").count(), 1, "{}", ran.out);
-    assert!(ran.out.contains("\n  the same error as in `m::wait keys in_range`\n"), "{}", ran.out);
+    assert!(ran.out.contains("\n  see test `m::wait keys in_range`\n"), "{}", ran.out);
 }
 
 /// The sanitizer examines passes, but not draws. The last line counts the draws that write.
@@ -791,7 +791,7 @@ depth_write = false
             "vertex = \"corner\"",
             "must read the mesh's position at `@location(0)`",
         ),
-        ("fragment = \"ground\"", "", "a draw has a `fragment` function"),
+        ("fragment = \"ground\"", "", "a draw needs a `fragment` or a `vertex` function"),
         (
             "vertex = \"vs\"",
             "vertex = \"corner\"",

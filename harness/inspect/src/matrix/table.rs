@@ -268,7 +268,7 @@ pub enum Missed {
     NoRow,
     /// All rows were only translated, and neither validated nor run.
     #[error(
-        "of {rows} rows none was judged: no validator of these languages is installed, and no path ran \
+        "none of the {rows} rows was judged: no validator of these languages is installed, and no path ran \
              them; `karat doctor` lists what is missing and how to get it"
     )]
     NothingJudged {
