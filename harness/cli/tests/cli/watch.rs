@@ -345,7 +345,7 @@ fn wakes_once(manifest: &str, end: &str) {
     write(path, "karat.toml", manifest);
     let line = format!("\"$KARAT\" watch . --paths cpu --lines {end}");
     let mut shell = Command::new("/bin/sh");
-    // Its own group: all that it starts ends with it.
+    // The shell has its own process group, so all its processes end with it.
     shell.args(["-c", &format!("exec 3>&1; {line}")]).current_dir(path).stdin(Stdio::null());
     shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_TIMEOUT", "10");
     shell.stdout(Stdio::piped()).stderr(Stdio::null());
@@ -361,9 +361,9 @@ fn wakes_once(manifest: &str, end: &str) {
         }
     };
     wait("2 tests pass", 1);
-    // An edit wakes it, and what it prints then doesn't.
+    // An edit triggers a run. The output of this run triggers nothing.
     std::thread::sleep(Duration::from_millis(700));
-    // The file comes whole, so that a busy machine doesn't see an empty one between.
+    // The file is renamed into the folder, so that a busy machine sees no empty file.
     let saved = tempfile::tempdir().expect("a temporary folder");
     write(saved.path(), "calc.wgsl", &SHADER.replace("0.5", "0.25"));
     std::fs::rename(saved.path().join("calc.wgsl"), path.join("calc.wgsl")).expect("renamed");
@@ -379,7 +379,8 @@ fn wakes_once(manifest: &str, end: &str) {
     assert!(verdicts.count() <= 3, "{manifest}{end}: {told}");
 }
 
-/// Of what a Rust test reads nothing is known, so that each file counts; what it writes in each run doesn't.
+/// Karat doesn't know the files that a Rust test reads, so each file counts, except for files that the test writes in
+/// each run.
 // Lesson 192
 #[test]
 fn an_edit_of_any_file_runs_rust_tests() {
@@ -411,14 +412,14 @@ fn an_edit_of_any_file_runs_rust_tests() {
     watch.until("cpu (Rust): 1 test passes; 1 ran");
     let last = runs();
     assert_eq!(runs(), last, "it wakes itself");
-    // What no test of Rust links is validated, too.
+    // Karat also validates modules that no Rust test links.
     write(watch.folder(), "shaders/calc_test.wgsl", TESTS);
     watch.until("cpu (shaders): 2 tests pass; 2 ran");
     write(watch.folder(), "shaders/more.wgsl", "fn more() -> f32 { return nonsense; }\n");
     watch.until("cpu (shaders): not valid; 2 tests pass; 0 ran");
 }
 
-/// A module that no test links is validated, in a Cargo project as in a folder.
+/// Karat validates a module that no test links, in a Cargo project and in a folder.
 // Lesson 191
 #[test]
 fn modules_that_no_test_links_are_validated() {
@@ -464,7 +465,7 @@ fn watch_ends_when_its_output_closes() {
     assert!(status.success(), "it lives on: {status}");
 }
 
-/// Processes whose command line names a folder.
+/// Counts the processes with a folder's name in their command line.
 #[cfg(target_os = "linux")]
 fn processes_of(folder: &FilePath) -> usize {
     let all = std::fs::read_dir("/proc").expect("processes");
@@ -491,14 +492,14 @@ fn a_killed_watch_leaves_no_process_behind() {
     };
     let watch = &["watch", "shaders", "--paths", "cpu", "--lines"][..];
     let path = shaders.to_string_lossy();
-    // Of `karat test` both processes have the folder's name.
+    // For `karat test`, both processes have the folder's name in their command line.
     for (arguments, count) in [(watch, 1), (&["test", &*path, "--paths", "cpu"], 2)] {
         let mut command = command(folder.path(), arguments);
         command.env("KARAT_TIMEOUT", "600").env("KARAT_FUEL", "4000000000");
         command.stdin(Stdio::null()).stdout(Stdio::null());
         let mut child = command.spawn().expect("it starts");
         wait(count);
-        // It runs the shader by now, or is about to.
+        // By now the process runs the shader, or will soon run it.
         std::thread::sleep(Duration::from_millis(500));
         child.kill().expect("it is there");
         child.wait().expect("it ends");
@@ -522,7 +523,7 @@ fn a_missing_folder_or_path_cannot_be_watched() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
 }
 
-/// Ctrl-C ends it with nothing left among temporary files.
+/// Ctrl-C ends `karat watch`, and no temporary files remain.
 #[cfg(unix)]
 #[test]
 fn nothing_is_left_when_it_is_stopped() {
