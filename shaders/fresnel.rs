@@ -34,8 +34,7 @@ pub fn dielectric(eta: f64, cos_i: f64) -> f64 {
 /// Computes `dielectric` with the complex index m = eta + i k: the mean of |r_s|^2 and |r_p|^2. Pharr et al. 2023
 /// (pbrt-v4), section 9.3.6.
 ///
-/// `cos_i` is in 0..=1, eta > 0 and k >= 0. At eta = 1 with k = 0 there is no interface, and the result isn't defined
-/// by the formula: it is 0.
+/// `cos_i` is in 0..=1, eta > 0 and k >= 0. At eta = 1 with k = 0 there is no interface, and the result is 0.
 #[must_use]
 pub fn conductor(eta: f64, k: f64, cos_i: f64) -> f64 {
     if (eta, k) == (1.0, 0.0) {
