@@ -12,7 +12,7 @@ fn encode(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Outside of a test, the program prints the number of compared cases.
+/// Outside of a test, the program prints the paths and cases that the check compared.
 #[expect(clippy::print_stdout, reason = "it shows an agreement")]
 fn main() {
     let check = SHADERS.function("srgb::encode").over(0.0..=1.0);
