@@ -143,7 +143,7 @@ impl Library {
         for (name, _) in std::env::vars_os() {
             let keep = ["KARAT_ADAPTER", "KARAT_TIMEOUT"].iter().any(|keep| name == *keep);
             if name.to_string_lossy().starts_with("KARAT_") && !keep {
-                command.env_remove(name); // removes the settings of the surrounding run, such as its paths: one path is enough
+                command.env_remove(name); // settings of the surrounding run
             }
         }
         // Runs as many processes as there are cores, with one thread each.
