@@ -1,8 +1,8 @@
 //! Twin of `brdf.wgsl`: whole reflectances in textbook form, and a quadrature rule for them.
 //!
-//! Directions are in the local frame, +Z being the normal; `v` and `l` are unit vectors. A BRDF is
-//! in 1/sr and without the cosine, a density in 1/sr; both are 0 where `v` or `l` is at or below
-//! the horizon. `f0` and `albedo` are reflectances per channel, `alpha` a width in (0, 1].
+//! Directions are in the local frame, in which +Z is the normal. `v` and `l` are unit vectors. A BRDF is in 1/sr and
+//! has no cosine. A density is in 1/sr. BRDF and density are 0 where `v` or `l` is at or below the horizon. `f0` and
+//! `albedo` are reflectances per channel. `alpha` is a width in (0, 1].
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -11,25 +11,25 @@ use karat::stats::gauss_legendre;
 
 use crate::{distribution, fresnel, geometry, sampling};
 
-/// Lambert 1760: albedo / pi.
+/// Computes the BRDF of Lambert 1760: albedo / pi.
 #[must_use]
 pub fn lambert_eval(albedo: DVec3, v: DVec3, l: DVec3) -> DVec3 {
     if above_horizon(v, l) { albedo / PI } else { DVec3::ZERO }
 }
 
-/// See `sampling::cosine_hemisphere`.
+/// Samples a direction as `sampling::cosine_hemisphere` does.
 #[must_use]
 pub fn lambert_sample(u: DVec2) -> DVec3 {
     sampling::cosine_hemisphere(u)
 }
 
-/// cos / pi.
+/// Computes the density cos / pi.
 #[must_use]
 pub fn lambert_pdf(l: DVec3) -> f64 {
     l.z.max(0.0) / PI
 }
 
-/// Walter et al. 2007, eq. 20: F G D / (4 N.L N.V), with D of eq. 33, G of Heitz 2014, eq. 99.
+/// Computes the BRDF of Walter et al. 2007, eq. 20: F G D / (4 N.L N.V). D is eq. 33, and G is Heitz 2014, eq. 99.
 #[must_use]
 pub fn microfacet_eval(f0: DVec3, alpha: f64, v: DVec3, l: DVec3) -> DVec3 {
     if !above_horizon(v, l) {
@@ -41,13 +41,13 @@ pub fn microfacet_eval(f0: DVec3, alpha: f64, v: DVec3, l: DVec3) -> DVec3 {
     fresnel::schlick(f0, v_dot_h(v, l)) * (g * d / (4.0 * v.z * l.z))
 }
 
-/// Heitz 2018: `v` mirrored at a normal that is visible from it, for u.y below 1.
+/// Samples a direction as in Heitz 2018: mirrors `v` at a normal that is visible from `v`. u.y must be below 1.
 #[must_use]
 pub fn microfacet_sample(alpha: f64, v: DVec3, u: DVec2) -> DVec3 {
     mirrored(v, sampling::ggx_visible_normal(alpha, v, u))
 }
 
-/// Heitz 2018, eq. 3 and 17: the density of the normal, divided by 4 V.H.
+/// Computes the density of a sampled direction: the density of the normal (Heitz 2018, eq. 3 and 17), divided by 4 V.H.
 #[must_use]
 pub fn microfacet_pdf(alpha: f64, v: DVec3, l: DVec3) -> f64 {
     if !above_horizon(v, l) {
@@ -58,7 +58,7 @@ pub fn microfacet_pdf(alpha: f64, v: DVec3, l: DVec3) -> f64 {
     visible / (4.0 * v_dot_h(v, l))
 }
 
-/// The weight of a sample by its definition, f cos / pdf.
+/// Computes the weight of a sample by its definition, f cos / pdf.
 #[must_use]
 pub fn microfacet_weight(f0: DVec3, alpha: f64, v: DVec3, l: DVec3) -> DVec3 {
     if !above_horizon(v, l) {
@@ -67,7 +67,7 @@ pub fn microfacet_weight(f0: DVec3, alpha: f64, v: DVec3, l: DVec3) -> DVec3 {
     microfacet_eval(f0, alpha, v, l) * (l.z / microfacet_pdf(alpha, v, l))
 }
 
-/// Walter et al. 2007, eq. 20, with Beckmann's D of eq. 25 and the G of Cook and Torrance 1982.
+/// Computes the BRDF of Walter et al. 2007, eq. 20, with Beckmann's D (eq. 25) and the G of Cook and Torrance 1982.
 #[must_use]
 pub fn cook_torrance_eval(f0: DVec3, alpha: f64, v: DVec3, l: DVec3) -> DVec3 {
     if !above_horizon(v, l) {
@@ -79,13 +79,13 @@ pub fn cook_torrance_eval(f0: DVec3, alpha: f64, v: DVec3, l: DVec3) -> DVec3 {
     fresnel::schlick(f0, v_dot_h(v, l)) * (g * d / (4.0 * v.z * l.z))
 }
 
-/// `v` mirrored at a normal of Walter et al. 2007, eq. 28 and 29, for u.y below 1.
+/// Samples a direction: mirrors `v` at a normal of Walter et al. 2007, eq. 28 and 29. u.y must be below 1.
 #[must_use]
 pub fn cook_torrance_sample(alpha: f64, v: DVec3, u: DVec2) -> DVec3 {
     mirrored(v, sampling::beckmann_normal(alpha, u))
 }
 
-/// Walter et al. 2007, eq. 24 and 14: D N.H / (4 V.H).
+/// Computes the density of Walter et al. 2007, eq. 24 and 14: D N.H / (4 V.H).
 #[must_use]
 pub fn cook_torrance_pdf(alpha: f64, v: DVec3, l: DVec3) -> f64 {
     if !above_horizon(v, l) {
@@ -95,8 +95,8 @@ pub fn cook_torrance_pdf(alpha: f64, v: DVec3, l: DVec3) -> f64 {
     distribution::beckmann_from_vectors(alpha, DVec3::Z, h) * h.z / (4.0 * v_dot_h(v, l))
 }
 
-/// Gotanda 2010, eq. 4 to 6, with 2^(-n/2) for the printed 2^(n/2), and the specular part outside
-/// of R_d / pi.
+/// Computes the BRDF of Gotanda 2010, eq. 4 to 6, with 2^(-n/2) instead of the printed 2^(n/2), and with the specular
+/// part outside of R_d / pi.
 #[must_use]
 pub fn tri_ace_eval(albedo: DVec3, f0: DVec3, exponent: f64, v: DVec3, l: DVec3) -> DVec3 {
     if !above_horizon(v, l) {
@@ -109,8 +109,8 @@ pub fn tri_ace_eval(albedo: DVec3, f0: DVec3, exponent: f64, v: DVec3, l: DVec3)
     albedo / PI * (DVec3::ONE - fresnel::schlick(f0, l.z)) + specular
 }
 
-/// For u.x < 1/2 a cosine-distributed direction, otherwise `v` mirrored at a normal with cos = (1 - u.y)^(1 / (n + 1)),
-/// for u.y below 1; u.x is stretched to 0..=1 again.
+/// Samples a direction. For u.x < 1/2 the direction is cosine-distributed. Otherwise `v` is mirrored at a normal with
+/// cos = (1 - u.y)^(1 / (n + 1)), and u.y must be below 1. Both cases stretch u.x to 0..=1.
 #[must_use]
 pub fn tri_ace_sample(exponent: f64, v: DVec3, u: DVec2) -> DVec3 {
     if u.x < 0.5 {
@@ -121,7 +121,7 @@ pub fn tri_ace_sample(exponent: f64, v: DVec3, u: DVec2) -> DVec3 {
     mirrored(v, sampling::turned(2.0 * u.x - 1.0, sin, log_cos.exp()))
 }
 
-/// The mean of cos / pi and of (n + 1) / (2 pi) (N.H)^n / (4 V.H).
+/// Computes the density: the mean of cos / pi and of (n + 1) / (2 pi) (N.H)^n / (4 V.H).
 #[must_use]
 pub fn tri_ace_pdf(exponent: f64, v: DVec3, l: DVec3) -> f64 {
     if !above_horizon(v, l) {
@@ -132,12 +132,13 @@ pub fn tri_ace_pdf(exponent: f64, v: DVec3, l: DVec3) -> f64 {
     f64::midpoint(lambert_pdf(l), specular)
 }
 
-/// Directions `l` above the horizon with their weights in sr. The weighted sum of a function over them is its integral
-/// over the hemisphere, for lobes of width `alpha` around the mirror direction of `v`, and for smooth functions.
+/// Returns directions `l` above the horizon with their weights in sr. The weighted sum of a function over these
+/// directions is its integral over the hemisphere. This holds for lobes of width `alpha` around the mirror direction of
+/// `v`, and for smooth functions.
 ///
 /// The rule sweeps the half vector, dl = 4 V.H dh, for each azimuth up to the angle at which `l` meets the horizon,
-/// because a rule that steps over an edge can't be of high order. `v` is above the horizon, and the integrand symmetric
-/// in the plane of `v` and the normal, as a BRDF is.
+/// because a rule that crosses an edge can't be of high order. `v` must be above the horizon. The integrand must be
+/// symmetric about the plane of `v` and the normal, as a BRDF is.
 #[must_use]
 pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(DVec3, f64)> {
     let sin_v = v.x.hypot(v.y);
@@ -147,11 +148,13 @@ pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(D
     })
 }
 
-/// Half vectors up to the polar angle `limit`, a function of the cosine of the azimuth, with `v` mirrored at each.
+/// Half vectors with `v` mirrored at each of them, up to the polar angle `limit`, which is a function of the azimuth's
+/// cosine.
 ///
-/// theta = alpha sinh(y) spreads a lobe and its tail evenly: `rings` Gauss-Legendre points in y. `spokes` points in
-/// each quarter of azimuth are denser at right angles to the plane of `v`, where a grazing view makes the limit steep.
-/// Only one side of that plane is swept, with twice the weight; the points alternate between the sides.
+/// theta = alpha sinh(y) spreads a lobe and its tail evenly: the rule has `rings` Gauss-Legendre points in y. Each
+/// quarter of azimuth has `spokes` points. They are denser at right angles to the plane of `v`, where a grazing view
+/// makes the limit steep. The rule sweeps only one side of that plane, with twice the weight. The points alternate
+/// between the sides.
 fn sweep(
     alpha: f64,
     v: DVec3,
@@ -182,8 +185,8 @@ fn sweep(
     rule
 }
 
-/// The integral of `f` over the directions above the horizon, by a rule that is fine enough for lobes of width 0.01
-/// seen at 89 degrees: within 1e-5, or within 1e-3 where G of the V-cavity has its edges.
+/// Computes the integral of `f` over the directions above the horizon. The rule is fine enough for lobes of width 0.01
+/// seen at 89 degrees: its error is at most 1e-5, or 1e-3 where G of the V-cavity has edges.
 #[must_use]
 pub fn integral(alpha: f64, v: DVec3, f: impl Fn(DVec3) -> f64) -> f64 {
     half_vector_rule(alpha, v, 40, 40).into_iter().map(|(l, weight)| f(l) * weight).sum()
@@ -206,7 +209,7 @@ fn mirrored(v: DVec3, h: DVec3) -> DVec3 {
 mod tests {
     use super::*;
 
-    /// (alpha, v) from narrow to wide, from above to 89 degrees.
+    /// Widths and views, from narrow to wide lobes, and from straight above to 89 degrees.
     fn views() -> impl Iterator<Item = (f64, DVec3)> {
         let alphas = [0.01, 0.1, 0.5, 1.0];
         let angles = [0.0, 30.0, 60.0, 80.0, 89.0];
@@ -218,8 +221,8 @@ mod tests {
         DVec3::new(0.6 * sin, -0.8 * sin, cos)
     }
 
-    /// The area that a unit square of random numbers is spread over, by central differences: the inverse of the
-    /// density.
+    /// The area over which a sampler spreads a unit square of random numbers, by central differences. It is the inverse
+    /// of the density.
     fn spread(sample: impl Fn(DVec2) -> DVec3, u: DVec2) -> f64 {
         let step = 1e-5;
         let x = sample(u + DVec2::X * step) - sample(u - DVec2::X * step);
@@ -251,8 +254,8 @@ mod tests {
 
     #[test]
     fn widest_ggx_has_closed_forms() {
-        // alpha = 1: D = 1 / pi, G / (4 v l) = 1 / (2 (v + l)), so that the furnace returns the
-        // integral of l / (v + l), which is 1 - ln 2 from above; the density is constant.
+        // At alpha = 1, D = 1 / pi and G / (4 v l) = 1 / (2 (v + l)). So the furnace returns the integral of l / (v +
+        // l), which is 1 - ln 2 from straight above. The density is constant.
         for angle in [0.0, 45.0, 80.0, 89.0] {
             let v = view(angle);
             let furnace = integral(1.0, v, |l| microfacet_eval(DVec3::ONE, 1.0, v, l).x * l.z);
@@ -265,7 +268,7 @@ mod tests {
 
     #[test]
     fn densities_from_above_have_closed_forms() {
-        // Light is above the horizon for normals within 45 degrees.
+        // Light is above the horizon for normals within 45 degrees of the view.
         for alpha in [0.01, 0.1, 0.5, 1.0] {
             let density = |pdf: &dyn Fn(DVec3) -> f64| integral(alpha, DVec3::Z, pdf);
             let ggx = density(&|l| microfacet_pdf(alpha, DVec3::Z, l));
@@ -282,8 +285,8 @@ mod tests {
 
     #[test]
     fn weak_white_furnace() {
-        // Heitz 2014, section 5.5: without shadowing, all visible facets reflect, if light below the horizon counts
-        // too: D G1 / (4 N.V) has integral 1 over the sphere.
+        // Heitz 2014, section 5.5: without shadowing, all visible facets reflect, if light below the horizon also
+        // counts. The integral of D G1 / (4 N.V) over the sphere is 1.
         for (alpha, v) in views() {
             let sin_v = v.x.hypot(v.y);
             let limit = |cos_phi: f64| FRAC_PI_2 + (sin_v * cos_phi).min(0.0).atan2(v.z);
@@ -312,7 +315,7 @@ mod tests {
                 let spread_out = spread(|u| cook_torrance_sample(alpha, v, u), u);
                 let product = spread_out * cook_torrance_pdf(alpha, v, l);
                 assert!(l.z <= 0.0 || (product - 1.0).abs() < 1e-5, "Beckmann {alpha} {v} {u}");
-                // Each half of the mixture on its own.
+                // Tests each half of the mixture separately.
                 let l = tri_ace_sample(exponent, v, u);
                 let spread_out = spread(|u| tri_ace_sample(exponent, v, u), u);
                 let cosine = lambert_pdf(l);
@@ -329,7 +332,7 @@ mod tests {
 
     #[test]
     fn weights_are_fresnel_times_masking() {
-        // Heitz 2018, eq. 19: F G2 / G1. The definition must reduce to it.
+        // The weight in Heitz 2018, eq. 19, is F G2 / G1. The definition must reduce to this weight.
         for (alpha, v) in views() {
             let l = microfacet_sample(alpha, v, DVec2::new(0.3, 0.4));
             if l.z > 0.0 {
@@ -352,7 +355,7 @@ mod tests {
             let there = cook_torrance_eval(f0, alpha, v, l);
             assert!(there.abs_diff_eq(cook_torrance_eval(f0, alpha, l, v), 1e-15));
         }
-        // tri-Ace's diffuse part is not reciprocal: F(N.L) against F(N.V), over pi.
+        // tri-Ace's diffuse part isn't reciprocal: F(N.L) / pi differs from F(N.V) / pi.
         let gap = tri_ace_eval(DVec3::ONE, f0, 1e4, v, l) - tri_ace_eval(DVec3::ONE, f0, 1e4, l, v);
         let expected = (fresnel::schlick(f0, v.z) - fresnel::schlick(f0, l.z)) / PI;
         assert!(gap.abs_diff_eq(expected, 1e-15));
@@ -360,8 +363,8 @@ mod tests {
 
     #[test]
     fn tri_ace_conserves_energy_to_two_percent() {
-        // A lobe without width reflects cos F(cos), and the diffuse part keeps 1 - 1/21 with f0 = 0.
-        // The sum is greatest at cos = 1/6: 20/21 + 5^5 / 6^6.
+        // A lobe without width reflects cos F(cos), and the diffuse part keeps 1 - 1/21 if f0 = 0. The sum is largest
+        // at cos = 1/6: 20/21 + 5^5 / 6^6.
         let greatest = 20.0 / 21.0 + 5.0_f64.powi(5) / 6.0_f64.powi(6);
         let exponent = 1e8_f64;
         let alpha = (2.0 / (exponent + 2.0)).sqrt();

@@ -6,29 +6,28 @@ use glam::{DMat4, DVec2, DVec3, Mat4, Vec3};
 karat::shareable! {
     /// A perspective camera.
     pub struct Camera mirrors CameraMirror {
-        /// From world space to clip space: right-handed, depth from 0 (near) to 1.
+        /// The matrix from world space to clip space: right-handed, with depth from 0 (near) to 1 (far).
         view_projection: Mat4,
-        /// In world space.
+        /// The position in world space.
         position: Vec3,
     }
 }
 
-/// The setup of a camera; lengths are in the scene's unit.
+/// The setup of a camera. Lengths are in the scene's unit.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup {
-    /// Its position.
+    /// The position of the camera.
     pub position: DVec3,
-    /// The point that it looks at; +Y is up.
+    /// The point at which the camera looks. +Y is up.
     pub target: DVec3,
-    /// Vertical field of view in radians.
+    /// The vertical field of view in radians.
     pub field_of_view: f64,
     /// The distances of the near and the far plane.
     pub depth: [f64; 2],
 }
 
 impl Setup {
-    /// The camera for a frame `aspect` times as wide as high. The matrix is built in f64 and
-    /// rounded once.
+    /// Returns the camera for a frame `aspect` times as wide as high. The matrix is computed in f64 and rounded once.
     #[must_use]
     pub fn camera(self, aspect: f64) -> Camera {
         let [near, far] = self.depth;
@@ -38,15 +37,15 @@ impl Setup {
     }
 }
 
-/// The direction in which a camera sees `ndc`, of any length: from the near point of the inverse projection to the far
-/// one.
+/// Returns the direction in which a camera sees the point `ndc`, of any length: from the point on the near plane to the
+/// point on the far plane, by the inverse projection.
 #[must_use]
 pub fn view_direction(view_projection: DMat4, ndc: DVec2) -> DVec3 {
     let inverse = view_projection.inverse();
     inverse.project_point3(ndc.extend(1.0)) - inverse.project_point3(ndc.extend(0.0))
 }
 
-/// Corners of the triangle that covers the frame, which spans [-1, 1] in both directions.
+/// Returns the corners of the triangle that covers the frame. The frame spans [-1, 1] in both directions.
 #[must_use]
 pub fn covering_corner(index: u32) -> DVec2 {
     [DVec2::NEG_ONE, DVec2::new(3.0, -1.0), DVec2::new(-1.0, 3.0)][index as usize % 3]

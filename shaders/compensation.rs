@@ -2,20 +2,20 @@
 
 use glam::{DVec2, DVec3};
 
-/// Karis 2013, "Environment BRDF": f0 A + B.
+/// Computes f0 A + B, as in Karis 2013, "Environment BRDF".
 #[must_use]
 pub fn directional_albedo(f0: DVec3, table: DVec2) -> DVec3 {
     f0 * table.x + DVec3::splat(table.y)
 }
 
-/// Turquin 2019, eq. 16: (1 + F0 (1 - E) / E) of the light of one reflection.
+/// Computes Turquin 2019, eq. 16: the light of one reflection, times 1 + F0 (1 - E) / E.
 #[must_use]
 pub fn compensated(f0: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     let furnace = table.x + table.y;
     light + light * f0 * (1.0 - furnace) / furnace
 }
 
-/// Kulla and Conty 2017: the interface leaves 1 - E of the light for the pigment.
+/// Computes the model of Kulla and Conty 2017: the interface leaves 1 - E of the light for the pigment.
 #[must_use]
 pub fn coupled(f0: DVec3, diffuse: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     light + (DVec3::ONE - directional_albedo(f0, table)) * diffuse
@@ -26,7 +26,7 @@ mod tests {
     use super::*;
     use crate::specular::{estimate, split_sum_table};
 
-    /// Both forms of compensation make a furnace white, for each width and view.
+    /// With both kinds of compensation a furnace is white, for each width and view.
     #[test]
     fn furnaces_are_white() {
         for alpha in [0.0, 0.05, 0.3, 0.5, 1.0] {

@@ -1,13 +1,13 @@
 //! Twin of `distribution.wgsl`: distributions of microfacet normals in textbook form.
 //!
-//! Results are densities in 1/sr with unit integral of D cos, 0 at and below the horizon; `alpha`
-//! is a width in (0, 1], `n_dot_h` a cosine, `n` and `h` unit vectors.
+//! Results are densities in 1/sr. The integral of D cos is 1, and D is 0 at and below the horizon. `alpha` is a width
+//! in (0, 1], `n_dot_h` is a cosine, and `n` and `h` are unit vectors.
 
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-/// Walter et al. 2007, eq. 33: alpha^2 / (pi cos^4 (alpha^2 + tan^2)^2).
+/// Computes Walter et al. 2007, eq. 33: alpha^2 / (pi cos^4 (alpha^2 + tan^2)^2).
 #[must_use]
 pub fn ggx(alpha: f64, n_dot_h: f64) -> f64 {
     if n_dot_h <= 0.0 {
@@ -16,7 +16,7 @@ pub fn ggx(alpha: f64, n_dot_h: f64) -> f64 {
     ggx_slope(alpha, tan2(n_dot_h), n_dot_h)
 }
 
-/// `ggx` with the tangent |N x H| / N.H, from the vectors.
+/// Computes `ggx` from the vectors, with the tangent |N x H| / N.H.
 #[must_use]
 pub fn ggx_from_vectors(alpha: f64, n: DVec3, h: DVec3) -> f64 {
     if n.dot(h) <= 0.0 {
@@ -25,7 +25,7 @@ pub fn ggx_from_vectors(alpha: f64, n: DVec3, h: DVec3) -> f64 {
     ggx_slope(alpha, tan2_between(n, h), n.dot(h))
 }
 
-/// Walter et al. 2007, eq. 25: exp(-tan^2 / alpha^2) / (pi alpha^2 cos^4).
+/// Computes Walter et al. 2007, eq. 25: exp(-tan^2 / alpha^2) / (pi alpha^2 cos^4).
 #[must_use]
 pub fn beckmann(alpha: f64, n_dot_h: f64) -> f64 {
     if n_dot_h <= 0.0 {
@@ -34,7 +34,7 @@ pub fn beckmann(alpha: f64, n_dot_h: f64) -> f64 {
     beckmann_slope(alpha, tan2(n_dot_h), n_dot_h)
 }
 
-/// `beckmann` with the tangent |N x H| / N.H, from the vectors.
+/// Computes `beckmann` from the vectors, with the tangent |N x H| / N.H.
 #[must_use]
 pub fn beckmann_from_vectors(alpha: f64, n: DVec3, h: DVec3) -> f64 {
     if n.dot(h) <= 0.0 {
@@ -43,7 +43,7 @@ pub fn beckmann_from_vectors(alpha: f64, n: DVec3, h: DVec3) -> f64 {
     beckmann_slope(alpha, tan2_between(n, h), n.dot(h))
 }
 
-/// Walter et al. 2007, eq. 30: (exponent + 2) / (2 pi) cos^exponent.
+/// Computes Walter et al. 2007, eq. 30: (exponent + 2) / (2 pi) cos^exponent.
 #[must_use]
 pub fn blinn_phong(exponent: f64, n_dot_h: f64) -> f64 {
     if n_dot_h <= 0.0 {
@@ -52,7 +52,7 @@ pub fn blinn_phong(exponent: f64, n_dot_h: f64) -> f64 {
     (exponent + 2.0) / TAU * n_dot_h.powf(exponent)
 }
 
-/// Walter et al. 2007, section 5.2: 2 / alpha^2 - 2.
+/// Computes the exponent of Walter et al. 2007, section 5.2: 2 / alpha^2 - 2.
 #[must_use]
 pub fn blinn_phong_exponent(alpha: f64) -> f64 {
     2.0 / (alpha * alpha) - 2.0
@@ -62,8 +62,8 @@ fn ggx_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     alpha * alpha / (PI * cos.powi(4) * (alpha * alpha + tan2).powi(2))
 }
 
-/// The density of slopes, divided by cos^4. 0 where the exponential is below 1e-300, because the quotient can't be
-/// computed at the horizon.
+/// The density of slopes, divided by cos^4. It is 0 where the exponential is below 1e-300, because the quotient can't
+/// be computed at the horizon.
 fn beckmann_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     let slope = tan2 / (alpha * alpha);
     if slope > 690.0 {
@@ -72,8 +72,8 @@ fn beckmann_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     (-slope).exp() / (PI * alpha * alpha * cos.powi(4))
 }
 
-/// The squared tangent of the angle with cosine `c`. A cosine that rounds to above 1 counts as one that is as far below
-/// 1.
+/// The squared tangent of the angle with cosine `c`. A cosine above 1, from rounding, counts as a cosine equally far
+/// below 1.
 fn tan2(c: f64) -> f64 {
     (1.0 - c).abs() * (1.0 + c) / (c * c)
 }
@@ -121,7 +121,7 @@ mod tests {
             for d in [ggx(alpha, 1.0), beckmann(alpha, 1.0)] {
                 assert!((d / peak - 1.0).abs() < 1e-14, "{alpha}");
             }
-            // 2 / alpha^2 - 2 + 2 is 2 / alpha^2: the exponent is defined by equal peaks.
+            // 2 / alpha^2 - 2 + 2 is 2 / alpha^2, because equal peaks define the exponent.
             let d = blinn_phong(blinn_phong_exponent(alpha), 1.0);
             assert!((d / peak - 1.0).abs() < 1e-14, "{alpha}");
         }
@@ -165,8 +165,8 @@ mod tests {
 
     #[test]
     fn rounding_the_cosine_moves_narrow_lobes() {
-        // D depends on cos^2 by 2 d(cos^2) / (alpha^2 + tan^2). At alpha = 0.0025, half an ulp below 1, 3e-8, is up to
-        // 1.9 %, and the whole ulp by which a dot product may be off is 3.8 %.
+        // The relative change of D with cos^2 is 2 d(cos^2) / (alpha^2 + tan^2). At alpha = 0.0025, a cosine half an
+        // ulp (3e-8) below 1 gives up to 1.9 %. A dot product may have an error of a whole ulp, which gives 3.8 %.
         let worst = |alpha: f64| {
             (0..20_000)
                 .map(|i| {

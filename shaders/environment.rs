@@ -7,11 +7,12 @@ use glam::{DVec2, DVec3, Vec2};
 /// Faces in the order of WebGPU's array layers: +X, -X, +Y, -Y, +Z, -Z.
 pub const FACES: usize = 6;
 
-/// A procedural photo studio: radiance in linear RGB from `direction`, of any length but 0.
+/// Returns the radiance of a procedural photo studio, in linear RGB, from `direction`. The direction has any length
+/// except 0.
 ///
-/// It has features that distinguish materials: broad dim light for the diffuse term, two soft boxes whose edges blur
-/// with roughness, and a sun 50 times as bright as white for the range. Every edge is smooth over several degrees, so
-/// that a cube map of 64 texels a side shows it without aliasing.
+/// The studio has features that distinguish materials: broad dim light for the diffuse term, two soft boxes with edges
+/// that blur with roughness, and a sun 50 times as bright as white for the range. Every edge is smooth over several
+/// degrees, so a cube map with faces of 64 x 64 texels shows the edges without aliasing.
 #[must_use]
 pub fn studio(direction: DVec3) -> DVec3 {
     let d = direction.normalize();
@@ -35,10 +36,10 @@ pub fn studio(direction: DVec3) -> DVec3 {
     room + key.seen_from_centre(d) + fill.seen_from_centre(d) + sun(d)
 }
 
-/// A warm lamp: radiance 50 at its centre, falling off softly to 0 at 16 degrees.
+/// A warm lamp: its radiance is 50 at the centre, and falls smoothly to 0 at 16 degrees.
 ///
-/// 64 directions on the hemisphere are about 18 degrees apart. A sun of a few degrees would fall between them, and each
-/// diffuse sphere would show 64 copies of it.
+/// 64 directions on the hemisphere are about 18 degrees apart. A sun of a few degrees would lie between them, and each
+/// diffuse sphere would show 64 copies of the sun.
 fn sun(d: DVec3) -> DVec3 {
     let radiance = 50.0 * DVec3::new(1.0, 0.84, 0.62);
     let centre = DVec3::new(0.35, 0.75, 0.55).normalize();
@@ -46,7 +47,7 @@ fn sun(d: DVec3) -> DVec3 {
     radiance * (1.0 - ramp(0.0, 16.0, angle))
 }
 
-/// A rectangle of light at distance 1 along `axis`, facing the centre, upright.
+/// An upright rectangle of light at distance 1 along `axis`. It faces the centre.
 struct SoftBox {
     axis: DVec3,
     half_width: f64,
@@ -73,14 +74,14 @@ impl SoftBox {
     }
 }
 
-/// 0 up to `from`, 1 beyond `to`, a cosine in between: its slope is continuous.
+/// Rises from 0 at `from` to 1 at `to` as a cosine, so the slope is continuous.
 fn ramp(from: f64, to: f64, x: f64) -> f64 {
     let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
     (t * FRAC_PI_2).sin().powi(2)
 }
 
-/// The texels of a cube map, `size` a side: face by face, rows from the top, linear RGB and an alpha of 1. Each texel
-/// holds the `radiance` from the direction of its centre.
+/// Returns the texels of a cube map with faces `size` texels wide: face by face, with rows from the top, in linear RGB
+/// with an alpha of 1. Each texel has the `radiance` from the direction of its centre.
 #[must_use]
 pub fn cube_map(size: u32, radiance: impl Fn(DVec3) -> DVec3) -> Vec<[f32; 4]> {
     let centre = |texel: u32| (f64::from(texel) + 0.5) / f64::from(size);
@@ -97,11 +98,11 @@ pub fn cube_map(size: u32, radiance: impl Fn(DVec3) -> DVec3) -> Vec<[f32; 4]> {
     texels
 }
 
-/// The point of the cube of side 2 that a face's texture coordinates show: `u` from 0 at the left
-/// to 1 at the right, `v` from 0 at the top to 1 at the bottom.
+/// Returns the point of the cube of side 2 that a face's texture coordinates show. `u` goes from 0 at the left to 1 at
+/// the right, and `v` from 0 at the top to 1 at the bottom.
 ///
 /// WebGPU uses the convention of Direct3D: seen from inside the cube, with Y up, faces appear mirrored. (Vulkan 1.3,
-/// section 16.5.4, prints the same table.)
+/// section 16.5.4, has the same table.)
 ///
 /// # Panics
 ///
@@ -121,17 +122,17 @@ pub fn face_direction(face: usize, u: f64, v: f64) -> DVec3 {
 }
 
 karat::shareable! {
-    /// A point of a cube's surface.
+    /// A point on a cube's surface.
     pub struct FacePoint mirrors FacePointMirror {
-        /// Below 6.
+        /// The number of the face, below 6.
         face: u32,
-        /// From the top left, in 0..=1.
+        /// The position on the face, from the top left, in 0..=1.
         uv: Vec2,
     }
 }
 
-/// Vulkan 1.3, table of section 16.5.4 and the equations of 16.5.5: from a direction to the face and (s, t), as in a
-/// sampler. On edges Z wins over Y and Y over X.
+/// Converts a direction to the face and (s, t), as a sampler does: the table in Vulkan 1.3, section 16.5.4, and the
+/// equations in 16.5.5. On edges Z takes precedence over Y, and Y over X.
 #[must_use]
 pub fn face_point(r: DVec3) -> FacePointMirror {
     let major = r.abs().max_element();
@@ -151,8 +152,8 @@ pub fn face_point(r: DVec3) -> FacePointMirror {
     FacePointMirror { face, uv: 0.5 * (DVec2::new(s, t) / major + DVec2::ONE) }
 }
 
-/// OpenEXR's ImfEnvmap.h: longitude falls from pi at u = 0 to -pi at u = 1, latitude from pi / 2
-/// at v = 0 to -pi / 2 at v = 1. The poles are at longitude 0.
+/// Converts a direction to texture coordinates as OpenEXR's ImfEnvmap.h does. Longitude falls from pi at u = 0 to -pi
+/// at u = 1, and latitude from pi / 2 at v = 0 to -pi / 2 at v = 1. The poles have longitude 0.
 #[must_use]
 pub fn equirectangular_uv(direction: DVec3) -> DVec2 {
     let d = direction.normalize();
@@ -160,17 +161,18 @@ pub fn equirectangular_uv(direction: DVec3) -> DVec2 {
     DVec2::new((PI - longitude) / TAU, d.y.acos() / PI)
 }
 
-/// OpenEXR's ImfEnvmap.h: (sin longitude cos latitude, sin latitude, cos longitude cos latitude).
+/// Converts texture coordinates to a direction as OpenEXR's ImfEnvmap.h does: (sin longitude cos latitude, sin
+/// latitude, cos longitude cos latitude).
 #[must_use]
 pub fn equirectangular_direction(uv: DVec2) -> DVec3 {
     let (longitude, latitude) = (PI * (1.0 - 2.0 * uv.x), PI * (0.5 - uv.y));
     DVec3::new(longitude.sin() * latitude.cos(), latitude.sin(), longitude.cos() * latitude.cos())
 }
 
-/// Kay and Kajiya 1986: a ray is in a box while it is in all three slabs, so it leaves the box where it leaves the
-/// first slab. The result points from `centre` to that point.
+/// Returns the vector from `centre` to the point at which a ray leaves a box. As in Kay and Kajiya 1986, a ray is in a
+/// box while it is in all three slabs, so it leaves the box where it leaves the first slab.
 ///
-/// `position` and `centre` lie in the box. A ray parallel to a slab never leaves it.
+/// `position` and `centre` are in the box. A ray parallel to a slab never leaves the slab.
 #[must_use]
 pub fn parallax_box(
     position: DVec3,
@@ -188,8 +190,8 @@ pub fn parallax_box(
     position + leave * direction - centre
 }
 
-/// The greater root of (d.d) t^2 + 2 (q.d) t + q.q - r^2 = 0, q = position - centre, by the
-/// quadratic formula. `position` lies in the sphere.
+/// Solves (d.d) t^2 + 2 (q.d) t + q.q - r^2 = 0 with q = position - centre for the greater t, by the quadratic formula.
+/// `position` is in the sphere.
 #[must_use]
 pub fn parallax_sphere(position: DVec3, direction: DVec3, centre: DVec3, radius: f64) -> DVec3 {
     let q = position - centre;
@@ -198,8 +200,8 @@ pub fn parallax_sphere(position: DVec3, direction: DVec3, centre: DVec3, radius:
     q + (-b + (b * b - 4.0 * a * c).sqrt()) / (2.0 * a) * direction
 }
 
-/// Krivanek and Colbert 2008: max(0, 1/2 log2(Omega_s / Omega_p)), Omega_s = 1 / (N pdf) sr for
-/// the sample, Omega_p = 4 pi / (6 size^2) sr, the mean of the texels.
+/// Computes the level of Krivanek and Colbert 2008: max(0, 1/2 log2(Omega_s / Omega_p)). The sample has Omega_s = 1 /
+/// (N pdf) sr, and the mean texel Omega_p = 4 pi / (6 size^2) sr.
 #[must_use]
 pub fn mip_level(pdf: f64, samples: u32, size: u32) -> f64 {
     let sample = 1.0 / (f64::from(samples) * pdf);
@@ -207,21 +209,21 @@ pub fn mip_level(pdf: f64, samples: u32, size: u32) -> f64 {
     (0.5 * (sample / texel).log2()).max(0.0)
 }
 
-/// Radiance 1 + slope . d: the first spherical-harmonics band over a constant. `slope` is at most
-/// 1 long.
+/// Returns an environment of radiance 1 + slope . d: a constant and the first band of spherical harmonics. The length
+/// of `slope` is at most 1.
 pub fn linear(slope: DVec3) -> impl Fn(DVec3) -> DVec3 {
     move |d| DVec3::splat(1.0 + slope.dot(d))
 }
 
-/// White on the side of `axis`, black on the opposite side.
+/// Returns an environment that is white on the side of `axis` and black on the opposite side.
 pub fn half_sky(axis: DVec3) -> impl Fn(DVec3) -> DVec3 {
     move |d| DVec3::splat(if axis.dot(d) >= 0.0 { 1.0 } else { 0.0 })
 }
 
-/// A black sky with a sun about the unit vector `axis`, `half_angle` in radians, so bright that
-/// its irradiance on a surface that faces it is pi: that of a white sky.
+/// Returns a black sky with a sun around the unit vector `axis`. The sun's radius is `half_angle` in radians. Its
+/// irradiance on a surface that faces the sun is pi, as that of a white sky.
 pub fn small_sun(axis: DVec3, half_angle: f64) -> impl Fn(DVec3) -> DVec3 {
-    // pi / int cos dw = pi / (pi sin^2).
+    // The radiance is pi / int cos dw = pi / (pi sin^2).
     let radiance = half_angle.sin().powi(-2);
     move |d| DVec3::splat(if axis.dot(d) >= half_angle.cos() { radiance } else { 0.0 })
 }
@@ -253,7 +255,7 @@ mod tests {
 
     #[test]
     fn sides_meet_at_their_edges() {
-        // Going right along the four upright faces goes round the cube: +X, -Z, -X, +Z.
+        // The four upright faces, from left to right, surround the cube: +X, -Z, -X, +Z.
         for v in [0.0, 0.3, 1.0] {
             for (left, right) in [(0, 5), (5, 1), (1, 4), (4, 0)] {
                 assert_eq!(face_direction(left, 1.0, v), face_direction(right, 0.0, v));
@@ -286,8 +288,8 @@ mod tests {
 
     #[test]
     fn the_studio_has_no_hard_edge() {
-        // Along great circles in steps of 0.05 degrees. The sun has the steepest slope: 50 times pi/2 over 16 degrees,
-        // or 4.9 a degree. No soft box adds more than 1.
+        // The test follows great circles in steps of 0.05 degrees. The sun has the steepest slope: 50 times pi/2 over
+        // 16 degrees, or 4.9 per degree. No soft box adds more than 1.
         let step = 0.05_f64.to_radians();
         for tilt in 0..36 {
             let (sin, cos) = (f64::from(tilt) * 5.0).to_radians().sin_cos();
@@ -346,7 +348,7 @@ mod tests {
             assert!((seen.length() - 4.0).abs() < 1e-14);
             assert!((CENTRE + seen - position).normalize().abs_diff_eq(axis, 1e-15));
         }
-        // In a wall, along it and out of it.
+        // The rays start in a wall: one along the wall, one out of the room.
         let wall = DVec3::new(HIGH.x, 0.0, 0.0);
         let up = CENTRE + parallax_box(wall, DVec3::Y, CENTRE, LOW, HIGH);
         assert!(up.abs_diff_eq(DVec3::new(HIGH.x, HIGH.y, 0.0), 1e-15));
@@ -363,9 +365,9 @@ mod tests {
 
     #[test]
     fn parallax_is_continuous() {
-        // Round a great circle through all walls, in steps of 0.01 degrees. The hit point moves by less than 65 a
-        // radian: 4.4, the longest way, divided by the cosine at which the ray meets a wall, which is the distance to
-        // the wall, at least 0.3, divided by the way.
+        // The test follows a great circle through all walls, in steps of 0.01 degrees. The hit point moves by less than
+        // 65 per radian: the longest way (4.4), divided by the cosine at which the ray meets a wall. This cosine is the
+        // distance to the wall, at least 0.3, divided by the way.
         let position = DVec3::new(0.5, -0.7, 1.2);
         let step = 0.01_f64.to_radians();
         let at = |i: i32| {
@@ -387,10 +389,10 @@ mod tests {
     fn a_sample_as_large_as_a_texel_takes_the_first_level() {
         let texel = 4.0 * PI / (6.0 * 64.0 * 64.0);
         assert!(mip_level(1.0 / texel, 1, 64).abs() < 1e-12);
-        // Four texels are one of the next level. An area below one texel gives level 0.
+        // Four texels cover one texel of the next level. An area below one texel gives level 0.
         assert!((mip_level(0.25 / texel, 1, 64) - 1.0).abs() < 1e-12);
         assert!((mip_level(0.25 / texel, 16, 64)).abs() < 1e-12);
-        // One sample for the whole sphere averages it: six texels, so log4(6) below the level with one texel.
+        // One sample for the whole sphere averages six texels, so its level is log4(6) below the level with one texel.
         assert!((mip_level(1.0 / (4.0 * PI), 1, 64) - 6.0 - 0.5 * 6.0_f64.log2()).abs() < 1e-12);
     }
 
@@ -405,7 +407,7 @@ mod tests {
 
     #[test]
     fn the_small_sun_is_as_bright_as_a_white_sky() {
-        // int L cos dw over the cap, from the angle to its axis.
+        // The expected result is int L cos dw over the cap, from the angle to its axis.
         let half_angle = 0.1;
         let sun = small_sun(DVec3::Z, half_angle);
         let n = 10_000;

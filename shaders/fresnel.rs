@@ -2,20 +2,20 @@
 
 use glam::{DVec2, DVec3};
 
-/// Schlick 1994: F = f0 + (1 - f0) (1 - cos)^5.
+/// Computes the reflectance of Schlick 1994: F = f0 + (1 - f0) (1 - cos)^5.
 ///
-/// `f0` and the result are reflectances in 0..=1 per channel, `v_dot_h` a cosine in 0..=1.
+/// `f0` and the result are reflectances in 0..=1 per channel. `v_dot_h` is a cosine in 0..=1.
 #[must_use]
 pub fn schlick(f0: DVec3, v_dot_h: f64) -> DVec3 {
     f0 + (DVec3::ONE - f0) * (1.0 - v_dot_h).powi(5)
 }
 
-/// Born and Wolf 1999, section 1.5.2; Pharr et al. 2023 (pbrt-v4), section 9.3.5: the mean of
-/// r_s^2 and r_p^2, with cos_t from Snell's law.
+/// Computes the mean of r_s^2 and r_p^2, with cos_t from Snell's law: Born and Wolf 1999, section 1.5.2; Pharr et al.
+/// 2023 (pbrt-v4), section 9.3.5.
 ///
-/// `eta` = n_t / n_i in 0.4..=2.5, `cos_i` in 0..=1; the result is a reflectance. Total internal
-/// reflection returns 1. At eta = 1 there is no interface and the result is 0, also at grazing
-/// incidence, where the formula reads 0 / 0.
+/// `eta` = n_t / n_i is in 0.4..=2.5, and `cos_i` in 0..=1. The result is a reflectance. Total internal reflection
+/// returns 1. At eta = 1 there is no interface and the result is 0, also at grazing incidence, where the formula gives
+/// 0 / 0.
 #[must_use]
 pub fn dielectric(eta: f64, cos_i: f64) -> f64 {
     if eta == 1.0 {
@@ -31,17 +31,16 @@ pub fn dielectric(eta: f64, cos_i: f64) -> f64 {
     0.5 * (r_s * r_s + r_p * r_p)
 }
 
-/// Pharr et al. 2023 (pbrt-v4), section 9.3.6: `dielectric` with the complex index m = eta + i k,
-/// the mean of |r_s|^2 and |r_p|^2.
+/// Computes `dielectric` with the complex index m = eta + i k: the mean of |r_s|^2 and |r_p|^2. Pharr et al. 2023
+/// (pbrt-v4), section 9.3.6.
 ///
-/// `cos_i` in 0..=1; eta > 0 and k >= 0, not eta = 1 with k = 0, where there is no interface and
-/// the result is 0.
+/// `cos_i` is in 0..=1, eta > 0 and k >= 0. At eta = 1 with k = 0 there is no interface, and the result is 0.
 #[must_use]
 pub fn conductor(eta: f64, k: f64, cos_i: f64) -> f64 {
     if (eta, k) == (1.0, 0.0) {
         return 0.0;
     }
-    // Complex numbers as vectors: `rotate` is their product.
+    // Complex numbers are vectors, and `rotate` is their product.
     let index = DVec2::new(eta, k);
     let square = index.rotate(index);
     let divide = |a: DVec2, b: DVec2| a.rotate(DVec2::new(b.x, -b.y)) / b.length_squared();
@@ -54,18 +53,18 @@ pub fn conductor(eta: f64, k: f64, cos_i: f64) -> f64 {
     0.5 * (r_s.length_squared() + r_p.length_squared())
 }
 
-/// 2 int c F(c) dc by the terms of Schlick's formula: 2 int c (1 - c)^5 dc = 2 / 42.
+/// Computes 2 int c F(c) dc from the terms of Schlick's formula: 2 int c (1 - c)^5 dc = 2 / 42.
 #[must_use]
 pub fn schlick_average(f0: DVec3) -> DVec3 {
     f0 + (DVec3::ONE - f0) * 2.0 / 42.0
 }
 
-/// int F d(cos^2), by quadrature of the exact `dielectric`, for `eta` > 0.
+/// Computes int F d(cos^2) for `eta` > 0, by quadrature of the exact `dielectric`.
 ///
-/// Beyond the critical angle F is 1. The rest is a trapezoidal sum over the logarithm of the odds of its share: near
-/// eta = 1, F falls from 1 within a cos^2 of |eta^2 - 1| above that angle, and the logarithm widens this interval like
-/// any other. The sum converges as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), since each
-/// singularity is at least pi away.
+/// Beyond the critical angle F is 1. The other part is a trapezoidal sum over the logarithm of the odds of its share.
+/// Near eta = 1, F falls from 1 within a cos^2 of |eta^2 - 1| above the critical angle, and the logarithm widens this
+/// interval like any other. The sum converges as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1),
+/// because each singularity is at least pi away.
 #[must_use]
 pub fn dielectric_average(eta: f64) -> f64 {
     const STEP: f64 = 0.5; // 1e-17
@@ -112,7 +111,7 @@ mod tests {
 
     #[test]
     fn brewster_angle_leaves_r_s_alone() {
-        // tan(theta_B) = eta; there r_p = 0 and r_s = (1 - eta^2) / (1 + eta^2).
+        // tan(theta_B) = eta. At theta_B, r_p = 0 and r_s = (1 - eta^2) / (1 + eta^2).
         let cos_b = (1.0 + GLASS * GLASS).sqrt().recip();
         let r_s = (1.0 - GLASS * GLASS) / (1.0 + GLASS * GLASS);
         assert!((dielectric(GLASS, cos_b) - 0.5 * r_s * r_s).abs() < 1e-15);
@@ -120,7 +119,7 @@ mod tests {
 
     #[test]
     fn both_sides_of_the_interface_agree() {
-        // Stokes reversibility: F(eta, cos_i) = F(1 / eta, cos_t).
+        // Stokes' reversibility requires F(eta, cos_i) = F(1 / eta, cos_t).
         for cos_i in [0.05, 0.3, 0.7, 1.0_f64] {
             let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (GLASS * GLASS)).sqrt();
             let difference = dielectric(GLASS, cos_i) - dielectric(GLASS.recip(), cos_t);
@@ -157,8 +156,8 @@ mod tests {
 
     #[test]
     fn a_strong_reflector_dips_towards_grazing() {
-        // For |m| >> 1 (Born and Wolf 1999, section 14.2): |r_p|^2 is least where
-        // cos = 1 / |m|, and there (|m| - eta) / (|m| + eta), while |r_s|^2 is nearly 1.
+        // For |m| >> 1 (Born and Wolf 1999, section 14.2), |r_p|^2 is smallest where cos = 1 / |m|. There it is (|m| -
+        // eta) / (|m| + eta), and |r_s|^2 is nearly 1.
         let (eta, k) = (40.0_f64, 80.0_f64);
         let modulus = eta.hypot(k);
         let least = conductor(eta, k, modulus.recip());
@@ -178,7 +177,7 @@ mod tests {
         }
     }
 
-    /// Duntley 1942, for eta > 1. Useless near 1, where its terms cancel.
+    /// The closed form of Duntley 1942, for eta > 1. Near 1 its terms cancel, so it is useless there.
     fn duntley(n: f64) -> f64 {
         let n2 = n * n;
         let (plus, minus) = (n2 + 1.0, n2 * n2 - 1.0);
@@ -194,7 +193,7 @@ mod tests {
             assert!((dielectric_average(eta) / duntley(eta) - 1.0).abs() < 1e-9, "{eta}");
         }
         assert!((dielectric_average(GLASS) - 0.091_777_959).abs() < 1e-9);
-        // The closed form in 60 digits, one step of f32 away from 1.
+        // Results of the closed form with 60 digits, at one step of f32 below and above 1.
         let beside = [
             (1.0 - 0.5_f64.powi(24), 1.390_774_717_7e-7),
             (1.0 + 0.5_f64.powi(23), 3.973_632_289_8e-8),
@@ -207,7 +206,7 @@ mod tests {
 
     #[test]
     fn a_dielectric_transmits_equally_in_both_directions() {
-        // Light in equilibrium on both sides: 1 - F(1 / n) = (1 - F(n)) / n^2.
+        // Light in equilibrium on both sides of the interface requires 1 - F(1 / n) = (1 - F(n)) / n^2.
         for eta in [1.001, 1.2, GLASS, 2.5_f64] {
             let enters = 1.0 - dielectric_average(eta);
             let leaves = (1.0 - dielectric_average(eta.recip())) * eta * eta;

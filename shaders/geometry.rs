@@ -1,12 +1,12 @@
 //! Twin of `geometry.wgsl`: masking and shadowing of microfacets in textbook form.
 //!
-//! Results are shares in 0..=1; `n_dot_x` and `v_dot_h` are cosines in 0..=1; `alpha` is the width
-//! of GGX or Beckmann, in (0, 1].
+//! Results are shares in 0..=1. `n_dot_x` and `v_dot_h` are cosines in 0..=1. `alpha` is the width of GGX or Beckmann,
+//! in (0, 1].
 
 use std::f64::consts::PI;
 
-/// Cook and Torrance 1982, "Geometrical attenuation factor": the least of 1, masking and
-/// shadowing. 1, the limit, where `v_dot_h` is 0.
+/// Computes the "geometrical attenuation factor" of Cook and Torrance 1982: the least of 1, masking and shadowing.
+/// Where `v_dot_h` is 0, the result is the limit, 1.
 #[must_use]
 pub fn v_cavity(n_dot_h: f64, n_dot_v: f64, n_dot_l: f64, v_dot_h: f64) -> f64 {
     if v_dot_h == 0.0 {
@@ -17,13 +17,13 @@ pub fn v_cavity(n_dot_h: f64, n_dot_v: f64, n_dot_l: f64, v_dot_h: f64) -> f64 {
     1.0_f64.min(masking).min(shadowing)
 }
 
-/// [`v_cavity`] over 4 N.V N.L (Walter et al. 2007, eq. 20).
+/// Computes [`v_cavity`] divided by 4 N.V N.L (Walter et al. 2007, eq. 20).
 #[must_use]
 pub fn v_cavity_visibility(n_dot_h: f64, n_dot_v: f64, n_dot_l: f64, v_dot_h: f64) -> f64 {
     v_cavity(n_dot_h, n_dot_v, n_dot_l, v_dot_h) / (4.0 * n_dot_v * n_dot_l)
 }
 
-/// Walter et al. 2007, eq. 34: 2 / (1 + sqrt(1 + alpha^2 tan^2)), and 0 at and below the horizon.
+/// Computes Walter et al. 2007, eq. 34: 2 / (1 + sqrt(1 + alpha^2 tan^2)). At and below the horizon the result is 0.
 #[must_use]
 pub fn smith_g1(alpha: f64, n_dot_x: f64) -> f64 {
     if n_dot_x <= 0.0 {
@@ -32,13 +32,13 @@ pub fn smith_g1(alpha: f64, n_dot_x: f64) -> f64 {
     2.0 / (1.0 + (1.0 + alpha * alpha * tan2(n_dot_x)).sqrt())
 }
 
-/// Walter et al. 2007, eq. 23: G1(v) G1(l).
+/// Computes Walter et al. 2007, eq. 23: G1(v) G1(l).
 #[must_use]
 pub fn smith_separable(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f64 {
     smith_g1(alpha, n_dot_v) * smith_g1(alpha, n_dot_l)
 }
 
-/// Heitz 2014, eq. 99: 1 / (1 + Lambda(v) + Lambda(l)), and 0 at and below the horizon.
+/// Computes Heitz 2014, eq. 99: 1 / (1 + Lambda(v) + Lambda(l)). At and below the horizon the result is 0.
 #[must_use]
 pub fn smith_correlated(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f64 {
     if n_dot_v <= 0.0 || n_dot_l <= 0.0 {
@@ -47,7 +47,7 @@ pub fn smith_correlated(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f64 {
     1.0 / (1.0 + lambda(alpha, n_dot_v) + lambda(alpha, n_dot_l))
 }
 
-/// Heitz 2014, eq. 99, divided by 4 N.V N.L, the denominator of Walter et al. 2007, eq. 20.
+/// Computes Heitz 2014, eq. 99, divided by 4 N.V N.L, the denominator of Walter et al. 2007, eq. 20.
 #[must_use]
 pub fn smith_correlated_visibility(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f64 {
     if n_dot_v <= 0.0 || n_dot_l <= 0.0 {
@@ -56,16 +56,16 @@ pub fn smith_correlated_visibility(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f6
     smith_correlated(alpha, n_dot_v, n_dot_l) / (4.0 * n_dot_v * n_dot_l)
 }
 
-/// Karis 2013, "Specular G": Schlick's G1 = c / (c (1 - k) + k) of both directions with k =
-/// alpha / 2. Divided by c: 1 / (1 + k (1 / c - 1)).
+/// Computes the product of Schlick's G1 = c / (c (1 - k) + k) for both directions, with k = alpha / 2: Karis 2013,
+/// "Specular G". Divided by c, G1 is 1 / (1 + k (1 / c - 1)).
 #[must_use]
 pub fn smith_schlick_ggx(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f64 {
     let g1 = |c: f64| if c <= 0.0 { 0.0 } else { 1.0 / (1.0 + 0.5 * alpha * (1.0 / c - 1.0)) };
     g1(n_dot_v) * g1(n_dot_l)
 }
 
-/// Walter et al. 2007, eq. 26: 2 / (1 + erf(a) + exp(-a^2) / (a sqrt(pi))), a = 1 / (alpha tan),
-/// and 0 at and below the horizon.
+/// Computes Walter et al. 2007, eq. 26: 2 / (1 + erf(a) + exp(-a^2) / (a sqrt(pi))) with a = 1 / (alpha tan). At and
+/// below the horizon the result is 0.
 #[must_use]
 pub fn smith_g1_beckmann(alpha: f64, n_dot_x: f64) -> f64 {
     if n_dot_x <= 0.0 {
@@ -114,7 +114,7 @@ mod tests {
 
     #[test]
     fn widest_lobe_has_a_closed_form() {
-        // alpha = 1: 1 + tan^2 = 1 / cos^2, so that G1 = 2 cos / (1 + cos).
+        // At alpha = 1, 1 + tan^2 = 1 / cos^2, so G1 = 2 cos / (1 + cos).
         for c in [0.01, 0.3, 0.9] {
             assert!((smith_g1(1.0, c) - 2.0 * c / (1.0 + c)).abs() < 1e-15);
         }
@@ -122,20 +122,20 @@ mod tests {
 
     #[test]
     fn correlated_heights_hide_less() {
-        // Lambda >= 0, so that (1 + a) (1 + b) >= 1 + a + b.
+        // Lambda >= 0, so (1 + a) (1 + b) >= 1 + a + b.
         for alpha in ALPHAS {
             for (v, l) in [(0.1, 0.9), (0.5, 0.5), (0.01, 0.02)] {
                 let gain = smith_correlated(alpha, v, l) - smith_separable(alpha, v, l);
                 assert!(gain >= -1e-15, "{alpha}, {v}, {l}");
             }
         }
-        // One direction unmasked: both forms are G1 of the other.
+        // If one direction isn't masked, both functions are G1 of the other direction.
         assert!((smith_correlated(0.5, 1.0, 0.3) - smith_g1(0.5, 0.3)).abs() < 1e-15);
     }
 
     #[test]
     fn visibility_of_the_widest_lobe_has_a_closed_form() {
-        // alpha = 1: 1 + 2 Lambda = 1 / cos, so that G / (4 v l) = 1 / (2 (v + l)).
+        // At alpha = 1, 1 + 2 Lambda = 1 / cos, so G / (4 v l) = 1 / (2 (v + l)).
         for (v, l) in [(0.01, 0.9), (0.3, 0.3), (1.0, 1.0)] {
             let expected = 0.5 / (v + l);
             assert!((smith_correlated_visibility(1.0, v, l) / expected - 1.0).abs() < 1e-14);
@@ -144,8 +144,8 @@ mod tests {
 
     #[test]
     fn schlick_s_form_stays_near_smith_s() {
-        // Schlick 1994 fits Beckmann; with k = alpha / 2 it is within 0.16 of GGX everywhere, and
-        // equal at normal incidence and at the horizon.
+        // Schlick 1994 approximates Beckmann. With k = alpha / 2, the approximation is within 0.16 of GGX everywhere,
+        // and equal at normal incidence and at the horizon.
         assert_eq!(smith_schlick_ggx(0.5, 1.0, 1.0), 1.0);
         assert_eq!(smith_schlick_ggx(0.5, 0.0, 1.0), 0.0);
         let mut worst = 0.0_f64;
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn beckmann_s_masking_is_near_the_rational_fit() {
-        // Walter et al. 2007, eq. 27: a relative error below 0.35 % for a < 1.6, else 1.
+        // The fit of Walter et al. 2007, eq. 27, has a relative error below 0.35 % for a < 1.6. Above, it is 1.
         for step in 1..300 {
             let a = f64::from(step) / 100.0;
             let cos = a / (1.0 + a * a).sqrt(); // tan = 1 / a, alpha = 1
@@ -178,8 +178,8 @@ mod tests {
     #[test]
     fn the_projected_lobe_has_unit_area() {
         // Heitz 2014, section 3: the visible facets cover exactly the projected macrosurface, int G1 D <v, m> dm =
-        // cos(v). This equation relates G1 to the distribution; it determines alpha, the factor 2 and the tangent at
-        // once.
+        // cos(v). This equation relates G1 to the distribution. It determines alpha, the factor 2 and the tangent
+        // together.
         let ggx = covered(0.4, 0.35, distribution::ggx, smith_g1);
         assert!((ggx - 0.35).abs() < 1e-5, "{ggx}");
         let beckmann = covered(0.4, 0.35, distribution::beckmann, smith_g1_beckmann);

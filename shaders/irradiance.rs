@@ -1,8 +1,8 @@
 //! Twin of `irradiance.wgsl`: light from an environment, reflected by a Lambertian.
 //!
 //! All functions return E / pi in W/(m^2 sr), the radiance of a white Lambertian with unit normal `n`. `radiance` is
-//! the light from a unit direction; if it gets a level, averaged over texels of that mip level. `linear` and
-//! `cosine_lobe` are closed forms for environments that have one.
+//! the light from a unit direction. If `radiance` also gets a level, it returns the mean over texels of that mip level.
+//! `linear` and `cosine_lobe` are closed forms for special environments.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
@@ -11,8 +11,8 @@ use glam::DVec3;
 use crate::environment::face_direction;
 use crate::sampling;
 
-/// The estimator in its general form, the mean of f L cos / pdf with f = 1 / pi, over directions
-/// uniform on the hemisphere. `samples` is at least 1.
+/// Computes the general estimator, the mean of f L cos / pdf with f = 1 / pi, over directions uniform on the
+/// hemisphere. `samples` is at least 1.
 #[must_use]
 pub fn estimate(n: DVec3, samples: u32, radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
     let frame = sampling::orthonormal_basis(n);
@@ -24,9 +24,9 @@ pub fn estimate(n: DVec3, samples: u32, radiance: impl Fn(DVec3) -> DVec3) -> DV
     (0..samples).map(sample).sum::<DVec3>() / f64::from(samples)
 }
 
-/// Krivanek and Colbert 2008: the mean of f L cos / pdf over directions with density cos / pi, L
-/// at the level 1/2 log2(Omega_s / Omega_p), but at least 0. Omega_s = 1 / (samples pdf), Omega_p =
-/// 4 pi / (6 size^2).
+/// Computes the estimator of Krivanek and Colbert 2008: the mean of f L cos / pdf over directions with density cos /
+/// pi. L is read at the level 1/2 log2(Omega_s / Omega_p), but at least 0. Omega_s = 1 / (samples pdf), and Omega_p = 4
+/// pi / (6 size^2).
 #[must_use]
 pub fn filtered_estimate(
     n: DVec3,
@@ -46,8 +46,8 @@ pub fn filtered_estimate(
     (0..samples).map(sample).sum::<DVec3>() / f64::from(samples)
 }
 
-/// The article's double sum, each term times its steps: (1 / pi) L cos sin dtheta dphi. 252
-/// azimuths from 0 in steps of 0.025, 16 polar angles from 0 in steps of 0.1.
+/// Computes the article's double sum, with each term multiplied by its steps: (1 / pi) L cos sin dtheta dphi. It has
+/// 252 azimuths from 0 in steps of 0.025, and 16 polar angles from 0 in steps of 0.1.
 #[must_use]
 pub fn loop_corrected(n: DVec3, radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
     let (d_phi, d_theta) = (0.025, 0.1);
@@ -61,8 +61,8 @@ pub fn loop_corrected(n: DVec3, radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
     terms.sum()
 }
 
-/// The weighted mean of L with weights cos sin, at the centres of `phi_steps` by `theta_steps`
-/// equal steps of azimuth and polar angle.
+/// Computes the weighted mean of L with weights cos sin, at the centres of `phi_steps` by `theta_steps` equal steps of
+/// azimuth and polar angle.
 #[must_use]
 pub fn midpoint(
     n: DVec3,
@@ -79,8 +79,8 @@ pub fn midpoint(
     }))
 }
 
-/// The weighted mean of L over the texels of a cube map `size` texels wide, the weight being the
-/// cosine with the normal, where it is positive, times the solid angle.
+/// Computes the weighted mean of L over the texels of a cube map with faces `size` texels wide. The weight is the solid
+/// angle times the cosine with the normal, where the cosine is positive.
 #[must_use]
 pub fn texel_sum(n: DVec3, size: u32, radiance: &dyn Fn(DVec3) -> DVec3) -> DVec3 {
     weighted_mean(texels(size).map(|(l, solid_angle)| {
@@ -89,7 +89,7 @@ pub fn texel_sum(n: DVec3, size: u32, radiance: &dyn Fn(DVec3) -> DVec3) -> DVec
     }))
 }
 
-/// For each texel of a cube map the unit direction through its centre, and its solid angle.
+/// The unit direction through the centre of each texel of a cube map, with the texel's solid angle.
 fn texels(size: u32) -> impl Iterator<Item = (DVec3, f64)> {
     let area = (2.0 / f64::from(size)).powi(2);
     (0..6 * size * size).map(move |i| {
@@ -98,7 +98,7 @@ fn texels(size: u32) -> impl Iterator<Item = (DVec3, f64)> {
     })
 }
 
-/// The point of the cube of side 2 at the centre of texel `i`, counted face by face and row by row
+/// Returns the point of the cube of side 2 at the centre of texel `i`. Texels are counted face by face, and row by row
 /// from the top.
 #[must_use]
 pub fn texel_direction(size: u32, i: u32) -> DVec3 {
@@ -108,7 +108,8 @@ pub fn texel_direction(size: u32, i: u32) -> DVec3 {
     face_direction(face as usize, centre(column), centre(row))
 }
 
-/// The solid angle per area of the cube of side 2 at its point `d`: cos / r^2, with the cosine to the face's axis.
+/// Computes the solid angle per area of the cube of side 2 at its point `d`: cos / r^2, with the cosine to the face's
+/// axis.
 #[must_use]
 pub fn texel_density(d: DVec3) -> f64 {
     let cosine = d.normalize().abs().max_element();
@@ -118,13 +119,12 @@ pub fn texel_density(d: DVec3) -> f64 {
 /// Coefficients of a function on the sphere, by band l and then by m from -l to l.
 pub type Coefficients<T> = [T; 9];
 
-/// Band and order of each of the nine harmonics.
 const HARMONICS: [(u32, i32); 9] =
     [(0, 0), (1, -1), (1, 0), (1, 1), (2, -2), (2, -1), (2, 0), (2, 1), (2, 2)];
 
-/// By definition (Sloan 2008): K P_l^|m|(cos theta), times sqrt 2 cos(m phi) for m > 0 and
-/// sqrt 2 sin(|m| phi) for m < 0. Without the phase (-1)^m, so that all signs are positive, as
-/// Ramamoorthi and Hanrahan 2001 have them.
+/// Computes the harmonics by their definition (Sloan 2008): K P_l^|m|(cos theta), times sqrt 2 cos(m phi) for m > 0,
+/// and times sqrt 2 sin(|m| phi) for m < 0. The definition here has no phase (-1)^m, so all signs are positive, as in
+/// Ramamoorthi and Hanrahan 2001.
 #[must_use]
 pub fn sh_basis(d: DVec3) -> Coefficients<f64> {
     let phi = d.y.atan2(d.x);
@@ -152,8 +152,8 @@ pub fn sh_basis(d: DVec3) -> Coefficients<f64> {
     })
 }
 
-/// Ramamoorthi and Hanrahan 2001, eq. 10: the sum of L Y over the texels of a cube map `size` texels
-/// wide, solid angles scaled to a sum of 4 pi.
+/// Computes Ramamoorthi and Hanrahan 2001, eq. 10: the sum of L Y over the texels of a cube map with faces `size`
+/// texels wide. Solid angles are scaled to a sum of 4 pi.
 #[must_use]
 pub fn sh_project(size: u32, radiance: &dyn Fn(DVec3) -> DVec3) -> Coefficients<DVec3> {
     let sphere: f64 = texels(size).map(|(_, solid_angle)| solid_angle).sum();
@@ -167,15 +167,16 @@ pub fn sh_project(size: u32, radiance: &dyn Fn(DVec3) -> DVec3) -> Coefficients<
     coefficients
 }
 
-/// Ramamoorthi and Hanrahan 2001, eq. 7: E = sum of A_l L_lm Y_lm, with A of eq. 8.
+/// Computes Ramamoorthi and Hanrahan 2001, eq. 7: E is the sum of A_l L_lm Y_lm, with A of eq. 8.
 #[must_use]
 pub fn sh_irradiance(coefficients: Coefficients<DVec3>, n: DVec3) -> DVec3 {
     let terms = HARMONICS.iter().zip(coefficients).zip(sh_basis(n));
     terms.map(|(((l, _), light), basis)| FRAC_1_PI * cosine_coefficient(*l) * light * basis).sum()
 }
 
-/// A_l: band `l` of a clamped cosine, as a factor for light. Ramamoorthi and Hanrahan 2001, eq. 8: pi, 2 pi / 3, pi /
-/// 4, then 0 in odd bands and 2 pi (-1)^(l/2 - 1) / ((l + 2) (l - 1)) l! / (2^l (l/2)!^2) in even ones.
+/// Computes A_l, the factor by which a clamped cosine scales band `l` of the light. Ramamoorthi and Hanrahan 2001, eq.
+/// 8: pi, 2 pi / 3 and pi / 4 for bands 0 to 2. Higher odd bands have 0, and even bands have 2 pi (-1)^(l/2 - 1) /
+/// ((l + 2) (l - 1)) l! / (2^l (l/2)!^2).
 #[must_use]
 pub fn cosine_coefficient(l: u32) -> f64 {
     match l {
@@ -192,35 +193,34 @@ pub fn cosine_coefficient(l: u32) -> f64 {
     }
 }
 
-/// A Lambertian's radiance, f E, with f = colour / pi and the irradiance E, pi times the stored value.
+/// Computes a Lambertian's radiance, f E, with f = colour / pi. The irradiance E is pi times the stored value.
 #[must_use]
 pub fn lambert(colour: DVec3, irradiance_over_pi: DVec3) -> DVec3 {
     colour * FRAC_1_PI * (irradiance_over_pi * PI)
 }
 
-/// The closed form for an environment with radiance `mean` + `gradient` . d: band 1 keeps 2/3.
+/// Computes the closed form for an environment with radiance `mean` + `gradient` . d: band 1 keeps 2/3.
 #[must_use]
 pub fn linear(n: DVec3, mean: f64, gradient: DVec3) -> f64 {
     mean + 2.0 / 3.0 * gradient.dot(n)
 }
 
-/// The closed form for an environment with radiance max(0, axis . d), at the angle gamma between normal and axis: 2
-/// (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two clamped cosines is the
-/// arc-cosine kernel of order 1, eq. 6.
+/// Computes the closed form for an environment with radiance max(0, axis . d). With the angle gamma between normal and
+/// axis, it is 2 (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two clamped
+/// cosines is the arc-cosine kernel of order 1, eq. 6.
 #[must_use]
 pub fn cosine_lobe(n: DVec3, axis: DVec3) -> f64 {
     let gamma = n.cross(axis).length().atan2(n.dot(axis));
     2.0 / (3.0 * PI) * (gamma.sin() + (PI - gamma) * gamma.cos())
 }
 
-/// The direction at polar angle `theta` from `n` and azimuth `phi`, plus half a turn, as in the samplers.
+/// The direction at polar angle `theta` from `n` and azimuth `phi` plus half a turn, as in the samplers.
 fn around(n: DVec3, theta: f64, phi: f64) -> DVec3 {
     let (sin_phi, cos_phi) = (phi - PI).sin_cos();
     let local = DVec3::new(theta.sin() * cos_phi, theta.sin() * sin_phi, theta.cos());
     sampling::orthonormal_basis(n) * local
 }
 
-/// The mean of values with their weights.
 fn weighted_mean(terms: impl Iterator<Item = (DVec3, f64)>) -> DVec3 {
     let (sum, weights) = terms.fold((DVec3::ZERO, 0.0), |(sum, weights), (value, weight)| {
         (sum + value * weight, weights + weight)
@@ -260,7 +260,7 @@ mod tests {
 
     #[test]
     fn the_loop_turns_a_little_too_far() {
-        // sum of cos sin over 16 steps = sin 1.5 sin 1.6 / (2 sin 0.1), times 6.3 0.1 / pi.
+        // The sum of cos sin over 16 steps is sin 1.5 sin 1.6 / (2 sin 0.1). It is multiplied by 6.3 0.1 / pi.
         let expected = 1.5_f64.sin() * 1.6_f64.sin() / (2.0 * 0.1_f64.sin()) * 0.63 / PI;
         let light = loop_corrected(DVec3::Y, |_| DVec3::ONE).x;
         assert!((light - expected).abs() < 1e-12 && (light - 1.0014).abs() < 5e-5, "{light}");
@@ -328,7 +328,7 @@ mod tests {
         for (l, expected) in (0..).zip(expected) {
             assert!((cosine_coefficient(l) - expected).abs() < 1e-15, "{l}");
         }
-        // All bands together are the cosine itself at its axis: sum of (2 l + 1) A_l / (4 pi) = 1.
+        // All bands together are the cosine at its axis: the sum of (2 l + 1) A_l / (4 pi) is 1.
         let sum: f64 =
             (0..4000).map(|l| f64::from(2 * l + 1) * cosine_coefficient(l) / (4.0 * PI)).sum();
         assert!((sum - 1.0).abs() < 1e-3, "{sum}");
@@ -336,7 +336,7 @@ mod tests {
 
     #[test]
     fn nine_coefficients_carry_a_lobe_to_half_a_percent() {
-        // The share of bands 4, 6, ... in E / pi of a lobe: (2 l + 1) A_l^2 / (4 pi^2) each.
+        // Each of the bands 4, 6, ... has a share of (2 l + 1) A_l^2 / (4 pi^2) in a lobe's E / pi.
         let rest: f64 = (3..400)
             .map(|l| f64::from(2 * l + 1) * cosine_coefficient(l).powi(2) / (4.0 * PI * PI))
             .sum();

@@ -1,7 +1,6 @@
 //! Twin of `layering.wgsl`: a thin shiny layer over any base. PV227 lecture 11, task 3.
 //!
-//! `environment`, `base` and `white` are radiances in W/(m^2 sr), at least 0; cosines and `mask`
-//! lie in 0..=1.
+//! `environment`, `base` and `white` are radiances in W/(m^2 sr), at least 0. Cosines and `mask` are in 0..=1.
 
 use glam::DVec3;
 
@@ -10,32 +9,32 @@ use crate::fresnel;
 /// Reflectance of a dielectric of index 1.5 at normal incidence.
 const COAT_F0: f64 = 0.04;
 
-/// L_o = F_c L_environment + (1 - F_c) L_base, F_c = Schlick(0.04, N.V).
+/// Computes the radiance L_o = F_c L_environment + (1 - F_c) L_base with F_c = Schlick(0.04, N.V).
 #[must_use]
 pub fn thin_coat(environment: DVec3, base: DVec3, n_dot_v: f64) -> DVec3 {
     reflectance(n_dot_v) * environment + transmittance(n_dot_v) * base
 }
 
-/// (1 - F_c(v)) (1 - F_c(l)).
+/// Computes the weight (1 - F_c(v)) (1 - F_c(l)).
 #[must_use]
 pub fn thin_coat_reciprocal_weight(n_dot_v: f64, n_dot_l: f64) -> f64 {
     transmittance(n_dot_v) * transmittance(n_dot_l)
 }
 
-/// (1 - mask) base + mask white.
+/// Computes the blend (1 - mask) base + mask white.
 #[must_use]
 pub fn masked_base(base: DVec3, white: DVec3, mask: f64) -> DVec3 {
     (1.0 - mask) * base + mask * white
 }
 
-/// (1 - F) L_base + L_specular, F = Schlick(f0, N.V).
+/// Computes the radiance (1 - F) L_base + L_specular with F = Schlick(f0, N.V).
 #[must_use]
 pub fn plastic(f0: DVec3, base: DVec3, specular: DVec3, n_dot_v: f64) -> DVec3 {
     interface_transmittance(f0, n_dot_v) * base + specular
 }
 
-/// 1 - F = (1 - f0) (1 - (1 - c)^5), the bracket as -expm1(5 log1p(-c)): relative precision down
-/// to the smallest cosine, where the difference would leave 0.
+/// Computes 1 - F = (1 - f0) (1 - (1 - c)^5). The second bracket is computed as -expm1(5 log1p(-c)), which keeps
+/// relative precision down to the smallest cosine, where a subtraction would give 0.
 #[must_use]
 pub fn interface_transmittance(f0: DVec3, n_dot_x: f64) -> DVec3 {
     (DVec3::ONE - f0) * -(5.0 * (-n_dot_x).ln_1p()).exp_m1()
@@ -45,7 +44,6 @@ fn reflectance(n_dot_x: f64) -> f64 {
     fresnel::schlick(DVec3::splat(COAT_F0), n_dot_x).x
 }
 
-/// 1 - F_c.
 fn transmittance(n_dot_x: f64) -> f64 {
     interface_transmittance(DVec3::splat(COAT_F0), n_dot_x).x
 }
@@ -74,8 +72,8 @@ mod tests {
 
     #[test]
     fn the_reciprocal_weight_loses_eight_percent() {
-        // Coat and white Lambertian base at normal incidence: F(1) + (1 - F(1)) int 2 c (1 - F(c)),
-        // and int 2 c (1 - c)^5 = 2 / 42.
+        // The sum is that of a coat and a white Lambertian base at normal incidence: F(1) + (1 - F(1)) int 2 c (1 -
+        // F(c)), and int 2 c (1 - c)^5 = 2 / 42.
         let n = 100_000;
         let base: f64 = (0..n)
             .map(|i| (f64::from(i) + 0.5) / f64::from(n))
@@ -95,9 +93,9 @@ mod tests {
 
     #[test]
     fn plastic_keeps_its_energy() {
-        // A white furnace of the lecture's plastics, whose brightest albedo is 0.8, and of a white one. The specular
-        // lobe is wider than a mirror's, so its mean F is above F(N.V) where F is convex: by at most 0.0012, near alpha
-        // = 0.1 and 53 degrees.
+        // Tests a white furnace with the lecture's plastics, whose brightest albedo is 0.8, and with a white plastic.
+        // The specular lobe is wider than a mirror's, so its mean F is above F(N.V) where F is convex: by at most
+        // 0.0012, near alpha = 0.1 and 53 degrees.
         let f0 = DVec3::splat(0.04);
         for alpha in [0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5] {
             for degrees in [0.0, 30.0, 60.0, 80.0, 85.0, 89.0, 89.9_f64] {

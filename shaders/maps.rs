@@ -5,24 +5,24 @@ use karat::Image;
 
 use crate::environment;
 
-/// Faces across a frame of six: +X, -X, +Y, and below them -Y, +Z, -Z.
+/// Faces across a frame of six faces: +X, -X, +Y, and below them -Y, +Z, -Z.
 pub const ACROSS: u32 = 3;
-/// Faces down.
+/// Rows of faces in a frame.
 pub const DOWN: u32 = 2;
 
 karat::shareable! {
     /// The settings of a map.
     pub struct MapSettings mirrors MapSettingsMirror {
-        /// Texels along a side of a face, or of the table.
+        /// Texels along each side of a face or of the table.
         side: u32,
         /// Directions for each texel.
         samples: u32,
-        /// GGX width of a prefiltered level.
+        /// The GGX width of a prefiltered level.
         alpha: f32,
     }
 }
 
-/// Direction, of any length, through the texel at `pixel`.
+/// Returns the direction, of any length, through the texel at `pixel`.
 #[must_use]
 pub fn texel_direction(side: u32, pixel: UVec2) -> DVec3 {
     let face = pixel.y / side * ACROSS + pixel.x / side;
@@ -31,7 +31,7 @@ pub fn texel_direction(side: u32, pixel: UVec2) -> DVec3 {
     environment::face_direction(face as usize, uv.x, uv.y)
 }
 
-/// The six faces, `side` a side, of a frame three across and two down.
+/// Cuts a frame of three by two faces into six faces, each `side` texels wide and high.
 ///
 /// # Panics
 ///

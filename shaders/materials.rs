@@ -19,9 +19,9 @@ const DIELECTRIC_F0: f32 = 0.04;
 
 /// Albedo and reflectance at normal incidence of each column, in linear sRGB.
 ///
-/// Metals: Akenine-Moeller et al. 2018 (Real-Time Rendering, 4th edition), table 9.2. Sources
-/// differ, most of all for iron; gold's red, 1.022 in linear sRGB as gold is outside its gamut, is
-/// clamped to 1. Plastics: a dielectric over an albedo that leaves no channel black.
+/// Metals are those of Akenine-Moeller et al. 2018 (Real-Time Rendering, 4th edition), table 9.2. Sources differ, most
+/// of all for iron. The red channel of gold is 1.022 in linear sRGB, because gold is outside the gamut. Here it is
+/// clamped to 1. Plastics are a dielectric over an albedo with no black channel.
 pub const MATERIALS: [(Vec3, Vec3); 8] = [
     (Vec3::new(0.80, 0.05, 0.05), Vec3::splat(DIELECTRIC_F0)),
     (Vec3::new(0.05, 0.80, 0.05), Vec3::splat(DIELECTRIC_F0)),
@@ -33,52 +33,52 @@ pub const MATERIALS: [(Vec3, Vec3); 8] = [
     (Vec3::ZERO, Vec3::new(0.972, 0.960, 0.915)),
 ];
 
-/// The lecture's roughnesses, from the top row down. 0 is a mirror.
+/// The lecture's roughnesses, from the top row down. 0 means a mirror.
 pub const ROUGHNESSES: [f32; 8] = [0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5];
 
 karat::shareable! {
     /// The properties of a surface, except its roughness.
     pub struct Material mirrors MaterialMirror {
-        /// Albedo per channel; black for metals.
+        /// Albedo per channel. Metals are black.
         diffuse: Vec3,
         /// Reflectance at normal incidence per channel.
         f0: Vec3,
     }
 }
 
-/// The material of a column; columns beyond the eighth begin again.
+/// Returns the material of a column. Columns from the ninth on repeat the eight materials.
 #[must_use]
 pub fn material(column: u32) -> MaterialMirror {
     let (diffuse, f0) = MATERIALS[column as usize % MATERIALS.len()];
     MaterialMirror { diffuse: diffuse.as_dvec3(), f0: f0.as_dvec3() }
 }
 
-/// The roughness of a row; rows beyond the eighth begin again.
+/// Returns the roughness of a row. Rows from the ninth on repeat the eight roughnesses.
 #[must_use]
 pub fn roughness(row: u32) -> f64 {
     f64::from(ROUGHNESSES[row as usize % ROUGHNESSES.len()])
 }
 
-/// The lecture's mapping, in which its roughness m stands where Walter et al. 2007, eq. 33, have
-/// the width: alpha = m.
+/// Returns alpha = m. The lecture uses its roughness m as the width in Walter et al. 2007, eq. 33.
 #[must_use]
 pub fn alpha_from_roughness(roughness: f64) -> f64 {
     roughness
 }
 
-/// Karis 2013, "Specular D": alpha = roughness^2.
+/// Computes alpha = roughness^2, as in Karis 2013, "Specular D".
 #[must_use]
 pub fn alpha_from_roughness_squared(roughness: f64) -> f64 {
     roughness.powi(2)
 }
 
-/// (1 - mask) roughness + mask painted.
+/// Computes the blend (1 - mask) roughness + mask painted.
 #[must_use]
 pub fn masked_roughness(roughness: f64, painted: f64, mask: f64) -> f64 {
     roughness + (painted - roughness) * mask
 }
 
-/// glTF 2.0, appendix B.2: base colour and 0.04, and black and base colour, blended by `metallic`.
+/// Computes the material of glTF 2.0, appendix B.2: `metallic` blends the base colour and 0.04 with black and the base
+/// colour.
 #[must_use]
 pub fn material_from_texels(base_color: DVec3, metallic: f64) -> MaterialMirror {
     let dielectric_f0 = DVec3::splat(f64::from(DIELECTRIC_F0));
@@ -105,7 +105,7 @@ mod tests {
     fn plastics_are_what_they_are_called() {
         for (channel, (diffuse, _)) in MATERIALS.into_iter().take(3).enumerate() {
             assert_eq!(diffuse.max_position(), channel);
-            // Conservation at normal incidence.
+            // Energy is conserved at normal incidence.
             assert!(diffuse.max_element() + DIELECTRIC_F0 <= 1.0);
         }
         assert!((fresnel::dielectric(1.5, 1.0) - f64::from(DIELECTRIC_F0)).abs() < 1e-9);
@@ -113,9 +113,9 @@ mod tests {
 
     #[test]
     fn metals_are_near_what_their_measured_index_gives() {
-        // Indices n + i k at 650, 550 and 450 nm, after Johnson and Christy 1972 and 1974 and Rakic et al. 1998. These
-        // are samples of the spectrum, not integrals over it, so they only show the right metal, with its channels in
-        // the right order.
+        // The measured indices n + i k at 650, 550 and 450 nm are from Johnson and Christy 1972 and 1974 and from Rakic
+        // et al. 1998. They are samples of the spectrum, not integrals. So they only show that each metal is the right
+        // one, with its channels in the right order.
         let measured = [
             (3, [(2.91, 3.09), (2.95, 2.93), (2.58, 2.77)]),
             (4, [(0.27, 3.61), (0.68, 2.62), (1.32, 2.29)]),

@@ -2,18 +2,18 @@
 
 use glam::{DVec2, DVec3};
 
-/// Bands of a quarter of a radius. The hole is at the bottom of each.
+/// The height of a band, a quarter of the radius. Each band has a hole at its bottom.
 const BAND: f64 = 0.25;
 /// The height of a hole.
 const HOLE: f64 = 0.1;
 
-/// Returns `true` if the sphere has a hole where its normal is `normal`.
+/// Checks if the sphere has a hole where its normal is `normal`.
 #[must_use]
 pub fn is_hole(normal: DVec3) -> bool {
     normal.y.rem_euclid(BAND) < HOLE
 }
 
-/// The distance of `normal`, in Y, from the nearest edge of a hole.
+/// Returns the distance in Y between `normal` and the nearest edge of a hole.
 #[must_use]
 pub fn from_edge(normal: DVec3) -> f64 {
     let above = normal.y.rem_euclid(BAND);
@@ -23,13 +23,13 @@ pub fn from_edge(normal: DVec3) -> f64 {
 /// The depth of a step, in the range 0..=1.
 pub const STEP: f64 = 1.0 / 16.0;
 
-/// The depth below `depth` that is a whole number of steps.
+/// Rounds `depth` down to a whole number of steps.
 #[must_use]
 pub fn stepped_depth(depth: f64) -> f64 {
     depth - depth.rem_euclid(STEP)
 }
 
-/// The number of a sphere, and X and Y of a normal mapped from -1..=1 to 0..=1.
+/// Returns the number of a sphere, and X and Y of a normal, mapped from -1..=1 to 0..=1.
 #[must_use]
 pub fn label(instance: u32, normal: DVec3) -> DVec3 {
     let share = (normal.truncate() - DVec2::NEG_ONE) / 2.0;

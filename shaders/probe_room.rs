@@ -4,26 +4,26 @@ use glam::{DVec2, DVec3, Vec3};
 
 use crate::camera::Setup;
 
-/// Spheres in the room.
+/// The number of spheres in the room.
 pub const SPHERES: u32 = 5;
-/// Their radius.
+/// The radius of the spheres.
 pub const RADIUS: f64 = 0.3;
-/// Their albedo.
+/// The albedo of the spheres.
 pub const COLOUR: f64 = 0.8;
 
 karat::shareable! {
-    /// The room, and the point from which its cube maps were made.
+    /// The room, and the point from which its cube maps are drawn.
     pub struct Room mirrors RoomMirror {
         /// The corner with the least coordinates.
         corner: Vec3,
         /// The corner with the greatest coordinates.
         opposite: Vec3,
-        /// The point of the cube maps; here the middle.
+        /// The point from which the cube maps are drawn. Here it is the middle of the room.
         probe: Vec3,
     }
 }
 
-/// Half the room's extent: four wide, two high, four deep, about the origin.
+/// Half of the room's size: the room is four wide, two high and four deep, around the origin.
 const HALF: DVec3 = DVec3::new(2.0, 1.0, 2.0);
 
 /// The room of the frames.
@@ -32,13 +32,13 @@ pub fn room() -> Room {
     Room { corner: -HALF.as_vec3(), opposite: HALF.as_vec3(), probe: Vec3::ZERO }
 }
 
-/// Inside the room, before its front wall (+Z), looking at the back wall.
+/// Returns a camera inside the room, in front of the front wall (+Z), which looks at the back wall.
 #[must_use]
 pub fn camera_setup() -> Setup {
     Setup {
         position: DVec3::new(0.0, 0.0, 1.9),
         target: DVec3::ZERO,
-        // Wide enough to show both side walls, the floor and the ceiling.
+        // The field of view shows both side walls, the floor and the ceiling.
         field_of_view: 55_f64.to_radians(),
         depth: [0.5, 5.0],
     }
@@ -50,8 +50,8 @@ pub fn sphere_centre(instance: u32) -> DVec3 {
     DVec3::new(0.8 * (f64::from(instance) - 2.0), -0.35, -0.6)
 }
 
-/// Radiance of the wall that `direction` meets from the middle of the room: red on the left, green
-/// on the right, a lamp in the ceiling.
+/// Returns the radiance of the wall that `direction` meets from the middle of the room. The left wall is red, the right
+/// wall is green, and the ceiling has a lamp.
 #[must_use]
 pub fn walls(direction: DVec3) -> DVec3 {
     let distances = HALF / direction.abs();
@@ -63,12 +63,12 @@ pub fn walls(direction: DVec3) -> DVec3 {
         let floor = DVec3::new(0.25, 0.22, 0.2);
         if point.y < 0.0 { floor } else { grey.lerp(DVec3::splat(3.0), lamp(point)) }
     } else {
-        // Front and back wall are darker towards the floor.
+        // The front and the back wall are darker towards the floor.
         grey * (0.8 + 0.4 * point.y)
     }
 }
 
-/// 1 in a rectangle of the ceiling, 0 around it, with edges 0.1 wide.
+/// Returns 1 in a rectangle of the ceiling and 0 around it, with edges 0.1 wide.
 fn lamp(point: DVec3) -> f64 {
     let inside = DVec2::new(0.8, 0.5) - DVec2::new(point.x.abs(), point.z.abs());
     let [x, z] = (inside / 0.1).clamp(DVec2::ZERO, DVec2::ONE).to_array();

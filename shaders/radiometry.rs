@@ -1,43 +1,43 @@
 //! Twin of `radiometry.wgsl`: quantities of light in textbook form.
 //!
-//! Flux in W, intensity in W/sr, irradiance and radiosity in W/m^2, radiance in W/(m^2 sr), BRDFs
-//! in 1/sr; lengths in m, angles in rad, solid angles in sr; cosines in 0..=1.
+//! Units: flux in W, intensity in W/sr, irradiance and radiosity in W/m^2, radiance in W/(m^2 sr), BRDFs in 1/sr,
+//! lengths in m, angles in rad, and solid angles in sr. Cosines are in 0..=1.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// dPhi / dw of an isotropic source: Phi over the sphere's 4 pi.
+/// Computes dPhi / dw of an isotropic source: Phi divided by the sphere's 4 pi.
 #[must_use]
 pub fn intensity_from_flux(flux: f64) -> f64 {
     flux / (4.0 * PI)
 }
 
-/// The inverse square law: E = I cos / r^2, for r > 0.
+/// Computes the irradiance by the inverse square law: E = I cos / r^2, for r > 0.
 #[must_use]
 pub fn irradiance_from_intensity(intensity: f64, cos_theta: f64, distance: f64) -> f64 {
     intensity * cos_theta / distance.powi(2)
 }
 
-/// The definition of radiance, solved for dE: L cos dw.
+/// Computes dE from the definition of radiance: L cos dw.
 #[must_use]
 pub fn irradiance_from_radiance(radiance: f64, solid_angle: f64, cos_theta: f64) -> f64 {
     radiance * solid_angle * cos_theta
 }
 
-/// The definition of radiance: dE / (cos dw), for a cosine and a solid angle above 0.
+/// Computes the radiance by its definition: dE / (cos dw), for a cosine and a solid angle above 0.
 #[must_use]
 pub fn radiance_from_irradiance(irradiance: f64, solid_angle: f64, cos_theta: f64) -> f64 {
     irradiance / (solid_angle * cos_theta)
 }
 
-/// The integral of L cos over a cap around the normal: pi L (1 - cos(2 half_angle)) / 2.
+/// Computes the integral of L cos over a cap around the normal: pi L (1 - cos(2 half_angle)) / 2.
 ///
-/// `half_angle` lies in 0..=pi/2. The difference is taken as sin^2 / (1 + cos).
+/// `half_angle` is in 0..=pi/2. The difference is computed as sin^2 / (1 + cos).
 #[must_use]
 pub fn irradiance_from_cap(radiance: f64, half_angle: f64) -> f64 {
     PI * radiance * versine(2.0 * half_angle) / 2.0
 }
 
-/// Small patches: L A cos_e cos_r / r^2, for r > 0.
+/// Computes the irradiance from a small patch: L A cos_e cos_r / r^2, for r > 0.
 #[must_use]
 pub fn irradiance_from_patch(
     radiance: f64,
@@ -49,46 +49,46 @@ pub fn irradiance_from_patch(
     radiance * area * cos_emitter * cos_receiver / distance.powi(2)
 }
 
-/// albedo E.
+/// Computes the radiosity, albedo E.
 #[must_use]
 pub fn lambert_radiosity(albedo: f64, irradiance: f64) -> f64 {
     albedo * irradiance
 }
 
-/// (albedo / pi) E.
+/// Computes the radiance (albedo / pi) E.
 #[must_use]
 pub fn lambert_radiance(albedo: f64, irradiance: f64) -> f64 {
     albedo / PI * irradiance
 }
 
-/// delta / cos, the delta being 1 / dw over a small solid angle.
+/// Computes the BRDF of a mirror, delta / cos. Over a small solid angle dw, the delta is 1 / dw.
 #[must_use]
 pub fn mirror_brdf(n_dot_l: f64, solid_angle: f64) -> f64 {
     (solid_angle * n_dot_l).recip()
 }
 
-/// int f cos dw <= 1: equality is the white furnace.
+/// Checks that int f cos dw <= 1. The white furnace gives exactly 1.
 #[must_use]
 pub fn conserves_energy(directional_albedo: f64) -> bool {
     directional_albedo <= 1.0
 }
 
-/// 2 pi (1 - cos half_angle), for `half_angle` in 0..=pi.
+/// Computes the solid angle of a cap, 2 pi (1 - cos half_angle), for `half_angle` in 0..=pi.
 #[must_use]
 pub fn cap_solid_angle(half_angle: f64) -> f64 {
     2.0 * PI * versine(half_angle)
 }
 
-/// A cos / r^2, for r > 0.
+/// Computes the solid angle of a patch, A cos / r^2, for r > 0.
 #[must_use]
 pub fn patch_solid_angle(area: f64, cos_emitter: f64, distance: f64) -> f64 {
     area * cos_emitter / distance.powi(2)
 }
 
-/// Solid angle of a texel of a cube map, exactly: the part of the face z = 1 between the origin and (x, y) subtends
-/// atan(x y / sqrt(x^2 + y^2 + 1)); a texel is its second difference.
+/// Computes the exact solid angle of a cube map's texel. The part of the face z = 1 between the origin and (x, y) has
+/// the solid angle atan(x y / sqrt(x^2 + y^2 + 1)). A texel is the second difference of this function.
 ///
-/// The arctangents are of order 1, so that a texel of a face of size 4096, with 2e-7 sr, keeps 8 digits.
+/// The arctangents are near 1, so a texel of a face 4096 texels wide, with 2e-7 sr, keeps 8 digits.
 #[must_use]
 pub fn texel_solid_angle(size: u32, column: u32, row: u32) -> f64 {
     let edge = |texel: u32| 2.0 * f64::from(texel) / f64::from(size) - 1.0;
@@ -97,7 +97,7 @@ pub fn texel_solid_angle(size: u32, column: u32, row: u32) -> f64 {
     corner(right, bottom) - corner(left, bottom) - corner(right, top) + corner(left, top)
 }
 
-/// 1 - cos without cancellation, by the conjugate: sin^2 / (1 + cos), up to a right angle.
+/// Computes 1 - cos without cancellation as sin^2 / (1 + cos), for angles up to a right angle.
 fn versine(angle: f64) -> f64 {
     let (sin, cos) = angle.sin_cos();
     if angle < FRAC_PI_2 { sin * sin / (1.0 + cos) } else { 1.0 - cos }
@@ -141,13 +141,13 @@ mod tests {
         }
         assert!((cap_solid_angle(FRAC_PI_2) - 2.0 * PI).abs() < 1e-15);
         assert!((irradiance_from_cap(1.0, FRAC_PI_2) - PI).abs() < 1e-15);
-        // Small ones are flat: pi theta^2.
+        // Small caps are flat: their solid angle is pi theta^2.
         assert!((cap_solid_angle(1e-8) / (PI * 1e-16) - 1.0).abs() < 1e-14);
     }
 
     #[test]
     fn a_lambertian_sends_its_radiosity() {
-        // Radiance, the same in all directions, over the hemisphere.
+        // The radiance is equal in all directions of the hemisphere.
         let radiance = lambert_radiance(0.8, 5.0);
         let radiosity = integrate(FRAC_PI_2, |t| radiance * t.cos() * 2.0 * PI * t.sin());
         assert!((radiosity - lambert_radiosity(0.8, 5.0)).abs() < 1e-7);
@@ -198,8 +198,8 @@ mod tests {
 
     #[test]
     fn a_texel_in_the_middle_is_nearly_flat() {
-        // At the centre of the face the area is the solid angle, (2 / size)^2; in the corner it
-        // is 3^(3/2) times less.
+        // At the centre of the face the solid angle is the area, (2 / size)^2. In the corner it is smaller by a factor
+        // of 3^(3/2).
         let area = (2.0_f64 / 4096.0).powi(2);
         assert!((texel_solid_angle(4096, 2048, 2048) / area - 1.0).abs() < 1e-6);
         let corner = texel_solid_angle(4096, 0, 4095);

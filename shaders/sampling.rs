@@ -1,49 +1,49 @@
 //! Twin of `sampling.wgsl`: directions from random numbers, in textbook form.
 //!
-//! Directions are in the local frame, +Z being the normal; angles in radians, densities in 1/sr. Random numbers `u` lie
-//! in `[0, 1]`. The shader turns each pattern by half a turn (its header gives the reason); here that is the factor -1
-//! on the horizontal components.
+//! Directions are in the local frame, in which +Z is the normal. Angles are in radians, and densities in 1/sr. Random
+//! numbers `u` are in `[0, 1]`. The shader turns each pattern by half a turn (its header gives the reason). Here, a
+//! factor of -1 on the horizontal components does this.
 
 use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DQuat, DVec2, DVec3, UVec2, UVec3};
 
-/// PV227 lecture 11, "Uniform sampling for diffuse lighting": phi = 2 pi u.x, cos = u.y.
+/// Samples a direction as in PV227 lecture 11, "Uniform sampling for diffuse lighting": phi = 2 pi u.x, cos = u.y.
 #[must_use]
 pub fn uniform_hemisphere(u: DVec2) -> DVec3 {
     half_turn(spherical(u.y.acos(), TAU * u.x))
 }
 
-/// 1 / (2 pi) at and above the horizon, 0 below.
+/// Computes the density: 1 / (2 pi) at and above the horizon, 0 below.
 #[must_use]
 pub fn uniform_hemisphere_pdf(n_dot_l: f64) -> f64 {
     if n_dot_l >= 0.0 { TAU.recip() } else { 0.0 }
 }
 
-/// Pharr et al. 2023 (pbrt-v4), section A.5.3, Malley's method: points uniform on the disk, with
-/// radius sqrt(u.y), lifted to the hemisphere.
+/// Samples a direction by Malley's method (Pharr et al. 2023, pbrt-v4, section A.5.3): points uniform on the disk, with
+/// radius sqrt(u.y), are lifted to the hemisphere.
 #[must_use]
 pub fn cosine_hemisphere(u: DVec2) -> DVec3 {
     half_turn(spherical(u.y.sqrt().asin(), TAU * u.x))
 }
 
-/// cos / pi at and above the horizon, 0 below.
+/// Computes the density: cos / pi at and above the horizon, 0 below.
 #[must_use]
 pub fn cosine_hemisphere_pdf(n_dot_l: f64) -> f64 {
     n_dot_l.max(0.0) / PI
 }
 
-/// Walter et al. 2007, eq. 35 and 36: theta = atan(alpha sqrt(u) / sqrt(1 - u)).
+/// Samples a normal as in Walter et al. 2007, eq. 35 and 36: theta = atan(alpha sqrt(u) / sqrt(1 - u)).
 ///
-/// `alpha` is the GGX width, in 0..=1. `atan2` makes alpha = 0 the normal for each `u`.
+/// `alpha` is the GGX width in 0..=1. With `atan2`, alpha = 0 gives the surface's normal for each `u`.
 #[must_use]
 pub fn ggx_normal(alpha: f64, u: DVec2) -> DVec3 {
     let theta = (alpha * u.y.sqrt()).atan2((1.0 - u.y).sqrt());
     half_turn(spherical(theta, TAU * u.x))
 }
 
-/// Walter et al. 2007, eq. 33, times cos: alpha^2 / (pi cos^3 (alpha^2 + tan^2)^2), and 0 at and
-/// below the horizon.
+/// Computes Walter et al. 2007, eq. 33, times cos: alpha^2 / (pi cos^3 (alpha^2 + tan^2)^2). At and below the horizon
+/// the result is 0.
 #[must_use]
 pub fn ggx_normal_pdf(alpha: f64, h: DVec3) -> f64 {
     if h.z <= 0.0 {
@@ -53,22 +53,22 @@ pub fn ggx_normal_pdf(alpha: f64, h: DVec3) -> f64 {
     alpha2 / (PI * h.z.powi(3) * (alpha2 + tan2(h)).powi(2))
 }
 
-/// Dupuy and Benyoub 2023, listing 3: in the space in which the surface is a hemisphere, the normal is halfway between
-/// the view and a direction uniform on the cap that ends opposite to the view.
+/// Samples a visible normal as in Dupuy and Benyoub 2023, listing 3. In the space in which the surface is a hemisphere,
+/// the normal is halfway between the view and a direction that is uniform on a cap. The cap ends opposite to the view.
 ///
-/// `v` is in the upper hemisphere or on the horizon, u.y below 1.
+/// `v` is in the upper hemisphere or on the horizon, and u.y is below 1.
 #[must_use]
 pub fn ggx_visible_normal(alpha: f64, v: DVec3, u: DVec2) -> DVec3 {
     let w = DVec3::new(alpha * v.x, alpha * v.y, v.z).normalize();
-    // Rounding may exceed the cap by an ulp, for which acos would be NaN.
+    // Rounding may exceed the cap by an ulp. Then `acos` would return NaN.
     let cos = ((1.0 - u.y) * (1.0 + w.z) - w.z).clamp(-1.0, 1.0);
     let halfway = half_turn(spherical(cos.acos(), TAU * u.x)) + w;
     DVec3::new(alpha * halfway.x, alpha * halfway.y, halfway.z).normalize()
 }
 
-/// Heitz 2018, eq. 3: G1(v) max(0, V.H) D(h) / N.V, with G1 of Walter et al. 2007, eq. 34.
+/// Computes the density of Heitz 2018, eq. 3: G1(v) max(0, V.H) D(h) / N.V, with G1 of Walter et al. 2007, eq. 34.
 ///
-/// At N.V = 0 the limit: G1 / N.V approaches 2 / alpha.
+/// At N.V = 0 the result is the limit: G1 / N.V approaches 2 / alpha.
 #[must_use]
 pub fn ggx_visible_normal_pdf(alpha: f64, v: DVec3, h: DVec3) -> f64 {
     if h.z <= 0.0 {
@@ -83,21 +83,21 @@ pub fn ggx_visible_normal_pdf(alpha: f64, v: DVec3, h: DVec3) -> f64 {
     seen * v.dot(h).max(0.0) * distribution
 }
 
-/// Walter et al. 2007, eq. 28 and 29: theta = atan(sqrt(-alpha^2 ln(1 - u))), for u.y below 1.
+/// Samples a normal as in Walter et al. 2007, eq. 28 and 29: theta = atan(sqrt(-alpha^2 ln(1 - u))), for u.y below 1.
 #[must_use]
 pub fn beckmann_normal(alpha: f64, u: DVec2) -> DVec3 {
     let theta = (alpha * minus_log_of_rest(u.y).sqrt()).atan();
     half_turn(spherical(theta, TAU * u.x))
 }
 
-/// -ln(1 - x), for `x` below 1.
+/// Computes -ln(1 - x), for `x` below 1.
 #[must_use]
 pub fn minus_log_of_rest(x: f64) -> f64 {
     -(-x).ln_1p()
 }
 
-/// Walter et al. 2007, eq. 25, times cos: exp(-tan^2 / alpha^2) / (pi alpha^2 cos^3), and 0 at
-/// and below the horizon.
+/// Computes Walter et al. 2007, eq. 25, times cos: exp(-tan^2 / alpha^2) / (pi alpha^2 cos^3). At and below the horizon
+/// the result is 0.
 #[must_use]
 pub fn beckmann_normal_pdf(alpha: f64, h: DVec3) -> f64 {
     if h.z <= 0.0 {
@@ -105,14 +105,16 @@ pub fn beckmann_normal_pdf(alpha: f64, h: DVec3) -> f64 {
     }
     let exponential = (-tan2(h) / (alpha * alpha)).exp();
     if exponential == 0.0 {
-        return 0.0; // cos^3 may be 0 too; the exponential wins
+        return 0.0; // cos^3 may also be 0, but the exponential falls faster
     }
     exponential / (PI * alpha * alpha * h.z.powi(3))
 }
 
-/// Pharr et al. 2023 (pbrt-v4), section 8.6.1, with base 2: digit k of `i` weighs 2^-(k + 1).
+/// Computes the radical inverse of Pharr et al. 2023 (pbrt-v4), section 8.6.1, in base 2: digit k of `i` has the weight
+/// 2^-(k + 1).
 ///
-/// All 32 digits, while the shader keeps 24: equal for i < 2^24, otherwise up to 2^-24 more.
+/// The function uses all 32 digits, and the shader 24. Results are equal for i < 2^24. Otherwise this function's result
+/// is larger by up to 2^-24.
 #[must_use]
 pub fn radical_inverse(i: u32) -> f64 {
     (0..u32::BITS)
@@ -121,20 +123,21 @@ pub fn radical_inverse(i: u32) -> f64 {
         .sum()
 }
 
-/// Pharr et al. 2023 (pbrt-v4), section 8.6.1: (i / n, radical inverse of i), for i < n.
+/// Returns the point (i / n, radical inverse of i), for i < n. Pharr et al. 2023 (pbrt-v4), section 8.6.1.
 #[must_use]
 pub fn hammersley(i: u32, n: u32) -> DVec2 {
     DVec2::new(f64::from(i) / f64::from(n), radical_inverse(i))
 }
 
-/// `hammersley`, moved by half a cell in both coordinates.
+/// Returns the point of `hammersley`, moved by half a cell in both coordinates.
 #[must_use]
 pub fn hammersley_centred(i: u32, n: u32) -> DVec2 {
     hammersley(i, n) + DVec2::splat(0.5 / f64::from(n))
 }
 
-/// The basis of Duff et al. 2017, by its geometric meaning: the shortest rotation of +Z (for `n` in the lower half: of
-/// -Z) to `n`, applied to X and Y. In the lower half Y is flipped, so that the basis stays right-handed.
+/// Computes the basis of Duff et al. 2017 from its geometric meaning. The shortest rotation from +Z to `n` is applied
+/// to X and Y. If `n` is in the lower half, the rotation begins at -Z, and Y is flipped so that the basis stays
+/// right-handed.
 #[must_use]
 pub fn orthonormal_basis(n: DVec3) -> DMat3 {
     let side = if n.z >= 0.0 { 1.0 } else { -1.0 };
@@ -142,15 +145,15 @@ pub fn orthonormal_basis(n: DVec3) -> DMat3 {
     DMat3::from_cols(rotation * DVec3::X, side * (rotation * DVec3::Y), n)
 }
 
-/// PV227 lecture 11: r.x T + r.y B + r.z N, the matrix with these columns times `r`.
+/// Computes r.x T + r.y B + r.z N, the product of the matrix with these columns and `r`. PV227 lecture 11.
 #[must_use]
 pub fn to_world(tangent: DVec3, bitangent: DVec3, n: DVec3, r: DVec3) -> DVec3 {
     DMat3::from_cols(tangent, bitangent, n) * r
 }
 
-/// O'Neill 2014, section 6.3.4, PCG-RXS-M-XS with 32 bits of state: one step of the linear congruential generator from
-/// `x`, a shift by a number from the top four bits, a product, a fixed shift. Jarzynski and Olano 2020 use it as a
-/// hash.
+/// Computes PCG-RXS-M-XS with 32 bits of state (O'Neill 2014, section 6.3.4): one step of the linear congruential
+/// generator from `x`, a shift by the number in the top four bits, a product, and a fixed shift. Jarzynski and Olano
+/// 2020 use it as a hash.
 #[must_use]
 pub fn pcg(x: u32) -> u32 {
     let state = modulo(u64::from(x) * 747_796_405 + 2_891_336_453);
@@ -159,8 +162,8 @@ pub fn pcg(x: u32) -> u32 {
     word ^ word >> 22
 }
 
-/// Jarzynski and Olano 2020, section 4.1.3, pcg3d: a congruential step of each number, a round in
-/// which each gains the product of the others, a shift by half the bits, and a second round.
+/// Computes pcg3d (Jarzynski and Olano 2020, section 4.1.3): a congruential step of each number, a round in which the
+/// product of the other two numbers is added to each number, a shift by half of the bits, and a second round.
 #[must_use]
 pub fn pcg3d(x: UVec3) -> UVec3 {
     let step = |x: u32| modulo(u64::from(x) * 1_664_525 + 1_013_904_223);
@@ -168,7 +171,7 @@ pub fn pcg3d(x: UVec3) -> UVec3 {
     stirred(UVec3::from_array(mixed.to_array().map(|x| x ^ x >> 16)))
 }
 
-/// One round of `pcg3d`: in turn, each number gains the product of the two others.
+/// Computes one round of `pcg3d`: adds to each number, one after another, the product of the other two.
 #[must_use]
 pub fn stirred(x: UVec3) -> UVec3 {
     let gain = |a: u32, b: u32, c: u32| modulo(u64::from(b) * u64::from(c) + u64::from(a));
@@ -178,43 +181,42 @@ pub fn stirred(x: UVec3) -> UVec3 {
     UVec3::new(first, second, third)
 }
 
-/// `bits`, without the lowest 8, as a binary fraction.
+/// Returns `bits` without the lowest 8 bits as a binary fraction.
 #[must_use]
 pub fn unit_float(bits: u32) -> f64 {
     f64::from(bits / 256) / f64::from(1 << 24)
 }
 
-/// The hash of `seed` as a number in `[0, 1)`.
+/// Returns the hash of `seed` as a number in `[0, 1)`.
 #[must_use]
 pub fn random(seed: u32) -> f64 {
     unit_float(pcg(seed))
 }
 
-/// The first two numbers of the hash of `pixel` and `i`, in `[0, 1)`.
+/// Returns the first two numbers of the hash of `pixel` and `i`, in `[0, 1)`.
 #[must_use]
 pub fn random_point(pixel: UVec2, i: u32) -> DVec2 {
     let bits = pcg3d(pixel.extend(i));
     DVec2::new(unit_float(bits.x), unit_float(bits.y))
 }
 
-/// `x` modulo 2^32, as u32 arithmetic of WGSL wraps.
+/// `x` modulo 2^32, because WGSL's u32 arithmetic wraps.
 fn modulo(x: u64) -> u32 {
     u32::try_from(x % (1 << 32)).expect("a remainder of 2^32 has 32 bits")
 }
 
-/// The squared tangent of the polar angle of `direction`, of any length.
+/// The squared tangent of the polar angle of `direction`, which has any length.
 fn tan2(direction: DVec3) -> f64 {
     direction.truncate().length_squared() / (direction.z * direction.z)
 }
 
-/// The unit vector with azimuth 2 pi u - pi and the polar angle that has this sine and cosine.
+/// Returns the unit vector with azimuth 2 pi u - pi, and with the polar angle that has this sine and cosine.
 #[must_use]
 pub fn turned(u: f64, sin_theta: f64, cos_theta: f64) -> DVec3 {
     let (sin_phi, cos_phi) = (TAU * u - PI).sin_cos();
     DVec3::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
 }
 
-/// The unit vector with polar angle `theta` and azimuth `phi`.
 fn spherical(theta: f64, phi: f64) -> DVec3 {
     let (sin_theta, cos_theta) = theta.sin_cos();
     let (sin_phi, cos_phi) = phi.sin_cos();
@@ -239,7 +241,7 @@ mod tests {
 
     #[test]
     fn hemisphere_moments() {
-        // E[cos] = 1/2, E[cos^2] = 1/3; E[x] = 0, E[x^2] = E[y^2] = 1/3.
+        // The mean of cos is 1/2 and of cos^2 1/3. The mean of x is 0, and of x^2 and y^2 1/3.
         assert!((mean(|u| uniform_hemisphere(u).z) - 0.5).abs() < 1e-12);
         assert!((mean(|u| uniform_hemisphere(u).z.powi(2)) - 1.0 / 3.0).abs() < 1e-8);
         assert!(mean(|u| uniform_hemisphere(u).x).abs() < 1e-3);
@@ -256,13 +258,13 @@ mod tests {
 
     #[test]
     fn ggx_quantiles() {
-        // At tan(theta) = alpha the share of normals below theta doesn't depend on alpha: it is 1/2.
+        // The share of normals up to theta with tan(theta) = alpha doesn't depend on alpha: it is 1/2.
         for alpha in [1e-4, 0.1, 1.0_f64] {
             let normal = ggx_normal(alpha, DVec2::new(0.7, 0.5));
             let tangent = normal.x.hypot(normal.y) / normal.z;
             assert!((tangent / alpha - 1.0).abs() < 1e-12, "{alpha}");
         }
-        // The lecture's form, cos = sqrt((1 - u) / (1 + (alpha^2 - 1) u)).
+        // The lecture has the form cos = sqrt((1 - u) / (1 + (alpha^2 - 1) u)).
         let (alpha, u) = (0.3_f64, 0.8);
         let cos = ((1.0 - u) / (1.0 + (alpha * alpha - 1.0) * u)).sqrt();
         assert!((ggx_normal(alpha, DVec2::new(0.1, u)).z - cos).abs() < 1e-15);
@@ -279,10 +281,10 @@ mod tests {
         DVec3::Z,
         DVec3::new(0.6, 0.0, 0.8),
         DVec3::new(-0.48, 0.8, 0.36),
-        DVec3::new(0.28, -0.96, 0.0), // grazing
+        DVec3::new(0.28, -0.96, 0.0), // a grazing view
     ];
 
-    /// The integral of `f` over the hemisphere: a midpoint rule, with an error of the square of its steps.
+    /// The integral of `f` over the hemisphere by a midpoint rule. Its error falls with the square of the step.
     fn integral(f: impl Fn(DVec3) -> f64) -> f64 {
         let (rings, sectors) = (800, 400);
         let (d_theta, d_phi) = (PI / 2.0 / f64::from(rings), TAU / f64::from(sectors));
@@ -294,8 +296,9 @@ mod tests {
         (0..rings).map(ring).sum()
     }
 
-    /// A warp of the unit square has density `pdf` exactly if small squares grow by 1 / `pdf`: |ds/du x ds/dv| pdf = 1.
-    /// Central differences with steps of 1e-5 have an error of 1e-10 times a third derivative of at most some hundreds.
+    /// Checks a sampler's density. A map of the unit square has the density `pdf` exactly if it scales small squares by
+    /// 1 / `pdf`: |ds/du x ds/dv| pdf = 1. Central differences with steps of 1e-5 have an error of 1e-10 times a third
+    /// derivative, which is at most a few hundred.
     fn assert_density(sample: impl Fn(DVec2) -> DVec3, pdf: impl Fn(DVec3) -> f64, what: &str) {
         const STEP: f64 = 1e-5;
         for (x, y) in (1..12).flat_map(|x| (1..12).map(move |y| (x, y))) {
@@ -345,14 +348,14 @@ mod tests {
         assert_eq!(ggx_normal_pdf(0.5, below), 0.0);
         assert_eq!(beckmann_normal_pdf(0.5, below), 0.0);
         assert_eq!(ggx_visible_normal_pdf(0.5, DVec3::Z, below), 0.0);
-        // Above the horizon, but turned away from the view.
+        // The normal is above the horizon, but faces away from the view.
         let v = DVec3::new(-0.96, 0.0, 0.28);
         assert_eq!(ggx_visible_normal_pdf(0.5, v, DVec3::new(0.6, 0.0, 0.8)), 0.0);
     }
 
     #[test]
     fn cosine_moments() {
-        // E[cos] = 2/3, E[cos^2] = 1/2; E[x^2] = 1/4.
+        // The mean of cos is 2/3, of cos^2 1/2, and of x^2 1/4.
         assert!((mean(|u| cosine_hemisphere(u).z) - 2.0 / 3.0).abs() < 1e-5);
         assert!((mean(|u| cosine_hemisphere(u).z.powi(2)) - 0.5).abs() < 1e-12);
         assert!((mean(|u| cosine_hemisphere(u).x.powi(2)) - 0.25).abs() < 1e-3);
@@ -360,7 +363,7 @@ mod tests {
 
     #[test]
     fn cumulative_distributions_invert_the_samplers() {
-        // P(tan <= t) = t^2 / (alpha^2 + t^2) for GGX, 1 - exp(-t^2 / alpha^2) for Beckmann.
+        // P(tan <= t) is t^2 / (alpha^2 + t^2) for GGX, and 1 - exp(-t^2 / alpha^2) for Beckmann.
         for alpha in [1e-3, 0.2, 1.0_f64] {
             for u in [1e-9, 0.1, 0.5, 0.9, 0.9999] {
                 let ggx = tan2(ggx_normal(alpha, DVec2::new(0.3, u)));
@@ -374,7 +377,7 @@ mod tests {
 
     #[test]
     fn all_normals_are_visible_from_above() {
-        // G1 is 1 at normal incidence: all normals are visible.
+        // At normal incidence G1 is 1, so all normals are visible.
         for u in [DVec2::new(0.2, 0.7), DVec2::new(0.9, 0.01), DVec2::new(0.5, 0.999)] {
             let seen = ggx_visible_normal(0.3, DVec3::Z, u);
             assert!(seen.abs_diff_eq(ggx_normal(0.3, u), 1e-12), "{u}");
@@ -386,7 +389,7 @@ mod tests {
 
     #[test]
     fn the_mean_visible_normal() {
-        // Sampled, and integrated with the density.
+        // Compares the mean over samples with the integral over the density.
         for (alpha, v) in [0.2, 0.7].into_iter().flat_map(|alpha| VIEWS.map(|v| (alpha, v))) {
             let sampled = DVec3::from_array(
                 [DVec3::X, DVec3::Y, DVec3::Z]
@@ -402,20 +405,21 @@ mod tests {
 
     #[test]
     fn hashes_have_no_order_left() {
-        // The results of implementations in other languages.
+        // The expected numbers come from implementations in other languages.
         assert_eq!(pcg(0), 129_708_002);
         let n = 1 << 16;
-        // Whichever bit of the input flips, a bit of the result flips for half of the inputs.
+        // If any bit of the input flips, each bit of the result flips for half of the inputs.
         for bit in 0..32 {
             let flipped: u32 = (0..1024).map(|x| (pcg(x) ^ pcg(x ^ 1 << bit)).count_ones()).sum();
             let share = f64::from(flipped) / (1024.0 * 32.0);
             assert!((share - 0.5).abs() < 0.02, "bit {bit}: {share}");
         }
-        // Mean 1/2 and 1/3 of the square: 6 standard deviations of 1 / sqrt(12 n) and 0.3 / sqrt n.
+        // The mean is 1/2, and the mean square 1/3. The tolerance is 6 standard deviations of 1 / sqrt(12 n) and 0.3 /
+        // sqrt n.
         let moment = |power| (0..n).map(|i| random(i).powi(power)).sum::<f64>() / f64::from(n);
         assert!((moment(1) - 0.5).abs() < 6.0 * 0.289 / 256.0);
         assert!((moment(2) - 1.0 / 3.0).abs() < 6.0 * 0.298 / 256.0);
-        // Neighbouring pixels don't correlate: E[x y] = 1/4.
+        // Neighbouring pixels don't correlate: the mean of x y is 1/4.
         let product: f64 = (0..n)
             .map(|i| {
                 let pixel = UVec2::new(i % 256, i / 256);
@@ -427,7 +431,7 @@ mod tests {
 
     #[test]
     fn a_hash_of_32_bits_is_a_permutation() {
-        // Exhausting 2^32 takes too long; 2^20 values of a random function would collide 128 times.
+        // Testing all 2^32 values would take too long. 2^20 values of a random function would collide 128 times.
         let mut values: Vec<u32> = (0..1 << 20).map(pcg).collect();
         values.sort_unstable();
         values.dedup();

@@ -8,37 +8,37 @@ use karat::Texture;
 use crate::camera::{Camera, Setup};
 use crate::materials::{MATERIALS, ROUGHNESSES};
 
-/// Spheres across and down.
+/// The number of spheres across and down.
 pub const SIDE: u32 = 8;
 
-/// The distances between the centres of neighbouring spheres, which have radius 1: across, down.
+/// The distances between the centres of neighbouring spheres, across and down. The radius is 1.
 pub const SPACING: DVec2 = DVec2::new(3.2, 2.2);
 
 karat::shareable! {
-    /// The numbers of directions from which light is gathered at each pixel.
+    /// The numbers of directions from which each pixel gathers light.
     pub struct Samples mirrors SamplesMirror {
-        /// For the diffuse term.
+        /// Directions for the diffuse term.
         diffuse: u32,
-        /// For the specular one.
+        /// Directions for the specular term.
         specular: u32,
     }
 }
 
 impl Samples {
-    /// Few enough for a software rasteriser. Powers of two make the diffuse furnace exact.
+    /// Numbers that are small enough for a software rasteriser. Powers of two make the diffuse furnace exact.
     pub const DEFAULT: Self = Self { diffuse: 256, specular: 512 };
-    /// For estimators that read higher mip levels.
+    /// Numbers for estimators that read higher mip levels.
     pub const FILTERED: Self = Self { diffuse: 64, specular: 64 };
 }
 
 /// The material of a sphere, as stored in its texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Painted {
-    /// Albedo of plastics, reflectance at normal incidence of metals; linear, per channel.
+    /// The albedo of plastics, or the reflectance of metals at normal incidence: linear, per channel.
     pub base_color: Vec3,
-    /// GGX width, as in the lecture: roughness isn't squared. 0 is a mirror.
+    /// The GGX width, as in the lecture: roughness isn't squared. 0 means a mirror.
     pub roughness: f32,
-    /// 0 for plastics, 1 for metals.
+    /// 0 for plastics, and 1 for metals.
     pub metallic: f32,
 }
 
@@ -55,17 +55,18 @@ pub fn spheres() -> Vec<Painted> {
     ROUGHNESSES.into_iter().flat_map(row).collect()
 }
 
-/// Spheres that reflect all light: white plastics instead of coloured ones, perfect metals instead of real ones.
+/// Returns spheres that reflect all light: white plastics instead of coloured plastics, and perfect metals instead of
+/// real metals.
 #[must_use]
 pub fn white_spheres() -> Vec<Painted> {
     spheres().into_iter().map(|painted| Painted { base_color: Vec3::ONE, ..painted }).collect()
 }
 
-/// `base_color_map` and `surface_map`, with a texel for each sphere.
+/// Returns `base_color_map` and `surface_map`, with a texel for each sphere.
 ///
 /// # Panics
 ///
-/// If there aren't as many spheres as in the scene.
+/// If the number of spheres isn't that of the scene.
 #[must_use]
 pub fn material_maps(spheres: &[Painted]) -> [Texture; 2] {
     assert_eq!(spheres.len(), (SIDE * SIDE) as usize, "a material for each sphere");
@@ -78,11 +79,11 @@ pub fn material_maps(spheres: &[Painted]) -> [Texture; 2] {
     ]
 }
 
-/// Texels along a side of a mask: a sphere is 60 pixels wide in the largest frame.
+/// Texels along each side of a mask. In the largest frame, a sphere is 60 pixels wide.
 const MASK: u32 = 64;
 
-/// A mask in R from its value at a point of the unit square, seen from the front: x to the right,
-/// y up, both in [-1, 1].
+/// Makes a mask in the channel R from its value at each point of the sphere's square, seen from the front: x to the
+/// right, y up, both in [-1, 1].
 fn mask(value: impl Fn(DVec2) -> f64) -> Texture {
     let centre = |texel: u32| (2.0 * f64::from(texel) + 1.0) / f64::from(MASK) - 1.0;
     Texture::from_fn(MASK, MASK, |column, row| {
@@ -91,49 +92,48 @@ fn mask(value: impl Fn(DVec2) -> f64) -> Texture {
     })
 }
 
-/// Nothing is masked.
+/// Returns a mask that masks nothing.
 #[must_use]
 pub fn no_mask() -> Texture {
     mask(|_| 0.0)
 }
 
-/// Rings about the middle of each sphere, with edges that take a third of their width, so that values between 0 and 1
-/// show, too.
+/// Returns a mask with rings around the middle of each sphere. The rings' edges take a third of their width, so the
+/// frame also shows values between 0 and 1.
 #[must_use]
 pub fn rings() -> Texture {
     mask(|point| (0.5 + 1.5 * (3.0 * PI * point.length()).sin()).clamp(0.0, 1.0))
 }
 
-/// Dots in a square pattern, of 0.85: semi-transparent white.
+/// Returns a mask with dots in a square pattern. The dots have the value 0.85: semi-transparent white.
 #[must_use]
 pub fn dots() -> Texture {
     mask(|point| {
-        // The distance between dots is two thirds.
+        // The distance between the middles of dots is two thirds.
         let from_dot = point - (1.5 * point).round() / 1.5;
         0.85 * ((0.2 - from_dot.length()) / 0.05).clamp(0.0, 1.0)
     })
 }
 
-/// The camera that sees all spheres, for a frame `aspect` times as wide as high. It stands on the
-/// +Z axis.
+/// Returns a camera that sees all spheres, for a frame `aspect` times as wide as high. The camera is on the +Z axis.
 #[must_use]
 pub fn camera(aspect: f64) -> Camera {
-    // A narrow field, so that the spheres at the border don't look stretched.
+    // The field of view is narrow, so that spheres at the border don't look stretched.
     let field_of_view = 20_f64.to_radians();
-    // Half of the grid, the radius and a border of 0.6.
+    // The sum of half of the grid, the radius, and a border of 0.6.
     let half = 0.5 * f64::from(SIDE - 1) * SPACING + DVec2::splat(1.6);
     let distance = half.y.max(half.x / aspect) / (0.5 * field_of_view).tan();
     Setup {
         position: DVec3::new(0.0, 0.0, distance),
         target: DVec3::ZERO,
         field_of_view,
-        // The spheres are within 1 of z = 0, and the depth range covers only them.
+        // All points of the spheres are within 1 of z = 0. The depth range covers only the spheres.
         depth: [distance - 1.5, distance + 1.5],
     }
     .camera(aspect)
 }
 
-/// A camera that sees the spheres from the side, one behind the other. Those drawn first are farthest.
+/// Returns a camera that sees the spheres from the side, one behind another. The spheres drawn first are the farthest.
 #[must_use]
 pub fn oblique_camera(aspect: f64) -> Camera {
     Setup {
@@ -145,10 +145,11 @@ pub fn oblique_camera(aspect: f64) -> Camera {
     .camera(aspect)
 }
 
-/// The unit sphere as positions, which are its normals too, and triangles that are
-/// counter-clockwise seen from outside.
+/// Returns the unit sphere as positions, which are also its normals, and triangles. Seen from outside, the triangles
+/// are counter-clockwise.
 ///
-/// `rings` bands from pole to pole, each of `segments` pieces. Each pole is one vertex, and no vertex is doubled.
+/// The sphere has `rings` bands from pole to pole, each of `segments` pieces. Each pole is one vertex, and no vertex is
+/// doubled.
 ///
 /// # Panics
 ///
@@ -164,7 +165,7 @@ pub fn sphere(rings: u32, segments: u32) -> (Vec<Vec3>, Vec<u32>) {
         let (sin_theta, cos_theta) = (PI * f64::from(ring) / f64::from(rings)).sin_cos();
         for segment in 0..segments {
             let (sin_phi, cos_phi) = (TAU * f64::from(segment) / f64::from(segments)).sin_cos();
-            // Azimuth from +Z to +X: counter-clockwise from above, rings go down.
+            // The azimuth goes from +Z to +X, counter-clockwise from above, and rings go down.
             let position = DVec3::new(sin_theta * sin_phi, cos_theta, sin_theta * cos_phi);
             positions.push(position.as_vec3());
         }
@@ -221,7 +222,7 @@ mod tests {
             let faces = indices.len() / 3;
             let edges: HashSet<(u32, u32)> =
                 triangles(&indices).flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
-            // Each directed edge once, each with its opposite: an oriented closed surface.
+            // Each directed edge occurs once, and so does its opposite: this is an oriented closed surface.
             assert_eq!(edges.len(), 3 * faces);
             assert!(edges.iter().all(|&(a, b)| edges.contains(&(b, a))));
             // Euler's characteristic of the sphere is 2.

@@ -1,17 +1,16 @@
 //! Twin of `specular.wgsl`: light from an environment, reflected by GGX microfacets.
 //!
-//! `n`, `v` and `r` are unit vectors with N.V > 0; `alpha` is 0, a mirror, or lies in 1e-4..=1;
-//! `samples` is at least 1. Radiances are in W/(m^2 sr).
+//! `n`, `v` and `r` are unit vectors with N.V > 0. `alpha` is 0 (a mirror) or in 1e-4..=1. `samples` is at least 1.
+//! Radiances are in W/(m^2 sr).
 
 use glam::{DVec2, DVec3};
 
 use crate::{distribution, environment, fresnel, geometry, sampling};
 
-/// The estimator in its general form, the mean of f L cos / pdf over the same normals, with D in
-/// both f and pdf.
+/// Computes the general estimator, the mean of f L cos / pdf over the shader's normals, with D in both f and pdf.
 ///
-/// f = D F G / (4 N.L N.V): Walter et al. 2007, eq. 20; pdf = D N.H / (4 V.H): eq. 24 and 14.
-/// `radiance` is the light from a unit direction.
+/// f = D F G / (4 N.L N.V): Walter et al. 2007, eq. 20; pdf = D N.H / (4 V.H): eq. 24 and 14. `radiance` is the light
+/// from a unit direction.
 #[must_use]
 pub fn estimate(
     f0: DVec3,
@@ -24,8 +23,8 @@ pub fn estimate(
     mean(f0, alpha, n, v, samples, |l, _| radiance(l))
 }
 
-/// `estimate` with light from mip levels: `radiance` is the light about a unit direction, at a
-/// level. Krivanek and Colbert 2008. `size` is the side of a face in texels.
+/// Computes `estimate` with light from mip levels, as in Krivanek and Colbert 2008. `radiance` is the light around a
+/// unit direction at a level. `size` is the width of a face in texels.
 #[must_use]
 pub fn filtered_estimate(
     f0: DVec3,
@@ -40,12 +39,12 @@ pub fn filtered_estimate(
     mean(f0, alpha, n, v, samples, |l, pdf| radiance(l, level(pdf)))
 }
 
-/// The first level if the density is infinite, for a mirror.
+/// The level for a density. For a mirror the density is infinite, and the result is the first level.
 fn pdf_level(pdf: f64, samples: u32, size: u32) -> f64 {
     if pdf == f64::INFINITY { 0.0 } else { environment::mip_level(pdf, samples, size) }
 }
 
-/// The mean of f L cos / pdf, L being a function of direction and pdf.
+/// The mean of f L cos / pdf. L is a function of direction and pdf.
 fn mean(
     f0: DVec3,
     alpha: f64,
@@ -76,8 +75,8 @@ fn mean(
     (0..samples).map(sample).sum::<DVec3>() / f64::from(samples)
 }
 
-/// Karis 2013, "Pre-filtered environment map": sum L N.L / sum N.L with N = V = R. At least 2
-/// samples.
+/// Computes sum L N.L / sum N.L with N = V = R, as in Karis 2013, "Pre-filtered environment map". `samples` is at
+/// least 2.
 #[must_use]
 pub fn prefiltered(alpha: f64, r: DVec3, samples: u32, radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
     let frame = sampling::orthonormal_basis(r);
@@ -95,8 +94,8 @@ pub fn prefiltered(alpha: f64, r: DVec3, samples: u32, radiance: impl Fn(DVec3) 
     sum / total
 }
 
-/// Karis 2013, "Environment BRDF": the two integrals that multiply f0 and 1, from a white furnace
-/// of a black and of a white f0, between which Schlick's F is linear.
+/// Computes the two integrals that multiply f0 and 1 in Karis 2013, "Environment BRDF". They follow from a white
+/// furnace with a black and with a white f0, because Schlick's F is linear in f0.
 #[must_use]
 pub fn split_sum_table(alpha: f64, n_dot_v: f64, samples: u32) -> DVec2 {
     let v = DVec3::new((1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v);
@@ -105,19 +104,19 @@ pub fn split_sum_table(alpha: f64, n_dot_v: f64, samples: u32) -> DVec2 {
     DVec2::new(furnace(DVec3::ONE) - offset, offset)
 }
 
-/// Karis 2013: the product of the two sums.
+/// Computes the product of the two sums, as in Karis 2013.
 #[must_use]
 pub fn split_sum(f0: DVec3, table: DVec2, light: DVec3) -> DVec3 {
     light * (f0 * table.x + DVec3::splat(table.y))
 }
 
-/// sqrt(alpha) of the way from the first level to the last.
+/// Returns the level for a width: sqrt(alpha) of the way from the first level to the last.
 #[must_use]
 pub fn prefiltered_level(alpha: f64, levels: u32) -> f64 {
     (f64::from(levels) - 1.0) * alpha.powf(0.5)
 }
 
-/// The square of the level's share of the last.
+/// Returns the width for a level: the square of the level divided by the last level.
 #[must_use]
 pub fn prefiltered_alpha(level: f64, levels: u32) -> f64 {
     (level / (f64::from(levels) - 1.0)).powi(2)
@@ -135,7 +134,7 @@ mod tests {
         DVec3::new(sin, 0.0, cos)
     }
 
-    /// The share of a white furnace that a perfect reflector (f0 = 1) of `alpha` returns.
+    /// The share of a white furnace's light that a perfect reflector (f0 = 1) of width `alpha` returns.
     fn furnace(alpha: f64, degrees: f64, samples: u32) -> f64 {
         let white = |_| DVec3::ONE;
         estimate(DVec3::ONE, alpha, DVec3::Z, view(degrees), samples, white).x
@@ -146,7 +145,7 @@ mod tests {
         for alpha in [0.0, 1e-4, 0.05, 0.3, 0.5, 1.0] {
             for degrees in [0.0, 30.0, 60.0, 80.0, 89.0, 89.9] {
                 let white = furnace(alpha, degrees, 1 << 14);
-                // 1e-3 is the error of the quadrature; at 64 normals it is 5e-3.
+                // The quadrature has an error of 1e-3. With 64 normals it is 5e-3.
                 assert!(white > 0.0 && white < 1.001, "{alpha}, {degrees}: {white}");
             }
         }
@@ -167,7 +166,7 @@ mod tests {
         assert!(seen.abs_diff_eq(DVec3::new(-0.5, 0.0, 0.75_f64.sqrt()), 1e-15));
     }
 
-    /// int f cos dw of the BRDF with F = 1, by the midpoint rule over the light's directions.
+    /// The integral int f cos dw of the BRDF with F = 1, by the midpoint rule over directions of light.
     fn albedo(alpha: f64, degrees: f64) -> f64 {
         let v = view(degrees);
         let n = 1000;
@@ -214,7 +213,7 @@ mod tests {
 
     #[test]
     fn the_split_sum_is_close_along_the_normal() {
-        // With N = V = R, only the weight differs: N.L in place of G V.H / N.H.
+        // With N = V = R, only the weight differs: it is N.L instead of G V.H / N.H.
         let sky = environment::linear(DVec3::new(0.3, -0.2, 0.6));
         for (alpha, bound) in [(0.1, 0.006), (0.3, 0.02), (0.5, 0.022)] {
             let full = estimate(DVec3::ONE, alpha, DVec3::Z, DVec3::Z, 1024, &sky).x;
@@ -226,7 +225,7 @@ mod tests {
 
     #[test]
     fn half_a_sky_gives_half() {
-        // Lobes are symmetric about r, which lies in the plane that halves the sky.
+        // Lobes are symmetric about r, which is in the plane that halves the sky.
         let sky = environment::half_sky(DVec3::X);
         for alpha in [0.1, 0.5, 1.0] {
             let held = prefiltered(alpha, DVec3::new(0.0, 0.6, 0.8), 4096, &sky).x;
@@ -259,7 +258,7 @@ mod tests {
         assert_eq!(level(0.0, 16), 0.0);
         assert!(level(0.05, 16) < level(0.1, 16) && level(0.1, 16) < level(0.2, 16));
         assert!(level(0.2, 256) < level(0.2, 64) && level(0.2, 64) < level(0.2, 16));
-        // A quarter of the samples read one level more.
+        // With a quarter of the samples, the level is higher by one.
         assert!((level(0.2, 64) - level(0.2, 256) - 1.0).abs() < 0.1);
     }
 
@@ -274,8 +273,8 @@ mod tests {
 
     #[test]
     fn the_split_sum_in_the_studio() {
-        // The mean difference over 100 normals, as a share of the mean: small along the normal, large where the true
-        // lobe stretches.
+        // The mean difference over 100 normals, relative to the mean. It is small if the view is along the normal, and
+        // large where the true lobe stretches.
         let difference = |alpha: f64, n_dot_v: f64| {
             let mut sum = DVec2::ZERO;
             for i in 0..100 {

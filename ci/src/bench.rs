@@ -15,8 +15,8 @@ const PAGE: &str = "docs/speed.md";
 pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     // Some benchmarks run the program: `karat watch`.
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", "--bin", "karat"]))?;
-    // The profile of `cargo test`, because authors wait for such a build. The loops that the harness is compared with are in
-    // the benchmark itself, and are optimised like the library's own.
+    // Uses the profile of `cargo test`, because authors wait for such a build. The benchmark itself contains the loops
+    // with which the harness is compared. They are optimised as the library is.
     const OPTIMISED: &str = "profile.dev.package.tests.opt-level=2";
     let karat = ["bench", "--workspace", "--locked", "--profile", "dev", "--bench", "karat"];
     let mut bench = command::cargo(&karat);

@@ -36,8 +36,8 @@ pub(crate) fn karat(arguments: &[&str]) -> Result<Command> {
     Ok(command)
 }
 
-/// Runs a command to its end. Its output goes to the output of this program. If the command fails, the error has its
-/// exit status: see [`exit_code`].
+/// Runs a command to its end, with the output of this program. If the command fails, the error has the exit status: see
+/// [`exit_code`].
 pub(crate) fn run(command: &mut Command) -> Result<()> {
     let line = describe(command);
     let status = command.status().with_context(|| {

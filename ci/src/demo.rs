@@ -20,7 +20,7 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
-/// Sets up, and then opens the paths. Only the harness can open a path, so `setup` can't do it.
+/// Sets up, and then opens the paths. `setup` can't open paths, because only the harness can.
 pub(crate) fn set_up() -> ExitCode {
     let mut steps = Steps::new("cargo ci setup");
     let _ = steps.run("setup", setup::install_missing)
@@ -32,8 +32,8 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// Builds the demo's programs by one command for the whole workspace. For fewer packages, or without tests, Cargo would
-/// choose other features of shared dependencies, and compile them twice.
+/// Builds the demo's programs with one command for the whole workspace. For fewer packages, or without tests, Cargo
+/// would choose other features of shared dependencies, and compile these dependencies twice.
 pub(crate) const BUILD: &[&str] = &[
     "build",
     "--workspace",

@@ -1,4 +1,4 @@
-//! `cargo ci dist`: builds packages for people without Rust, and tries them where Rust isn't installed.
+//! `cargo ci dist`: builds packages for people without Rust, and tests them without Rust.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,10 +9,10 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::{command, setup, suite};
 
-/// The glibc of Debian 10 and RHEL 8. A static program couldn't open Vulkan.
+/// The glibc version of Debian 10 and RHEL 8. A statically linked program couldn't open Vulkan.
 const GLIBC: &str = "2.28";
 
-/// The largest sizes of the program and of the archive, for a download within seconds.
+/// The largest sizes of the program and of the archive, in bytes. They allow a download within seconds.
 const MOST_BYTES: [u64; 2] = [28_000_000, 11_000_000];
 
 /// The shells with completions, and the names of the completion files.
@@ -32,7 +32,8 @@ pub(crate) fn run(target: Option<&str>) -> Result<()> {
     let binary = build(target, &folder)?;
     let completions = folder.join("completions");
     fs::create_dir_all(&completions)?;
-    // Completions and manual pages are the same on each target. The program of another target may not run here.
+    // Completions and manual pages are equal on each target. This machine may not be able to run the program of another
+    // target.
     let program = if target == host { binary.clone() } else { own()? };
     for (shell, file) in SHELLS {
         let said = Command::new(&program).args(["completions", shell]).output()?;
@@ -54,7 +55,7 @@ pub(crate) fn run(target: Option<&str>) -> Result<()> {
         let bytes = fs::metadata(file)?.len();
         ensure!(bytes <= most, "`{}` has {bytes} bytes, more than {most}", file.display());
     }
-    // On Windows the programs of npm and Python have other names, and this walk was never run there.
+    // On Windows the programs of npm and Python have other names, and nobody has run these commands there.
     if target == host && cfg!(unix) { walk(&packages) } else { Ok(()) }
 }
 
@@ -91,7 +92,7 @@ fn build(target: &str, folder: &Path) -> Result<PathBuf> {
     Ok(command::root().join("target").join(target).join("dist").join(name))
 }
 
-/// `cargo zigbuild`, with tools that are kept below `target`.
+/// `cargo zigbuild`, with tools in a folder below `target`.
 fn zigbuild(folder: &Path) -> Result<Command> {
     let tools = folder.join("tools");
     let bin = tools.join("bin");
@@ -111,7 +112,7 @@ fn zigbuild(folder: &Path) -> Result<Command> {
     Ok(cargo)
 }
 
-/// The program of this machine.
+/// Builds the program for this machine.
 fn own() -> Result<PathBuf> {
     command::run(&mut command::cargo(&[
         "build",
@@ -160,7 +161,7 @@ fn walk(packages: &Path) -> Result<()> {
     let (plugins, tgz): (Vec<PathBuf>, Vec<PathBuf>) = all.into_iter().partition(is_plugin);
     let wheel = files(packages, |name| name.ends_with(".whl"))?;
     let wheel = wheel.first().context("no wheel was made")?;
-    // Outside this repository: inside it, Cargo would treat the folder as part of the workspace.
+    // The folder is outside this repository. Inside, Cargo would treat it as part of the workspace.
     let place = std::env::temp_dir().join(format!("karat-dist-{}", std::process::id()));
     for way in ["npm", "python"] {
         let folder = place.join(way);
@@ -228,7 +229,7 @@ fn web(folder: &Path, packages: &[PathBuf], path: &std::ffi::OsStr) -> Result<()
             .env_remove("CI");
         command
     };
-    // The current vitest or the one before it, whichever this machine's Node can run.
+    // Uses the current vitest or the version before it, depending on this machine's Node.
     let node = PathBuf::from("node");
     let is_new = setup::node_version(&node).is_some_and(|version| version >= suite::VITEST_NODE);
     let vitest = if is_new { "vitest@5" } else { "vitest@4" };

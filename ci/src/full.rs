@@ -1,8 +1,8 @@
-//! `cargo ci full`: the suites that are too long for each change.
+//! `cargo ci full`: runs the suites that are too long for each change.
 //!
-//! `cargo ci test` runs a sample of them: the tests of five of the shader library's modules on SwiftShader, some pixels
-//! of the second opinion, some modules of the translations, a quarter of the faults in the shader library, and the
-//! quick tests of the review.
+//! `cargo ci test` runs a sample of these suites: the tests of five of the shader library's modules on SwiftShader,
+//! some pixels of the second opinion, some modules of the translations, a quarter of the faults in the shader library,
+//! and the quick tests of the review.
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};
@@ -16,10 +16,10 @@ use crate::{command, dist, glams, matrix, setup, suite, swiftshader};
 /// The page with the last result.
 const PAGE: &str = "docs/swiftshader.md";
 
-/// Vulkan alone, with SwiftShader as its only driver.
+/// Only Vulkan, with SwiftShader as its only driver.
 const PATHS: &str = "vulkan";
 
-/// Runs every test on SwiftShader alone, and writes the result.
+/// Runs every test with SwiftShader as the only driver, and writes the result.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci full");
     let _ = steps.run("setup", setup::install_missing)
@@ -58,7 +58,8 @@ fn on_the_web(path: &str) -> Result<()> {
     Ok(())
 }
 
-/// Failed tests that aren't in the list, and tests in the list that passed. A test marked `sometimes` may pass or fail.
+/// Failed tests that the list doesn't contain, and passed tests that it contains. A test marked `sometimes` may pass or
+/// fail.
 fn others(list: &str, failed: &[String]) -> Vec<String> {
     let known = list.lines().filter(|line| !line.starts_with('#') && !line.is_empty());
     let (mut always, mut sometimes) = (Vec::new(), Vec::new());
@@ -80,7 +81,7 @@ fn on_swiftshader() -> Result<()> {
     let alone = |command: &mut Command| {
         command
             .env("VK_DRIVER_FILES", &manifest)
-            // An empty list of vendors: EGL finds no driver.
+            // The list of vendors is empty, so EGL finds no driver.
             .env("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null")
             .env("KARAT_PATHS", PATHS)
             .env("KARAT_REQUIRE", PATHS);

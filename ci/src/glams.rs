@@ -1,5 +1,5 @@
-//! `cargo ci glams`: tests a project on each glam that karat has a feature for, and one on mint, each with its own
-//! types.
+//! `cargo ci glams`: tests a project with each glam version for which karat has a feature, and a project with mint.
+//! Each project uses its own vector types.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 
 use crate::command;
 
-/// The versions, as in the names of features and packages.
+/// The glam versions, as in the names of features and packages.
 const VERSIONS: [&str; 5] = ["029", "030", "031", "032", "033"];
 
 /// Writes each project below `target`, and runs its tests.

@@ -11,7 +11,7 @@ use crate::command;
 
 const ALLOWED: &str = include_str!("../licences.txt");
 
-/// Crates from before SPDX write `MIT/Apache-2.0`. All other rules of SPDX stay strict.
+/// Crates from before SPDX write `MIT/Apache-2.0`. All other rules of SPDX are checked strictly.
 const MODE: ParseMode = ParseMode { allow_slash_as_or_operator: true, ..ParseMode::STRICT };
 
 /// Checks the workspace's whole graph, and prints its number of crates.
@@ -47,7 +47,7 @@ enum Origin {
     /// A crate of this workspace.
     Workspace,
     CratesIo,
-    /// A git repository, another registry, or a folder outside the workspace.
+    /// A crate from a git repository, from another registry, or from a folder outside the workspace.
     Elsewhere(String),
 }
 
@@ -65,7 +65,7 @@ fn crates(metadata: &Metadata) -> Vec<Crate> {
     metadata.packages.iter().map(describe).collect()
 }
 
-/// Reads the list: one SPDX identifier a line, with its reason after `#`.
+/// Reads the list: one SPDX identifier per line, with its reason after `#`.
 fn allow_list(text: &str) -> Result<Vec<Licensee>> {
     let mut allowed = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
@@ -106,7 +106,7 @@ fn problems(crates: &[Crate], allowed: &[Licensee]) -> Vec<String> {
             Err(reason) => problems.push(format!("{name} {reason}")),
         }
     }
-    // A refused crate may need one of the lines, so check the lines only if no crate is refused.
+    // A refused crate may need one of the lines, so the check looks for unneeded lines only if no crate is refused.
     if problems.is_empty() {
         for (licensee, needed) in allowed.iter().zip(needed) {
             if !needed {
@@ -119,7 +119,7 @@ fn problems(crates: &[Crate], allowed: &[Licensee]) -> Vec<String> {
     problems
 }
 
-/// The crate's licence expression if the list satisfies it; otherwise the remedy.
+/// The crate's licence expression if the list satisfies it. Otherwise a message that says what to do.
 fn judge(licence: Option<&str>, allowed: &[Licensee]) -> Result<Expression, String> {
     let Some(licence) = licence else {
         return Err("declares no licence in its manifest; replace the crate".to_owned());

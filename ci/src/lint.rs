@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use crate::step::Steps;
 use crate::{command, licence, packages};
 
-/// The lint steps alone.
+/// Runs only the lint steps.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci lint");
     self::steps(&mut steps);
@@ -39,9 +39,9 @@ fn clippy() -> Result<()> {
     command::run(command::cargo(&clippy).args(LINTS))
 }
 
-/// Makes Cargo reuse the metadata of the workspace's libraries that Clippy has written. Cargo identifies metadata by the
-/// program that wrote it and by that program's arguments. `cargo clippy` passes both in these two variables. If they
-/// differ, Cargo checks the libraries again.
+/// Makes Cargo reuse the metadata of the workspace's libraries that Clippy has written. Cargo identifies metadata by
+/// the program that wrote it and by that program's arguments. `cargo clippy` passes both in these two variables. If
+/// they differ, Cargo checks the libraries again.
 fn after_clippy(doc: &mut Command) {
     let sysroot = Command::new("rustc").args(["--print", "sysroot"]).output();
     let sysroot = sysroot

@@ -1,8 +1,7 @@
-//! `cargo ci`: everything that CI runs, run the same way on any machine.
+//! `cargo ci`: runs all parts of CI in the same way on any machine.
 //!
-//! Each command is a list of steps with a name, a wall time and a verdict; see [`step`].
-//! This package stays small on purpose: `cargo ci setup` has to compile and run before the graphics libraries that the
-//! harness needs are installed.
+//! Each command is a list of steps with a name, a wall time and a verdict; see [`step`]. This package stays small on
+//! purpose: `cargo ci setup` must compile and run before the graphics libraries that the harness needs are installed.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

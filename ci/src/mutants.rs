@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use crate::command;
 
-/// Tries all mutants, or those with this name: a module, a function, or the id of a mutant.
+/// Tries all mutants, or only those that a name selects: a module, a function, or the id of a mutant.
 pub(crate) fn run(names: &[String]) -> Result<()> {
     let mut mutate = command::karat(&["mutate", "--tests", "library::"])?;
     mutate.args(names.iter().flat_map(|name| ["--only", name]));

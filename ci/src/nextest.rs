@@ -1,4 +1,5 @@
-//! `cargo ci nextest`: runs tests with another runner, whole and in parts, and compares the reports.
+//! `cargo ci nextest`: runs tests with another test runner, once completely and once in three parts, and compares the
+//! reports.
 
 use std::io::Write;
 use std::process::Command;
@@ -13,7 +14,7 @@ const TOOL: &str =
 /// The tests to run: enough tests for three parts, and few enough to take only seconds.
 const TESTS: &str = "test(/^fresnel::/)";
 
-/// Runs tests at once and in three parts, and compares their reports.
+/// Runs tests in one run and in three parts, and compares the reports.
 pub(crate) fn run() -> Result<()> {
     ensure!(command::succeeds(&mut command::cargo(&["nextest", "--version"])), TOOL);
     let folder = command::root().join("target/karat/nextest");

@@ -1,4 +1,4 @@
-//! Checks that code is compiled once: each dependency and library lies in one file.
+//! Checks that Cargo compiles each dependency and each library only once, into one file.
 //!
 //! Cargo compiles a crate once for each set of its features, and again if one of its dependencies is compiled again. The
 //! features depend on the packages and targets that a command names. [`COMMANDS`] lists the commands that people,
@@ -23,7 +23,7 @@ const COMMANDS: [&[&str]; 6] = [
     &["test", "--workspace", "--locked", "--no-run"],
 ];
 
-/// For each package, the files of its library, with the features that each was compiled with.
+/// Files of each package's library, each with the features with which it was compiled.
 type Compiled = BTreeMap<String, BTreeMap<Utf8PathBuf, Vec<String>>>;
 
 /// Reads Cargo's build messages for each command, and names the code that was compiled more than once.
@@ -84,7 +84,7 @@ fn hosts(metadata: &Metadata) -> BTreeSet<PackageId> {
     hosts
 }
 
-/// Adds the libraries of a command's messages.
+/// Adds the libraries that a command's messages name.
 fn note(
     messages: impl std::io::BufRead,
     hosts: &BTreeSet<PackageId>,
@@ -113,7 +113,7 @@ fn is_for_host(artifact: &Artifact, hosts: &BTreeSet<PackageId>) -> bool {
     hosts.contains(&artifact.package_id) && artifact.profile.opt_level == "0"
 }
 
-/// A line for each library in more than one file, with the difference in features.
+/// A line for each library in several files, with the difference in features.
 fn twice(compiled: &Compiled) -> Vec<String> {
     let several = compiled.iter().filter(|(_, files)| files.len() > 1);
     let line = |(package, files): (&String, &BTreeMap<Utf8PathBuf, Vec<String>>)| {
@@ -168,10 +168,10 @@ mod tests {
             artifact("wgpu", "lib", "/t/libwgpu-2.rlib", &["vulkan", "gles"], "1", false),
             artifact("naga", "lib", "/t/libnaga-1.rlib", &["wgsl-in"], "1", false),
             artifact("naga", "lib", "/t/libnaga-1.rlib", &["wgsl-in"], "1", false),
-            // For example, above two versions of `serde`.
+            // This occurs, for example, if the graph has two versions of `serde`.
             artifact("toml", "lib", "/t/libtoml-1.rlib", &["parse"], "1", false),
             artifact("toml", "lib", "/t/libtoml-2.rlib", &["parse"], "1", false),
-            // Metadata alone, a test harness, and code for the host.
+            // These are only metadata, a test harness, and code for the host.
             artifact("naga", "lib", "/t/libnaga-3.rmeta", &[], "1", false),
             artifact("naga", "lib", "/t/naga-4.rlib", &[], "1", true),
             artifact("syn", "lib", "/t/libsyn-1.rlib", &["full"], "0", false),

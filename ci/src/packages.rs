@@ -18,7 +18,6 @@ const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
 /// The limit of crates.io.
 const MOST_KEYWORDS: usize = 5;
 
-/// Members that aren't published, each with its reason.
 const PRIVATE: [&str; 3] = ["ci", "shaders", "tests"];
 
 /// Parts of the names of files that a test run writes.
@@ -87,7 +86,7 @@ fn extension() -> Result<Vec<String>> {
     Ok(problems)
 }
 
-/// The fields that the manifest lacks.
+/// The fields that are missing in the manifest.
 fn untold(package: &Package) -> Vec<String> {
     let is_library = package.targets.iter().any(|target| target.is_lib());
     let said = [
@@ -105,7 +104,7 @@ fn untold(package: &Package) -> Vec<String> {
     missing.map(|(what, _)| format!("its manifest has no `{what}`, or too many")).collect()
 }
 
-/// The copies of licences that differ from the repository's.
+/// Copies of licences that differ from the repository's licences.
 fn unlike_ours(package: &Package) -> Result<Vec<String>> {
     let folder = package.manifest_path.parent().context("a manifest has a folder")?;
     let mut problems = Vec::new();
@@ -118,7 +117,7 @@ fn unlike_ours(package: &Package) -> Result<Vec<String>> {
     Ok(problems)
 }
 
-/// The files of a package, as Cargo would pack them.
+/// The files that Cargo would put into the package.
 fn listed(name: &str) -> Result<Vec<String>> {
     let mut list = command::cargo(&["package", "--list", "--allow-dirty", "--package", name]);
     let output = list.output().context("`cargo package` doesn't start")?;
@@ -186,8 +185,8 @@ fn unpack() -> Result<()> {
     for (name, version) in names()? {
         let member = format!("{name}-{version}");
         let file = target().join("package").join(format!("{member}.crate"));
-        // `m` gives files the current time. In the archive all files have the same date, so Cargo would mistake a package
-        // for that of the last run.
+        // `m` gives files the current time. In the archive all files have the same date, so Cargo would mistake a
+        // package for that of the last run.
         command::run(Command::new("tar").arg("-xzmf").arg(&file).arg("-C").arg(&folder))?;
         patches.push_str(&format!("{name} = {{ path = \"{member}\" }}\n"));
         members.push(member);
@@ -220,7 +219,7 @@ fn profiles(manifest: &str) -> String {
 }
 
 fn test() -> Result<()> {
-    // The examples of `karat-core` use `karat`, which itself depends on that package.
+    // The examples of `karat-core` use `karat`, which itself depends on `karat-core`.
     const CORE: &str = "karat-core";
     let all = ["test", "--workspace", "--no-fail-fast", "--exclude", CORE];
     let core = ["test", "--package", CORE, "--lib"];

@@ -1,7 +1,7 @@
-//! `cargo ci semver`: checks that the libraries' public interfaces changed no more than their versions say.
+//! `cargo ci semver`: checks that the libraries' public interfaces changed no more than their version numbers allow.
 //!
-//! cargo-semver-checks judges, but has no lint for types in signatures. So both interfaces are also compared item by
-//! item, for a person to decide which of these changes break users.
+//! cargo-semver-checks gives the verdict, but has no lint for types in signatures. So this command also compares both
+//! interfaces item by item. A person decides which of these changes break users.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,8 @@ const PROMISED: [&str; 3] = ["karat", "karat-gallery", "karat-suite"];
 
 const TOOLS: [&str; 2] = ["cargo-semver-checks", "cargo-public-api"];
 
-/// Compares with a revision, otherwise with the newest release, otherwise with the revision in `ci/baseline.txt`.
+/// Compares with a revision. Without a revision, compares with the newest release, or with the revision in
+/// `ci/baseline.txt` if there is no release.
 pub(crate) fn run(revision: Option<String>) -> Result<()> {
     for tool in TOOLS {
         let name = tool.trim_start_matches("cargo-");
@@ -57,7 +58,7 @@ pub(crate) fn run(revision: Option<String>) -> Result<()> {
     judged
 }
 
-/// The tag of the newest release: `v0.2.0`.
+/// The tag of the newest release, such as `v0.2.0`.
 fn newest(tags: &[String]) -> Option<String> {
     let version = |tag: &&String| -> Option<[u64; 3]> {
         let parts: Vec<&str> = tag.strip_prefix('v')?.split('.').collect();
@@ -73,7 +74,7 @@ fn baseline(text: &str) -> &str {
     lines.find(|line| !line.is_empty() && !line.starts_with('#')).unwrap_or_default()
 }
 
-/// Refuses a revision that this repository doesn't have, with the remedy.
+/// Refuses a revision that this repository doesn't have, and says how to get it.
 fn expect_there(revision: &str, origin: &str) -> Result<()> {
     let commit = format!("{revision}^{{commit}}");
     if !git(&["rev-parse", "--verify", "--quiet", "--end-of-options", &commit]).is_empty() {
@@ -92,7 +93,7 @@ fn expect_there(revision: &str, origin: &str) -> Result<()> {
     )
 }
 
-/// The lines that git prints. Empty if git fails.
+/// The lines that git prints. The result is empty if git fails.
 fn git(arguments: &[&str]) -> Vec<String> {
     let output = Command::new("git").args(arguments).current_dir(command::root()).output();
     let answer = output.ok().filter(|output| output.status.success());
@@ -100,8 +101,8 @@ fn git(arguments: &[&str]) -> Vec<String> {
     text.unwrap_or_default().lines().map(str::to_owned).collect()
 }
 
-/// The two descriptions of a library that cargo-semver-checks has written since `since`: of the baseline and of the
-/// working tree.
+/// The two descriptions of a library that cargo-semver-checks has written since the time `since`: of the baseline and
+/// of the working tree.
 fn interfaces(name: &str, since: SystemTime) -> Result<[PathBuf; 2]> {
     let folder = command::root().join("target/semver-checks");
     let crate_name = name.replace('-', "_");
@@ -140,8 +141,8 @@ fn published(file: &Path) -> Result<PathBuf> {
     Ok(public)
 }
 
-/// Removes private items from the lists of modules, types and `impl`s. Their descriptions stay, since they may be
-/// reexported.
+/// Removes private items from the lists of modules, types and `impl`s. The descriptions of the items stay, because a
+/// module may reexport them.
 fn leave_public(described: &mut Value) {
     const LISTS: [&str; 3] =
         ["/inner/module/items", "/inner/impl/items", "/inner/struct/kind/plain/fields"];

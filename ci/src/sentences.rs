@@ -1,4 +1,4 @@
-//! `cargo ci sentences`: a random sample of what people read, for a reader who has never seen it.
+//! `cargo ci sentences`: prints a random sample of sentences for a reader who has never seen Karat.
 
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
@@ -30,23 +30,23 @@ const WRITTEN: [&str; 5] = [
     "docs/translations.md",
 ];
 
-/// Fewer words are a name or a part of a sentence.
+/// The fewest words of a message. A shorter text is a name or a part of a sentence.
 const FEWEST_WORDS: usize = 5;
 
-/// A sentence, with what a reader has seen before it.
+/// A sentence, with the text before it.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 struct Sentence {
     /// The line on which its paragraph begins.
     line: usize,
     /// The heading above it, or the code that a comment documents.
     about: String,
-    /// The sentence before it in its paragraph or row.
+    /// The sentence before this one in its paragraph or row.
     before: String,
     text: String,
 }
 
-/// Prints `count` sentences, each with its place and with the sentence before it. One seed gives the same sentences with
-/// one version of Rust.
+/// Prints `count` sentences, each with its file and line and with the sentence before it. With one version of Rust, one
+/// seed always gives the same sentences.
 pub(crate) fn run(from: Source, count: usize, seed: u64) -> Result<()> {
     let listed = Command::new("git").arg("ls-files").current_dir(command::root()).output()?;
     let listed = String::from_utf8(listed.stdout).context("git lists files by UTF-8")?;
@@ -88,14 +88,14 @@ fn is_read(from: Source, file: &str) -> bool {
 
 fn sentences(from: Source, text: &str) -> Vec<Sentence> {
     let paragraphs = match from {
-        // Code of a module's tests prints nothing.
+        // The code of test modules has no messages that users see.
         Source::Messages => literals(text.split("#[cfg(test)]\nmod ").next().unwrap_or_default()),
         Source::Docs | Source::Comments => paragraphs(from, text),
     };
     paragraphs.into_iter().flat_map(cut).collect()
 }
 
-/// A paragraph: its line, what it is about, its text.
+/// A paragraph: its line, its heading or item, and its text.
 type Paragraph = (usize, String, String);
 
 fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
@@ -173,7 +173,7 @@ fn literals(text: &str) -> Vec<Paragraph> {
     found
 }
 
-/// Cuts a paragraph at the cells of a table, and where a point is followed by a capital or by code.
+/// Cuts a paragraph at the cells of a table, and at each point that a capital or code follows.
 fn cut((line, about, paragraph): Paragraph) -> Vec<Sentence> {
     let mut marked = paragraph.replace("| ", "|\n");
     for first in ('A'..='Z').chain(['`', '*', '[', '"']) {

@@ -10,21 +10,21 @@ use anyhow::{Context, Result, ensure};
 
 use crate::command;
 
-/// The folder of the measured sources: all packages, without their tests.
+/// The folder with the sources to measure: all packages, without their tests.
 const HARNESS: &str = "harness";
 
-/// A verb, a path and a subcommand with unique names. The files with such a name are those that a new verb, path or
-/// subcommand would change.
+/// A verb, a path and a subcommand with unique names. A new verb, path or subcommand would change about as many files
+/// as the files that mention such a name.
 const SPREAD: [(&str, &str, &str); 3] = [
     ("files of a verb", "harness", "is_unit"),
     ("files of a path", "harness/src", "Api::Dx12"),
     ("files of a subcommand", "harness/cli", "unreferenced::"),
 ];
 
-/// The most lines of a function: about one and a half screens with its documentation.
+/// The largest number of lines of a function: about one and a half screens with its documentation.
 const LONG: usize = 80;
 
-/// Methods that read a text. naga, Tint, OpenEXR and TOML report errors only as text.
+/// Methods that examine the text of a message. naga, Tint, OpenEXR and TOML report errors only as text.
 const READS: [&str; 8] = [
     "contains",
     "starts_with",
@@ -36,7 +36,7 @@ const READS: [&str; 8] = [
     "find",
 ];
 
-/// Prints each number of the working tree, beside that of a revision.
+/// Prints the numbers of the working tree beside the numbers of a revision.
 pub(crate) fn run(revision: Option<&str>) -> Result<()> {
     let now = measure(&command::root())?;
     let before = revision.map(|revision| {
@@ -179,7 +179,7 @@ fn is_public(line: &str) -> bool {
     words.iter().any(|word| line.starts_with(word))
 }
 
-/// Returns `true` for a line that reads the text of a message: `message.contains(..)`.
+/// Checks if a line examines the text of a message, such as `message.contains(..)`.
 fn reads_message(line: &str) -> bool {
     line.match_indices("message").any(|(at, word)| {
         let rest = &line[at + word.len()..];
@@ -189,7 +189,7 @@ fn reads_message(line: &str) -> bool {
     })
 }
 
-/// Groups of modules in a room that use each other in a cycle: `check: sample, session`.
+/// Groups of modules in a room that use each other in a cycle, such as `check: sample, session`.
 fn circles(all: &[Source]) -> Vec<String> {
     // `check/integral/sum.rs` belongs to the module `integral` of the room `check`.
     let mut rooms: BTreeMap<&str, BTreeMap<&str, BTreeSet<String>>> = BTreeMap::new();
@@ -230,7 +230,7 @@ fn circles(all: &[Source]) -> Vec<String> {
     rooms.iter().flat_map(of_room).collect()
 }
 
-/// The next names of a path: one, or those in its braces.
+/// The names that follow in a path: one name, or the names in braces.
 fn first_names(text: &str) -> Vec<String> {
     let Some(inner) = text.strip_prefix('{') else { return vec![word(text)] };
     let (mut depth, mut names, mut begins) = (0_usize, Vec::new(), true);
@@ -264,7 +264,7 @@ fn long_functions(all: &[Source]) -> Vec<String> {
             bare.starts_with("fn ") && !line.ends_with(['}', ';']) && !line.ends_with("{{")
         };
         let long = |at: usize| {
-            // In formatted code a function ends at the indentation at which it begins.
+            // In formatted code a function ends at the indentation of its first line.
             let indent = lines[at].len() - lines[at].trim_start().len();
             let ends = |line: &String| line.trim_start() == "}" && line.len() == indent + 1;
             let count = lines[at..].iter().position(ends)? + 1;

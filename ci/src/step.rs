@@ -1,4 +1,4 @@
-//! Steps: pieces of work, each with a name, a heading, a wall time and a verdict.
+//! Runs steps: pieces of work, each with a name, a heading, a wall time and a verdict.
 //!
 //! Headings and verdicts go to stderr, so that stdout has only the output of the children.
 
@@ -59,7 +59,7 @@ impl Steps {
         self.done.append(&mut apart.done);
     }
 
-    /// Prints the last lines. The exit code is that of the first step that failed.
+    /// Prints the summary. Returns the exit code of the first step that failed.
     pub(crate) fn finish(self) -> ExitCode {
         eprintln!("{}", summary(self.task, &self.done, self.started.elapsed()));
         let failed = self.done.iter().find_map(|step| step.outcome.as_ref().err());
@@ -83,7 +83,7 @@ pub(crate) fn verdict(outcome: Result<()>) -> ExitCode {
     }
 }
 
-/// The failed steps with their errors, a line each; then a line with the wall times of all steps.
+/// The failed steps with their errors, one line each, and a line with the wall times of all steps.
 fn summary(task: &str, steps: &[Step], wall: Duration) -> String {
     let mut lines = Vec::new();
     let mut times = Vec::new();

@@ -11,8 +11,8 @@ use crate::setup::{self, PATHS};
 use crate::step::Steps;
 use crate::{command, lint, once, swiftshader};
 
-/// Runs every step, even after failures. The steps after the tests print to stderr, so that the last lines of stdout
-/// are the test runner's; but GitHub's annotations have to go to stdout.
+/// Runs every step, even after failures. The steps after the tests print to stderr, so that the test runner writes the
+/// last lines of stdout. Only GitHub's annotations must go to stdout.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci test");
     // Installing packages waits for the network. The lints need no packages, so they run at the same time.
@@ -28,7 +28,7 @@ pub(crate) fn run() -> ExitCode {
     steps.run("compiled once", once::check);
     steps.run("paths", open_paths);
     steps.run("both compilers", both_compilers);
-    // Before the tests: readers of a log look for the tests' last lines on stdout.
+    // This step runs before the tests, because readers of a log look for the tests' last lines on stdout.
     if swiftshader::manifest().is_some() {
         steps.run("swiftshader", second_driver);
         steps.run("dawn and chromium", web);
@@ -53,12 +53,13 @@ pub(crate) fn build() -> Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// The example without Rust. Other steps run those for wgpu and npm, and `cargo ci full` the one that fetches Bevy's shaders.
+/// Runs the example without Rust. Other steps run the examples for wgpu and npm. `cargo ci full` runs the example that
+/// fetches Bevy's shaders.
 fn examples() -> Result<()> {
     command::run_aside(&mut command::karat(&["test", "harness/examples/folder/shaders"])?)
 }
 
-/// The example for Bevy, whose test fetches Bevy's shaders.
+/// Runs the example for Bevy. Its test fetches Bevy's shaders.
 pub(crate) fn bevy_example() -> Result<()> {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--test", "toon"]);
     command::run(test.args(["--features", "example-bevy/fetch"]))
@@ -82,7 +83,7 @@ fn test() -> Result<()> {
         .with_context(|| format!("can't keep a record in `{}`", records.display()))?;
     let record = running.folder();
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
-    // A path that doesn't open must fail the run, because skipped tests would prove nothing.
+    // If a path doesn't open, the run must fail, because skipped tests would prove nothing.
     test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS).env("KARAT_RECORD", record);
     // Tests that start programs mostly wait for them, so another test can use the processor core.
     if std::env::var_os("RUST_TEST_THREADS").is_none() {
@@ -116,7 +117,7 @@ fn web() -> Result<()> {
         test.args(["--test", "library", "--", "fresnel::"]);
         test.env("KARAT_PATHS", path).env("KARAT_REQUIRE", path);
         command::run_aside(&mut test)?;
-        // Textures and buffers of each kind. WebGPU has no immediates yet.
+        // The tests use textures and buffers of each kind. WebGPU has no immediates yet.
         let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
         test.args(["--test", "strangers", "--", "resources::", "--skip", "immediates_are_set"]);
         test.env("KARAT_PATHS", path).env("KARAT_REQUIRE", path);
@@ -125,7 +126,6 @@ fn web() -> Result<()> {
     Ok(())
 }
 
-/// `cargo ci npm`
 pub(crate) fn npm() -> ExitCode {
     let mut steps = Steps::new("cargo ci npm");
     let _ = steps.run("browser", setup::install_browser)
@@ -139,7 +139,8 @@ pub(crate) fn npm() -> ExitCode {
 /// The oldest Node of the current vitest.
 pub(crate) const VITEST_NODE: (u32, u32) = (22, 12);
 
-/// Tests Karat's own npm packages, with the newest vitest that this machine's Node can run, or with all such versions.
+/// Tests Karat's own npm packages, with the newest vitest that this machine's Node can run. If `all`, uses each vitest
+/// that the Node can run.
 pub(crate) fn npm_packages(all: bool) -> Result<()> {
     let root = command::root();
     let folder = root.join("harness/npm/tests");
@@ -203,7 +204,7 @@ fn behind_a_pipe() -> Result<()> {
 /// Tests of these modules of the shader library, on Karat's engine in another process.
 pub(crate) fn piped(modules: &[&str]) -> Command {
     let mut test = in_another_process("library", "cpu");
-    // Frames need a driver. So does the test of a fault in a driver's `pow`.
+    // Frames need a driver, and so does the test of a fault in a driver's `pow`.
     test.args(modules);
     test.args(["--skip", "overdraw::", "--skip", "split_sum_fragment", "--skip", "pow_is_less"]);
     test
@@ -212,7 +213,7 @@ pub(crate) fn piped(modules: &[&str]) -> Command {
 /// Tests of resources, passes and frames on Vulkan in another process.
 fn strangers() -> Command {
     let mut test = in_another_process("strangers", "vulkan");
-    // Derivatives need a drawn quad.
+    // Derivatives need a quad that a driver draws.
     for quads in [
         "derivatives_over_quads",
         "implicit_levels_of_detail",
@@ -225,7 +226,7 @@ fn strangers() -> Command {
     test
 }
 
-/// The whole suites of which `cargo ci test` runs a sample.
+/// Runs the complete suites. `cargo ci test` runs a sample of them.
 pub(crate) fn long() -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     test.args(["--test", "mutants", "--test", "second_opinion", "--test", "translations"]);
@@ -249,8 +250,8 @@ fn in_another_process(program: &str, path: &str) -> Command {
     test
 }
 
-/// Writes JUnit and, on GitHub, annotations and the job's summary. Failed checks don't fail this step: their tests have
-/// failed already, or expect the failure.
+/// Writes JUnit and, on GitHub, annotations and the job's summary. Failed checks don't make this step fail: their tests
+/// have already failed, or expect the failure.
 fn report(passed: bool) -> Result<()> {
     let junit = output().join("junit.xml");
     let mut report = command::karat(&["report", "--junit"])?;
@@ -273,7 +274,7 @@ fn output() -> PathBuf {
     command::root().join(target).join("karat")
 }
 
-/// The facts of a run for `karat` (`karat::unstable::record::Run`): no test was left out.
+/// The facts of a run that `karat` reads (`karat::unstable::record::Run`). They say that the run left out no test.
 fn ending(passed: bool) -> String {
     serde_json::json!({ "schema": 5, "selected": [], "passed": passed }).to_string()
 }

@@ -1,15 +1,14 @@
-//! The faults: each is a text that occurs once in a module, and its replacement.
+//! Faults of the library. Each fault replaces a text that occurs once in a module by another text.
 
 use std::fmt;
 
-/// One change of one module.
 pub(crate) struct Fault {
     pub(crate) module: &'static str,
     pub(crate) kind: Kind,
-    /// Occurs once in the module.
+    /// The text to replace. It occurs once in the module.
     pub(crate) original: &'static str,
     pub(crate) replacement: &'static str,
-    /// The test that catches it: `file::name`.
+    /// The test that detects the fault: `file::name`.
     pub(crate) test: &'static str,
 }
 
@@ -20,16 +19,16 @@ pub(crate) enum Kind {
     Clamp,
     Comparison,
     Constant,
-    /// Roughness, alpha or its square; the origin of angles.
+    /// Mixes up roughness, alpha and alpha squared, or begins angles at another origin.
     Convention,
-    /// Equal on paper, but f32 loses digits.
+    /// Is equal on paper, but loses digits in f32.
     Digits,
     DroppedTerm,
-    /// World or local space, stretched or not.
+    /// Mixes up world and local space, or forgets to stretch.
     Frame,
     /// A missing guard against rare arguments.
     Guard,
-    /// A Jacobian or a cosine.
+    /// Has a wrong Jacobian or cosine.
     Measure,
     OffByOne,
     Pi,
@@ -75,7 +74,7 @@ const fn fault(
     Fault { module, kind, original, replacement, test }
 }
 
-/// The test that each names catches it.
+/// Faults, each with the test that detects it.
 pub(crate) const FAULTS: &[Fault] = &[
     fault("math", Kind::DroppedTerm, "x2 * x2 * x;", "x2 * x2;", "sampling::pow5"),
     fault(
@@ -955,7 +954,7 @@ pub(crate) const FAULTS: &[Fault] = &[
         "environment",
         Kind::Guard,
         "if (from_axis > 0.0)",
-        // Not `>= 0.0`: WGSL allows atan2(0, 0) to be 0, and on some drivers it is.
+        // The condition isn't `>= 0.0`, because WGSL allows atan2(0, 0) to be 0, and some drivers return 0.
         "if (from_axis > 0.5)",
         "environment::equirectangular_uv",
     ),
@@ -1339,7 +1338,7 @@ pub(crate) const FAULTS: &[Fault] = &[
     ),
 ];
 
-/// Faults that no test can detect, each with the reason.
+/// Faults that no test can detect, each with its reason.
 pub(crate) const SURVIVORS: &[(Fault, &str)] = &[(
     fault(
         "fresnel",

@@ -1,4 +1,4 @@
-//! Runs the library's own tests as processes, with a fault in place of a module.
+//! Runs the library's own tests as processes, with a fault in one module.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path as FilePath, PathBuf};
@@ -10,36 +10,35 @@ use tempfile::TempDir;
 
 use crate::faults::{FAULTS, Fault, SURVIVORS};
 
-/// The compiled tests of the library, by the name of their file.
+/// Compiled tests of the library, by the name of their file.
 pub(crate) struct Library {
     binaries: BTreeMap<String, PathBuf>,
 }
 
 /// The outcome of the tests for a fault.
 pub(crate) enum Outcome {
-    /// These checks failed: at least one.
+    /// At least one check failed.
     Caught(Vec<Caught>),
-    /// The tests passed.
+    /// All tests passed.
     Survived,
-    /// The fault changes nothing, or the run doesn't prove what it should.
+    /// The fault changes nothing, or the run doesn't prove that the fault was tested.
     Broken(String),
 }
 
 /// A check that failed.
 pub(crate) struct Caught {
-    /// The test that made it.
+    /// The test that made the check.
     pub(crate) test: String,
-    /// Function and verb: `fresnel::schlick agrees_with`.
+    /// Function and verb, such as `fresnel::schlick agrees_with`.
     pub(crate) check: String,
-    /// The number of its failing cases: `12 of 65536`.
+    /// The number of failing cases, such as `12 of 65536`.
     pub(crate) failing: String,
-    /// The largest error.
+    /// The largest error of the check.
     pub(crate) worst: String,
-    /// The assertion: the tolerance, or the statement.
+    /// The tolerance or the statement that the check asserts.
     pub(crate) asserted: String,
 }
 
-/// A module's own text.
 pub(crate) fn text(module: &str) -> String {
     let path = PBR.root().join(format!("{module}.wgsl"));
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
@@ -51,13 +50,13 @@ impl Library {
         Self::of(&targets())
     }
 
-    /// Compiles files of tests, in the same way as this program, unless they are compiled already.
+    /// Compiles files of tests in the same way as this program, unless they are already compiled.
     pub(crate) fn of(targets: &BTreeSet<&str>) -> Self {
         let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let mut command = Command::new(cargo);
-        // For the whole workspace, like this program: for one package Cargo would choose other features of shared
-        // dependencies, and compile most of them again.
+        // Builds the whole workspace, as for this program. For only one package, Cargo would choose other features of
+        // shared dependencies, and compile most of them again.
         command.args(["test", "--no-run", "--offline", "--workspace"]);
         command.args(["--message-format", "json-render-diagnostics"]);
         match folder.file_name().and_then(|name| name.to_str()) {
@@ -81,7 +80,7 @@ impl Library {
         Self { binaries }
     }
 
-    /// Runs all tests that should catch a fault, with overlays that change nothing.
+    /// Runs all tests that should detect a fault, with overlays that change nothing.
     pub(crate) fn control(&self, faults: &[&Fault]) -> Result<(), String> {
         let modules: BTreeSet<&str> = faults.iter().map(|fault| fault.module).collect();
         let texts: Vec<_> = modules.into_iter().map(|module| (module, text(module))).collect();
@@ -107,7 +106,7 @@ impl Library {
         Ok(())
     }
 
-    /// Runs the test that should catch a fault.
+    /// Runs the test that should detect the fault.
     pub(crate) fn run(&self, fault: &Fault) -> Outcome {
         let (target, name) = fault.test.split_once("::").expect("file::test");
         self.outcome(target, &[name], &[(fault.module, mutated(fault))])
@@ -119,7 +118,7 @@ impl Library {
         self.outcome(target, &[], &[(fault.module, mutated(fault))])
     }
 
-    /// Runs tests of a file with other texts for some modules.
+    /// Runs tests of a file with replaced texts of some modules.
     fn outcome(&self, target: &str, names: &[&str], modules: &[(&str, String)]) -> Outcome {
         let folder = overlaid(modules);
         let overlay = folder.path().join("overlay");
@@ -136,7 +135,7 @@ impl Library {
         output.unwrap_or_else(|error| panic!("{:?}: {error}", command.get_program()))
     }
 
-    /// A process that runs tests of a file, with the overlay in a folder.
+    /// The command that runs tests of a file, with the overlay in a folder.
     fn command(&self, target: &str, names: &[&str], folder: &TempDir) -> Command {
         let program = program(target);
         let binary = self.binaries.get(program).unwrap_or_else(|| panic!("no tests `{program}`"));
@@ -144,10 +143,10 @@ impl Library {
         for (name, _) in std::env::vars_os() {
             let keep = ["KARAT_ADAPTER", "KARAT_TIMEOUT"].iter().any(|keep| name == *keep);
             if name.to_string_lossy().starts_with("KARAT_") && !keep {
-                command.env_remove(name); // of the run around this one, and its paths: one will do
+                command.env_remove(name); // settings of the surrounding run
             }
         }
-        // As many processes as cores, with one thread each.
+        // Runs as many processes as there are cores, with one thread each.
         command.env("RAYON_NUM_THREADS", "1").arg("--test-threads=1");
         command.env("KARAT_OVERLAY", folder.path().join("overlay"));
         command.env("KARAT_RECORD", folder.path().join("record"));
@@ -155,7 +154,7 @@ impl Library {
         if !names.is_empty() {
             command.arg("--exact").args(names.iter().map(|name| full(target, name)));
         } else if program != target {
-            // The tests of the source documents' formulas have the same names.
+            // Tests of the source documents' formulas have the same names, so they are skipped.
             command.arg(full(target, "")).args(["--skip", "as_written::"]);
         }
         command.current_dir(env!("CARGO_MANIFEST_DIR"));
@@ -163,7 +162,6 @@ impl Library {
     }
 }
 
-/// A folder with an overlay of some modules.
 fn overlaid(modules: &[(&str, String)]) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let files = folder.path().join("overlay").join(PBR.name());
@@ -174,7 +172,7 @@ fn overlaid(modules: &[(&str, String)]) -> TempDir {
     folder
 }
 
-/// The program that a file of tests belongs to.
+/// The program that contains a file of tests.
 fn program(target: &str) -> &str {
     if target == "golden" { target } else { "library" }
 }
@@ -184,7 +182,7 @@ fn full(target: &str, name: &str) -> String {
     if program(target) == target { name.to_owned() } else { format!("{target}::{name}") }
 }
 
-/// The result of a run, or the reason why it proves nothing.
+/// The outcome of a run. If the run proves nothing, the outcome has the reason.
 fn judge(
     output: &Output,
     records: &[Record],
@@ -231,7 +229,7 @@ fn caught(record: &Record) -> Caught {
     let (failing, worst) = path.map_or_else(Default::default, |path| {
         (format!("{} of {}", path.failures, path.cases), path.worst.clone())
     });
-    // Without its file, which the table shows.
+    // Removes the name of the file, because the table has its own column for it.
     let test = record.test.rsplit("::").next().unwrap_or_default().to_owned();
     Caught { test, check, failing, worst, asserted }
 }
@@ -240,7 +238,6 @@ fn mutated(fault: &Fault) -> String {
     text(fault.module).replacen(fault.original, fault.replacement, 1)
 }
 
-/// The files of the tests that the table names.
 fn targets() -> BTreeSet<&'static str> {
     let faults = FAULTS.iter().chain(SURVIVORS.iter().map(|(fault, _)| fault));
     faults.filter_map(|fault| fault.test.split("::").next()).collect()

@@ -1,10 +1,10 @@
-//! Plants faults in the shader library, and checks that its own tests catch each.
+//! Plants faults in the shader library, and checks that the library's own tests detect each fault.
 //!
-//! A test suite is worth the faults that it catches. Each fault here is one change of one module, given to the
-//! library's tests as an overlay (`KARAT_OVERLAY`), and an ordinary check has to fail; the record says which. The table
-//! is written to `target/karat/mutants.md`.
+//! The more faults a test suite detects, the better it is. Each fault is one change of one module. The library's tests
+//! get the fault as an overlay (`KARAT_OVERLAY`), and an ordinary check must fail. The record names this check. The
+//! table is written to `target/karat/mutants.md`.
 //!
-//! These faults are picked by hand (`faults.rs`). `cargo ci mutants` runs generated ones.
+//! The faults in `faults.rs` are picked by hand. `cargo ci mutants` runs generated faults.
 
 mod faults;
 mod library;
@@ -17,7 +17,7 @@ use faults::{FAULTS, Fault, SURVIVORS};
 use library::{Caught, Library, Outcome};
 use rayon::prelude::*;
 
-/// Modules with functions that tests call. Each needs a fault that is caught.
+/// Modules with functions that tests call. Each module needs a fault that a test detects.
 const MODULES: [&str; 15] = [
     "brdf",
     "camera",
@@ -52,21 +52,21 @@ fn the_table_is_well_formed() {
     assert!(FAULTS.len() >= 50, "{} faults", FAULTS.len());
 }
 
-/// The faults to try: in a sample, the first of each module and every fourth one.
+/// The faults to try. A sample has the first fault of each module, and every fourth fault.
 fn tried() -> Vec<&'static Fault> {
     const APART: usize = 4;
     let whole = frames::are_suites_whole();
     let mut modules = BTreeSet::new();
     let is_tried = |(at, fault): &(usize, &Fault)| {
-        // The module of every fault is noted.
+        // Inserts the module of every fault.
         let is_first = modules.insert(fault.module);
         whole || is_first || at % APART == 0
     };
     FAULTS.iter().enumerate().filter(is_tried).map(|(_, fault)| fault).collect()
 }
 
-/// The test in the table catches its fault, every survivor survives all tests of its module, and without a fault all of
-/// these tests pass.
+/// The test in the table detects its fault. Every survivor passes all tests of its module. Without a fault, all these
+/// tests pass.
 // Lesson 28: faults picked by hand
 #[test]
 fn every_fault_is_caught_by_an_ordinary_check() {
@@ -121,7 +121,7 @@ fn every_fault_is_caught_by_an_ordinary_check() {
     assert!(problems.is_empty(), "\n{}", problems.join("\n"));
 }
 
-/// A row of the table. It shows the worst error of the first check that failed.
+/// A row of the table. It has the worst error of the first check that failed.
 fn row(fault: &Fault, checks: &[Caught]) -> String {
     let names: Vec<String> = checks.iter().map(|caught| format!("`{}`", caught.check)).collect();
     let Caught { failing, worst, asserted, test, .. } = &checks[0];
@@ -144,7 +144,7 @@ fn change(fault: &Fault) -> String {
     format!("{} → {}", code(fault.original), code(fault.replacement))
 }
 
-/// Writes the table to the folder of `karat test`'s records, and prints it, even if the test passes.
+/// Writes the table to the folder of `karat test`'s records. Also prints the table, even if the test passes.
 fn publish(table: &str, summary: &str) {
     let path = output().join("karat/mutants.md");
     let text = format!("# Faults and the checks that catch them\n\n{table}\n{summary}");
@@ -154,7 +154,7 @@ fn publish(table: &str, summary: &str) {
     std::io::stdout().write_all(shown.as_bytes()).expect("the table is shown");
 }
 
-/// Cargo's folder of output.
+/// The folder for Cargo's output.
 fn output() -> PathBuf {
     FilePath::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("in the output").to_owned()
 }

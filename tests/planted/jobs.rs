@@ -1,4 +1,4 @@
-//! A program that runs jobs with a planted fault, and the jobs for it.
+//! A program that runs jobs with a planted fault, and checks that send jobs to this program.
 
 use std::io::Write;
 
@@ -11,7 +11,7 @@ use karat::unstable::path::Ability;
 use karat::unstable::path::Adapter;
 use karat_inspect::conform;
 
-/// Runs jobs on the path in the second argument, with the fault in the third.
+/// Runs jobs on the path in the second argument, with the fault in the third argument.
 pub(crate) fn serve() -> Result<String, String> {
     let mut arguments = std::env::args().skip(2);
     let path: Path =
@@ -36,12 +36,11 @@ pub(crate) fn serve() -> Result<String, String> {
     served.map(|()| "its input has ended".to_owned()).map_err(|error| error.to_string())
 }
 
-/// Writes a line that doesn't belong to the protocol.
 fn say(line: &str) -> Result<(), String> {
     writeln!(std::io::stdout(), "{line}").map_err(|error| error.to_string())
 }
 
-/// Writes answers with another job's number.
+/// Writes replies with the number of another job.
 struct OfAnother<W>(W);
 
 impl<W: Write> Write for OfAnother<W> {
@@ -55,7 +54,7 @@ impl<W: Write> Write for OfAnother<W> {
     }
 }
 
-/// An executor whose replies are wrong.
+/// An executor with wrong replies.
 #[derive(Debug)]
 struct Faulty {
     inner: &'static dyn Executor,
@@ -82,7 +81,7 @@ impl Executor for Faulty {
             _ => Vec::new(),
         };
         let problem = |message: &str| Problem { message: message.to_owned(), pass: 0, bytes: None };
-        // The words of the function or the entry point, for faults that depend on its name.
+        // The words in the name of the function or the entry point. Some faults depend on the name.
         let named = |text: &str| {
             let at = text.find("fn ").unwrap_or(0);
             Problem { bytes: Some(at..at + 2), ..problem("it is too beautiful") }
@@ -92,9 +91,9 @@ impl Executor for Faulty {
             karat::unstable::job::Work::Frame(frame) => frame.shader.wgsl.clone(),
         };
         Ok(match &*self.fault {
-            // It runs nothing.
+            // The executor runs nothing.
             "idle" => Reply::Done(job.outputs.iter().map(before).collect()),
-            // It drops a write: the one of the first result.
+            // The executor drops the write of the first result.
             "dropped" => {
                 outputs[0][0] = before(&job.outputs[0])[0];
                 Reply::Done(outputs)
@@ -113,7 +112,7 @@ impl Executor for Faulty {
                 Reply::Done(outputs)
             }
             "few" => Reply::Done(Vec::new()),
-            // It writes each job to the file in the next argument.
+            // The executor writes each job to the file in the next argument.
             "keeps" => {
                 let file = std::env::args().nth(4).expect("it names a file");
                 let line = serde_json::to_string(job).expect("a job is plain data");
@@ -121,14 +120,14 @@ impl Executor for Faulty {
                 writeln!(kept.as_mut().expect("it opens"), "{line}").expect("it is written");
                 Reply::Done(outputs)
             }
-            // An extra line, only before the first reply.
+            // The executor writes an extra line before the first reply.
             "noisy" => {
                 static SAID: std::sync::Once = std::sync::Once::new();
                 SAID.call_once(|| say("by the way").expect("the pipe is open"));
                 Reply::Done(outputs)
             }
             "late" => {
-                // The reply to the previous job.
+                // The executor sends the reply to the previous job.
                 static LAST: std::sync::Mutex<Vec<Vec<u32>>> = std::sync::Mutex::new(Vec::new());
                 let mut last = LAST.lock().expect("no thread panics");
                 Reply::Done(std::mem::replace(&mut *last, outputs))
@@ -155,7 +154,7 @@ impl Executor for Faulty {
     }
 }
 
-/// The answers of a program to jobs with known answers, as JSON. Returns an error if one is wrong.
+/// Verdicts of a program on jobs with known results, as JSON. Returns an error if a result is wrong.
 pub(crate) fn conform() -> Result<String, String> {
     let path = "process@mine".parse::<Path>().map_err(|error| error.to_string())?;
     let report = conform::conform(path, &mut |_| {}).map_err(|error| error.to_string())?;
@@ -163,7 +162,7 @@ pub(crate) fn conform() -> Result<String, String> {
     if report.count(conform::Answer::Wrong) == 0 { Ok(text) } else { Err(text) }
 }
 
-/// A function, a pass and a frame on the paths that the environment selects.
+/// Checks a function, a pass and a frame on the paths that the environment selects.
 pub(crate) fn checks() -> Result<String, String> {
     let wgsl = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
                 fn tiny(x: f32) -> f32 { return dpdx(x); }\n\

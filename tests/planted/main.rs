@@ -1,7 +1,7 @@
-//! Checks with a planted fault, which `must_fail/processes.rs` runs as processes.
+//! Runs checks with a planted fault. `must_fail/processes.rs` runs this program.
 //!
-//! The argument names the fault. The process prints the message of the check, and exits with 0 if it agrees: a
-//! must-fail test requires anything else.
+//! The first argument names the fault. The program prints the message of the check, and exits with 0 if the check
+//! agrees. A must-fail test requires another exit code.
 
 mod jobs;
 
@@ -13,8 +13,8 @@ use karat::check::Agreement;
 use karat::prelude::*;
 use karat::{Frame, Goldens, Trend};
 
-/// A function with an endless loop, as `sum` is never negative. llvmpipe leaves a loop after 65,535 rounds, which take
-/// minutes with a long body.
+/// A function with an endless loop: `sum` is never negative. llvmpipe leaves a loop after 65,535 rounds, which take
+/// minutes because the body is long.
 fn endless() -> String {
     let body = "sum = sin(sum) + 1.5;\n".repeat(64);
     format!(
@@ -33,7 +33,7 @@ fn main() -> ExitCode {
         "integral" => Ok(integral()),
         "signature" => Ok(signature()),
         "two" => two(),
-        // A thread that the test starts has no name, so the test is unknown there.
+        // The test starts a thread without a name, so Karat doesn't know the test's name in that thread.
         "in_a_thread" => std::thread::spawn(two).join().expect("no check panics"),
         "one_path" => one_path(),
         "mirrored" => mirrored(),
@@ -55,7 +55,7 @@ fn main() -> ExitCode {
             let seen = frame.matches(&Goldens::open("nowhere".as_ref()), "gradient");
             Ok(format!("{} paths", seen.paths.len()))
         }
-        // Not a constant, because WGSL refuses those.
+        // The expression isn't constant, because WGSL refuses a constant NaN.
         "nan_frame" => frame(&GRADIENT.replace("0.5, 1.0)", "sqrt(-at.x), 1.0)")),
         "executor" => jobs::serve(),
         "pipe" => jobs::checks(),
@@ -80,12 +80,10 @@ fn check(wgsl: &str, function: &str) -> Result<String, String> {
         .map_err(|failure| failure.to_string())
 }
 
-/// Checks a package as a whole.
 fn valid(wgsl: &str) -> String {
     Package::from_source("planted", wgsl).is_valid().to_string()
 }
 
-/// A structure with swapped members.
 fn signature() -> String {
     karat::shareable! { struct Pair mirrors PairMirror { b: f32, a: f32 } }
     let wgsl = "struct Pair { a: f32, b: f32 }\nfn f(p: Pair) -> f32 { return p.a; }";
@@ -95,7 +93,6 @@ fn signature() -> String {
     package.function("f").over(drawn).agrees_with(expected, Ulp(0.0)).to_string()
 }
 
-/// Two checks of two functions.
 fn two() -> Result<String, String> {
     let package = Package::from_source(
         "planted",
@@ -112,7 +109,7 @@ fn two() -> Result<String, String> {
     Ok("both agree".to_owned())
 }
 
-/// The transformation changes the first of two cases.
+/// Checks a transformation that changes only the first of two cases.
 fn mirrored() -> Result<String, String> {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x * x; }");
     let over = package.function("f").over(OneOf(vec![-1.0, 1.0]));
@@ -120,7 +117,7 @@ fn mirrored() -> Result<String, String> {
     found.map(|agreement| agreement.to_string()).map_err(|error| error.to_string())
 }
 
-/// A check that fails only on the last path: the others have a tolerance for the fault.
+/// A check that fails only on the last path. On the other paths, a tolerance permits the fault.
 fn one_path() -> Result<String, String> {
     let wgsl = "fn f(x: f32, n: u32) -> f32 { return select(x, x + 0.5, x > 0.3 && n > 2u); }";
     let package = Package::from_source("planted", wgsl);
@@ -136,7 +133,7 @@ fn one_path() -> Result<String, String> {
         .map_err(|failure| failure.to_string())
 }
 
-/// A recorded verdict of each kind: of values, samples, and frames.
+/// Records a verdict of each kind: of values, samples and frames.
 fn records() -> String {
     let package = Package::from_source("planted", "fn f(u: f32) -> f32 { return u; }");
     package.function("f").over(0.0..=1.0).agrees_with(|x: f64| x, Ulp(0.0));
@@ -149,7 +146,7 @@ fn records() -> String {
     "three verdicts".to_owned()
 }
 
-/// A returned failure of each kind: of values, integrals, samples, frames and passes.
+/// Returns a failure of each kind: of values, integrals, samples, frames and passes.
 fn failures(recorded: bool) -> String {
     let wgsl = "fn f(u: f32) -> f32 { return u; }
                 @group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -194,7 +191,7 @@ fn declared(wgsl: &str, function: &str) -> String {
     check.agrees_with(|x: f64| x, Ulp(0.0)).to_string()
 }
 
-/// Integrals over ten nodes, too large if the case is above one half. A recorded verdict panics.
+/// Checks integrals over ten nodes. An integral is too large if its case is above one half. A recorded failure panics.
 fn integral() -> String {
     let wgsl = "fn above(c: f32, x: f32) -> f32 { return c + 0.001 * step(0.5, c) * x; }";
     let nodes = |c: &f32| (0..10_u8).map(|x| ((*c, f32::from(x)), 0.1)).collect();
@@ -205,7 +202,7 @@ fn integral() -> String {
         .to_string()
 }
 
-/// A check whose failing input is remembered. The second argument names the change since then. A remembered verdict
+/// A check that remembers its failing input. The second argument names the change since the failure. A recorded failure
 /// panics.
 fn kept() -> Result<String, String> {
     let change = std::env::args().nth(2).unwrap_or_default();
@@ -262,7 +259,7 @@ fn kept() -> Result<String, String> {
     Ok(agreement.to_string())
 }
 
-/// Rises with `x`, except for a step down at 0.6 if `a` is above 0.3.
+/// Checks a function that rises with `x`, except for a step down at 0.6 if `a` is above 0.3.
 fn monotone(fault: bool) -> Agreement {
     let step = if fault { "x > 0.6 && a > 0.3" } else { "false" };
     let wgsl = format!("fn f(x: f32, a: f32) -> f32 {{ return x - select(0.0, 3.0, {step}); }}");
@@ -271,7 +268,7 @@ fn monotone(fault: bool) -> Agreement {
     over.is_monotone_in("x", Trend::Increasing, Ulp(1.0))
 }
 
-/// A direction that is its own result, except for those with `a` above 0.3.
+/// Checks a function that returns its direction unchanged, except if `a` is above 0.3.
 fn turned(fault: bool) -> Agreement {
     let swapped = if fault { "d.yxz" } else { "d" };
     let wgsl = format!(
@@ -285,7 +282,7 @@ fn turned(fault: bool) -> Agreement {
     )
 }
 
-/// Integrals of cases that aren't words, but names.
+/// Integrals with names as cases instead of `u32` words.
 fn many_integrals(excess: &str, end: f32) -> Agreement {
     let wgsl = format!("fn f(c: f32, x: f32) -> f32 {{ return c + {excess}; }}");
     let package = Package::from_source("planted", &wgsl);
@@ -296,7 +293,6 @@ fn many_integrals(excess: &str, end: f32) -> Agreement {
     integral.agrees_with(move |c| f64::from(number(c)), Abs(1e-6))
 }
 
-/// Compares a frame with the golden `gradient` in the folder of the second argument.
 fn frame(wgsl: &str) -> Result<String, String> {
     let folder = std::env::args().nth(2).ok_or("name the folder of goldens")?;
     let package = Package::from_source("gradient", wgsl);

@@ -1,10 +1,11 @@
-//! A second opinion on every frame: computes chosen pixels again in `f64`, with rays in place of rasterisation, and
-//! with the references in place of the shaders. A golden that passes is not only unchanged but also right, as far as
-//! the references are.
+//! A second opinion on every frame. It computes some pixels again in `f64`, with rays instead of rasterisation, and
+//! with the references instead of the shaders. So a golden that passes is not only unchanged: it is as right as the
+//! references.
 //!
-//! Each pixel gets two questions. Does it equal the result of the formulas for the same samples? Then only rounding may
-//! differ. And does it equal the integral that the samples estimate, within their error? That error comes from the same
-//! points moved at random (Cranley and Patterson 1976), and the integral from samples with other densities.
+//! The tests ask two questions about each pixel. Does the pixel equal the result of the formulas for the same samples?
+//! Then only rounding may differ. Does the pixel equal the integral that the samples estimate, within their error? This
+//! error comes from the same points moved at random (Cranley and Patterson 1976). The integral comes from samples with
+//! other densities.
 
 mod shade;
 mod trace;
@@ -24,38 +25,39 @@ use trace::{Hit, Ray, Scene};
 
 static GOLDEN: Goldens = karat::goldens!("../golden");
 
-/// Copies of the sample points, each moved differently.
+/// The number of copies of the sample points. Each copy is moved by another vector.
 const COPIES: usize = 128;
 
-/// The standard deviations by which a pixel may be off. If errors are normal, 6 of 10^7 cases exceed five by chance; a
-/// frame has about 200 values.
+/// The largest error of a pixel, in standard deviations. If errors are normally distributed, 6 of 10^7 values exceed
+/// five deviations by chance. A frame has about 200 values.
 const DEVIATIONS: f64 = 5.0;
 
-/// The errors of narrow lobes are not normal: one more normal that reflects the sun brightens a pixel by half, and only
-/// one copy in a hundred has it. So a pixel may also be off by this multiple of the largest error of a copy.
+/// The errors of narrow lobes aren't normally distributed: one more sample that reflects the sun brightens a pixel by
+/// half, and only one copy in a hundred has such a sample. So the error of a pixel may also be this multiple of the
+/// largest error of a copy.
 const RARE: f64 = 1.5;
 
-/// The relative error in `f32` of sums of 512 terms, with directions that are off by 1e-6 in front of edges of lights.
-/// A golden stored as half floats adds 4.9e-4.
+/// The relative error in `f32` of sums of 512 terms. The directions have errors of 1e-6, in front of the edges of
+/// lights. A golden in half floats adds 4.9e-4.
 const ROUNDING: f64 = 1.5e-3;
 
-/// On wgpu's GL here texels and frames are half floats, off by 4.9e-4 each. So are roughness and f0, which lobes and
-/// their samples depend on.
+/// The relative error on wgpu's GL, where texels and frames are half floats with an error of 4.9e-4 each. Roughness and
+/// f0 have this error, too, and lobes and their samples depend on both.
 const GL_ROUNDING: f64 = 1e-2;
 
-/// The distance in pixels by which the content of a pixel moves if vertices are snapped: see `frames::is_snapped`.
+/// The distance in pixels by which the content of a pixel moves if the driver snaps vertices: see `frames::is_snapped`.
 const SNAPPED: f64 = 1.0 / 32.0;
 
-/// The points along a side of the square that is searched for a snapped pixel's content.
+/// The number of points along each side of the square that contains a snapped pixel's content.
 const PLACES: i32 = 5;
 
-/// The sources of the second opinion on a frame of the 64 spheres.
+/// The data for the second opinion on a frame of the 64 spheres.
 struct Spheres {
     scene: Scene,
     painted: Vec<Painted>,
     mask: Texture,
     light: CubeMap,
-    /// The maps that the frame uses, computed by the same path as the frame's.
+    /// The maps of the frame, computed by the path that computes the frame's own maps.
     table: Option<Texture>,
     prefiltered: Option<CubeMap>,
 }
@@ -93,14 +95,15 @@ impl Spheres {
         }
     }
 
-    /// The pixels to compute again, with their surfaces: three on each sphere. One of them is as near to the outline as
-    /// the middle of a pixel can be.
+    /// The pixels to compute again, with their surfaces: three pixels on each sphere. The middle of one pixel is as
+    /// near to the outline as possible.
     fn pixels(&self) -> Vec<((u32, u32), Surface)> {
         let of_sphere = |instance: u32| {
             let angle = f64::from(instance); // another part of the outline for each sphere
             let outline = 0.9999 * DVec2::from_angle(angle);
             [DVec2::new(0.3, 0.2), DVec2::new(-0.75, 0.45), outline].map(|at| {
-                // The middle of a pixel may miss a surface that its corner shows; further inwards it doesn't.
+                // If a corner of the pixel shows the surface, its middle may miss the surface. Further inwards, the
+                // middle hits it.
                 let inward = (0..32).map(|step| 0.99_f64.powi(step) * at);
                 let seen = inward.map(|at| self.shown(instance, at)).find_map(|found| found);
                 seen.expect("the camera sees the sphere")
@@ -109,7 +112,7 @@ impl Spheres {
         (0..scene::SIDE * scene::SIDE).flat_map(of_sphere).collect()
     }
 
-    /// The pixel that shows the point of a sphere with this normal, seen from the front, and the surface there.
+    /// The pixel that shows the point of a sphere with this normal, seen from the front, and the surface at its middle.
     fn shown(&self, instance: u32, at: DVec2) -> Option<((u32, u32), Surface)> {
         let normal = at.extend((1.0 - at.length_squared()).sqrt());
         let pixel = self.scene.pixel_of(scene::sphere_centre(instance) + normal);
@@ -119,7 +122,7 @@ impl Spheres {
         Some((pixel, Surface::new(painted, &self.mask, hit, ray)))
     }
 
-    /// The range of values that a pixel may have if its content moves by a fraction of a pixel.
+    /// The range of a pixel's value if its content moves by a fraction of a pixel.
     fn snapped(&self, pixel: (u32, u32), shaded: impl Fn(&Surface) -> DVec3) -> (DVec3, DVec3) {
         range(|by| {
             let ray = self.scene.ray_beside(pixel, by);
@@ -133,7 +136,7 @@ impl Spheres {
         })
     }
 
-    /// Pixels between spheres, and their rays.
+    /// Pixels between spheres, with their rays.
     fn gaps(&self) -> Vec<((u32, u32), DVec3)> {
         let between = |instance: u32| {
             let right_below = 0.5 * DVec3::new(scene::SPACING.x, -scene::SPACING.y, 0.0);
@@ -146,18 +149,17 @@ impl Spheres {
     }
 }
 
-/// A frame's pixel as f64.
 fn seen(image: &Image, (x, y): (u32, u32)) -> DVec3 {
     let [r, g, b, _] = image.pixels()[(y * image.width() + x) as usize];
     DVec3::new(r.into(), g.into(), b.into())
 }
 
-/// The path on which `golden.rs` computes maps.
+/// The path that computes the maps in `golden.rs`.
 fn first_path() -> Path {
     open_paths()[0]
 }
 
-/// The least and the largest value over the square that contains a snapped pixel's content.
+/// The smallest and the largest value over the square that contains a snapped pixel's content.
 fn range(value: impl Fn(DVec2) -> DVec3) -> (DVec3, DVec3) {
     let at = |step: i32| SNAPPED * (2.0 * f64::from(step) / f64::from(PLACES - 1) - 1.0);
     let places = (0..PLACES * PLACES).map(|i| DVec2::new(at(i % PLACES), at(i / PLACES)));
@@ -168,20 +170,20 @@ fn range(value: impl Fn(DVec2) -> DVec3) -> (DVec3, DVec3) {
     (low, high)
 }
 
-/// An image to be judged.
+/// An image that the tests judge.
 struct Exhibit {
-    /// The path that drew it; `None` for the golden.
+    /// The path that drew the image. `None` stands for the golden.
     path: Option<Path>,
     image: Image,
 }
 
 impl Exhibit {
-    /// wgpu's desktop GL doesn't filter across the edges of cube-map faces.
+    /// Checks if the path filters across the edges of cube-map faces. wgpu's desktop GL doesn't.
     fn is_seamless(&self) -> bool {
         self.path != Some(Path::GL)
     }
 
-    /// Returns `true` if outlines and interpolated values are only exact to 1/32 of a pixel.
+    /// Checks if outlines and interpolated values are only exact to 1/32 of a pixel.
     fn is_snapped(&self) -> bool {
         self.path.is_some_and(frames::is_snapped)
     }
@@ -189,15 +191,16 @@ impl Exhibit {
     /// The largest error of a value that is computed from the same samples.
     fn rounding(&self, value: DVec3) -> DVec3 {
         let relative = if self.is_seamless() { ROUNDING } else { GL_ROUNDING };
-        relative * (value + DVec3::splat(0.01)) // of black, a hundredth of white
+        relative * (value + DVec3::splat(0.01)) // the error of black is that of a hundredth of white
     }
 }
 
-/// The golden, and the frame as each open path draws it: smaller, unless a given size depends on the content.
+/// The golden, and the frame as each open path draws it. These frames are smaller than the golden, unless `size` is
+/// given because the content depends on the size.
 fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     let mut exhibits = vec![golden(name)];
     for path in open_paths() {
-        // As in `golden.rs`, maps come from the first path.
+        // The first path computes the maps, as in `golden.rs`.
         let shot = Shot { size, ..Shot::golden(first_path()) };
         let frame = frames::frame(name, &shot).expect("the frame can be described");
         let image = frame.render(path).expect("the frame is drawn");
@@ -206,8 +209,8 @@ fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     exhibits
 }
 
-/// The size of the frames of spheres for this test. Drawing costs in proportion to their pixels, and each size is
-/// checked at the same places.
+/// The size of the frames of spheres in these tests. The time for drawing is proportional to the number of pixels, and
+/// frames of all sizes are checked at the same points.
 fn size() -> (u32, u32) {
     if frames::are_suites_whole() { (240, 135) } else { (160, 90) }
 }
@@ -218,7 +221,7 @@ fn golden(name: &str) -> Exhibit {
     Exhibit { path: None, image }
 }
 
-/// Copies of the centred Hammersley set of `count` points, each moved by another vector of the unit square.
+/// Copies of the centred Hammersley set of `count` points. Each copy is moved by another vector of the unit square.
 fn copies(count: u32) -> Vec<Vec<DVec2>> {
     let copy = |seed| {
         let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
@@ -229,7 +232,7 @@ fn copies(count: u32) -> Vec<Vec<DVec2>> {
     (0..COPIES as u64).map(copy).collect()
 }
 
-/// The mean and the standard deviation of one copy.
+/// The mean and the standard deviation of the values of one copy.
 fn statistics(values: &[DVec3]) -> (DVec3, DVec3) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<DVec3>() / count;
@@ -237,7 +240,7 @@ fn statistics(values: &[DVec3]) -> (DVec3, DVec3) {
     (mean, (squares / (count - 1.0)).map(f64::sqrt))
 }
 
-/// The error in a channel, if there is one.
+/// A complaint about a channel with an error above the bound.
 fn complaint(
     what: &str,
     pixel: (u32, u32),
@@ -251,22 +254,22 @@ fn complaint(
     (!good).then(|| format!("{what} {pixel:?}: {seen} for {expected}, {bound} allowed"))
 }
 
-/// The error in a channel outside the range of a snapped pixel.
+/// A complaint about a channel outside the range of a snapped pixel.
 fn snapped_complaint(
     exhibit: &Exhibit,
     pixel: (u32, u32),
     seen: DVec3,
     (low, high): (DVec3, DVec3),
 ) -> Option<String> {
-    // Between the computed places it may be slightly lower or higher.
+    // Between the computed points, the value may be slightly lower or higher.
     let between = (high - low) / f64::from(PLACES - 1);
     let (below, above) = (between + exhibit.rounding(low), between + exhibit.rounding(high));
     let good = seen.cmpge(low - below).all() && seen.cmple(high + above).all();
     (!good).then(|| format!("snapped {pixel:?}: {seen}, which isn't in {low} to {high}"))
 }
 
-/// Complaints about the pixels of a frame of the 64 spheres; in a sample, of every third sphere. Checks each by
-/// formula, and a third of the golden's pixels also by integral, which takes longer.
+/// Complaints about the pixels of a frame of the 64 spheres. In a sample, the test checks every third sphere. It checks
+/// each pixel by formula. It also checks a third of the golden's pixels by integral, which takes longer.
 fn complaints(name: &str, exhibit: &Exhibit, whole: bool) -> Vec<String> {
     let image = &exhibit.image;
     let spheres = Spheres::new(name, (image.width(), image.height()));
@@ -276,9 +279,9 @@ fn complaints(name: &str, exhibit: &Exhibit, whole: bool) -> Vec<String> {
     let seamless = exhibit.is_seamless();
     let apart = if whole { 1 } else { 3 };
     let pixels: Vec<_> = spheres.pixels().chunks(3).step_by(apart).flatten().copied().collect();
-    // One of the three pixels on each sphere, in turn.
+    // Chooses one of the three pixels on each sphere, in turn.
     let asked = |index: usize| index % 3 == index / 3 % 3;
-    // These frames don't estimate the integral: it is blurred, or a product of two.
+    // These frames don't estimate the integral: the result is blurred, or a product of two integrals.
     let unbiased = !filtered && name != "split_sum";
     let of_sphere = |(index, (pixel, surface)): (usize, &((u32, u32), Surface))| {
         let shaded = |gather| {
@@ -366,7 +369,7 @@ second_opinions!(
     split_sum,
 );
 
-/// Checks every pixel of a frame of six faces, by the direction of its texel.
+/// Checks every pixel of a frame with six faces, by the direction of the pixel's texel.
 fn faces(name: &str, side: u32, expected: impl Fn(bool, DVec3) -> DVec3 + Sync) {
     for exhibit in exhibits(name, None) {
         let (width, height) = (exhibit.image.width(), exhibit.image.height());
@@ -379,7 +382,7 @@ fn faces(name: &str, side: u32, expected: impl Fn(bool, DVec3) -> DVec3 + Sync) 
             complaint("texel", pixel, seen(&exhibit.image, pixel), expected, allowed)
         };
         let step = match side {
-            65.. => 1, // a look-up costs little, an integral much
+            65.. => 1, // a look-up is fast, an integral is slow
             _ if frames::are_suites_whole() => 7,
             _ => 23,
         };
@@ -405,7 +408,8 @@ fn irradiance() {
     });
 }
 
-/// The map's sum is the integral, except for its steps: the sum of all texels, weighted by their solid angles.
+/// The map's sum is the integral, except for the error of its steps. The integral is the sum of all texels, weighted by
+/// their solid angles.
 // Lesson 25
 // Lesson 46
 #[test]
@@ -418,14 +422,14 @@ fn the_irradiance_map_holds_the_integral() {
         let n = maps::texel_direction(frames::IRRADIANCE, UVec2::from(pixel)).normalize();
         let light = |l: DVec3| look_up(&studio, true, l, 0.0);
         let integral = irradiance::texel_sum(n, frames::ENVIRONMENT, &light);
-        // A step of 0.05 through the sun, whose light falls off over 0.28, has an error of (0.05 / 0.28)^2 / 24 of it.
+        // In the sun, whose light falls off over 0.28, a step of 0.05 has a relative error of (0.05 / 0.28)^2 / 24.
         let bound = 2e-3 * integral;
         assert_eq!(complaint("integral", pixel, seen(&frame, pixel), integral, bound), None);
     }
 }
 
-/// The article's objects, from the irradiance map that they use, and from the light itself, which the map of 32 texels
-/// a side blurs.
+/// Checks the article's objects in two ways: with the irradiance map that they use, and with the light. The map, with
+/// faces of 32 texels, blurs the light.
 fn lambert_objects(name: &str, corrected: bool) {
     let room = frames::room();
     let map = frames::irradiance_cube(&room, first_path()).expect("the map is drawn");
@@ -446,7 +450,7 @@ fn lambert_objects(name: &str, corrected: bool) {
             }
         };
         let seamless = exhibit.is_seamless();
-        // Primes that divide neither the width nor the height, so that each column has pixels.
+        // The steps are primes that divide neither the width nor the height, so each column has pixels.
         let step = if frames::are_suites_whole() { 29 } else { 89 };
         let of_pixel = |index: u32| {
             let pixel = (index * step % width, index * step / width);
@@ -459,7 +463,7 @@ fn lambert_objects(name: &str, corrected: bool) {
                 let along = direction(hit.position, hit.normal.normalize());
                 (along, probe_room::COLOUR * look_up(&map, seamless, along, 0.0))
             };
-            // If the pixel's own ray doesn't explain it, a neighbouring ray may.
+            // If the pixel's own ray doesn't explain its value, the ray of a neighbouring pixel may.
             let unexplained = |complaint: Option<String>| match complaint {
                 Some(_) if exhibit.is_snapped() => {
                     let range = range(|by| {
@@ -476,7 +480,7 @@ fn lambert_objects(name: &str, corrected: bool) {
                 let complained = complaint("map", pixel, seen, same, exhibit.rounding(same));
                 found.extend(unexplained(complained));
                 if exhibit.is_snapped() {
-                    return found; // the integral is another's, too
+                    return found; // the integral is that of another frame
                 }
                 let light = |l: DVec3| look_up(&room, true, l, 0.0);
                 let irradiance = irradiance::midpoint(along.normalize(), 252, 64, light);
@@ -506,7 +510,6 @@ fn lambert_parallax() {
     lambert_objects("lambert_parallax", true);
 }
 
-/// A golden with a planted error.
 fn tampered(name: &str, change: impl Fn(&mut Image)) -> Vec<String> {
     let mut exhibit = golden(name);
     change(&mut exhibit.image);
@@ -520,7 +523,7 @@ fn scaled(image: &mut Image, factor: f32) {
 }
 
 /// The lecture's estimator loses half of the light, which violates both the formula and the error of the samples. Only
-/// the formula detects half a percent; both detect a NaN.
+/// the formula detects an error of half a percent. Both detect NaN.
 // Lesson 1: shader side
 // Lesson 20
 #[test]
@@ -538,7 +541,7 @@ fn faults_are_seen() {
     assert_eq!(count(&not_a_number, "integral"), 64);
 }
 
-/// Outlines are checked, because mistakes at grazing angles show there.
+/// The tests check pixels at outlines, because mistakes at grazing angles show there.
 #[test]
 fn some_pixels_graze() {
     let spheres = Spheres::new("scene", size());
@@ -547,7 +550,7 @@ fn some_pixels_graze() {
     assert!(below(0.2) >= 10 && below(0.1) >= 2, "{} and {}", below(0.2), below(0.1));
 }
 
-/// A frame shifted by a pixel shows at mirrors and edges.
+/// Mirrors and edges show that a frame is shifted by a pixel.
 // Lesson 1: shader side
 #[test]
 fn a_shifted_pixel_is_seen() {

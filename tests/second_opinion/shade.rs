@@ -1,4 +1,4 @@
-//! Computes the fragment functions of `scene.wgsl` in `f64`, with a choice of ways to gather light.
+//! Computes the fragment functions of `scene.wgsl` in `f64`, and gathers light in several ways.
 
 use glam::{DVec2, DVec3};
 use karat::{CubeMap, Texture};
@@ -26,7 +26,7 @@ impl Surface {
         let metallic = f64::from(painted.metallic);
         let normal = hit.normal.normalize();
         let v = -ray.direction;
-        // As in `facing_normal`: turned towards v if interpolation turned it away.
+        // Turns the normal towards v if interpolation has turned it away, as `facing_normal` does.
         let missing = 1e-3 - normal.dot(v);
         let n = if missing > 0.0 { (normal + missing * v).normalize() } else { normal };
         let coordinate = DVec2::new(0.5 * (1.0 + normal.x), 0.5 * (1.0 - normal.y));
@@ -44,26 +44,25 @@ impl Surface {
         self.n.dot(self.v)
     }
 
-    /// Scale and bias of f0 for this width and view.
+    /// Reads scale and bias of f0 for this width and view.
     fn entry(&self, table: &Texture) -> DVec2 {
         table.sample(DVec2::new(self.n.dot(self.v), self.alpha)).truncate().truncate()
     }
 }
 
-/// The way of gathering light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Gather<'a> {
-    /// With the samples of the shader.
+    /// Uses the samples of the shader.
     Same(&'a Samples),
-    /// From mip levels, with the samples of the shader.
+    /// Reads mip levels, with the samples of the shader.
     Filtered(&'a Samples),
-    /// With the shader's densities, at these points of the unit square.
+    /// Uses the shader's densities, at these points of the unit square.
     Moved { diffuse: &'a [DVec2], specular: &'a [DVec2] },
-    /// With other densities than the shader's: cosine, and visible normals.
+    /// Uses other densities than the shader: the cosine's density, and visible normals.
     Independent { points: &'a [DVec2] },
 }
 
-/// The light of a scene, and the way of gathering it.
+/// The light of a scene, and the way in which it is gathered.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Light<'a> {
     pub(crate) map: &'a CubeMap,
@@ -81,7 +80,7 @@ impl Light<'_> {
         look_up(self.map, self.seamless, direction, level)
     }
 
-    /// Irradiance over pi.
+    /// The irradiance divided by pi.
     fn diffuse(&self, n: DVec3) -> DVec3 {
         let radiance = |l: DVec3| self.radiance(l);
         match self.gather {
@@ -136,7 +135,7 @@ impl Light<'_> {
     }
 }
 
-/// A look-up in a cube map, as a path does it.
+/// Looks up a cube map with the filter of a path.
 pub(crate) fn look_up(map: &CubeMap, seamless: bool, direction: DVec3, level: f64) -> DVec3 {
     let texel = if seamless {
         map.sample_level(direction, level)
@@ -150,8 +149,8 @@ fn mean(points: &[DVec2], term: impl Fn(DVec2) -> DVec3) -> DVec3 {
     points.iter().map(|u| term(*u)).sum::<DVec3>() / points.len() as f64
 }
 
-/// f L cos / pdf for a normal `h` with this density, in the local frame: Walter et al. 2007, eq. 20 and 14, with the
-/// lecture's G.
+/// Computes f L cos / pdf for a normal `h` with this density, in the local frame: Walter et al. 2007, eq. 20 and 14,
+/// with the lecture's G.
 fn frame_sample(
     s: &Surface,
     v: DVec3,
@@ -170,7 +169,7 @@ fn frame_sample(
     f * radiance(l) * l.z / (density / (4.0 * v_dot_h))
 }
 
-/// The colour of a pixel of frame `name` that shows `s`.
+/// Computes the colour of a pixel of frame `name` that shows `s`.
 pub(crate) fn shade(name: &str, s: &Surface, light: &Light<'_>) -> DVec3 {
     let n_dot_v = s.n.dot(s.v);
     let plastic =
@@ -195,7 +194,8 @@ fn diffuse(s: &Surface, light: &Light<'_>) -> DVec3 {
     if s.diffuse == DVec3::ZERO { DVec3::ZERO } else { s.diffuse * light.diffuse(s.n) }
 }
 
-/// The colour with compensation for the energy that single reflections lose, from the table of the split sum.
+/// Computes the colour with compensation for the energy that single reflections lose. The table is that of the split
+/// sum.
 pub(crate) fn compensated(s: &Surface, light: &Light<'_>, table: &Texture) -> DVec3 {
     let entry = s.entry(table);
     let specular = light.specular(s);
@@ -206,7 +206,7 @@ pub(crate) fn compensated(s: &Surface, light: &Light<'_>, table: &Texture) -> DV
     }
 }
 
-/// The colour with the split sum in place of the specular estimator, from its two maps.
+/// Computes the colour with the split sum instead of the specular estimator, from the split sum's two maps.
 pub(crate) fn split_sum(
     s: &Surface,
     light: &Light<'_>,

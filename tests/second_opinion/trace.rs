@@ -1,4 +1,4 @@
-//! Finds the surface at a pixel with a ray instead of a rasteriser, from the same triangles.
+//! Finds the surface at a pixel with a ray instead of a rasteriser, from the frame's own triangles.
 
 use glam::{DMat4, DVec2, DVec3, Vec3};
 use shaders::camera::Camera;
@@ -9,32 +9,31 @@ pub(crate) struct Scene {
     camera: DMat4,
     eye: DVec3,
     size: (u32, u32),
-    /// The vertices of triangles on the unit sphere, so that positions equal normals.
+    /// The vertices of triangles on the unit sphere. Each position is also the normal.
     triangles: Vec<[DVec3; 3]>,
     centres: Vec<DVec3>,
     radius: f64,
 }
 
-/// The point that a ray meets first.
+/// The first point at which a ray meets a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hit {
     pub(crate) instance: u32,
     pub(crate) position: DVec3,
-    /// Interpolated between the vertices, and so shorter than 1.
+    /// The normal, interpolated between the vertices. It is shorter than 1.
     pub(crate) normal: DVec3,
     distance: f64,
 }
 
-/// The ray of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ray {
     pub(crate) origin: DVec3,
-    /// Of unit length.
+    /// The direction, of unit length.
     pub(crate) direction: DVec3,
 }
 
 impl Scene {
-    /// Spheres of `radius` about `centres`, for a frame of `size` pixels.
+    /// A scene with spheres of `radius` around `centres`, for a frame of `size` pixels.
     pub(crate) fn new(
         camera: Camera,
         size: (u32, u32),
@@ -60,7 +59,7 @@ impl Scene {
         self.ray_beside(pixel, DVec2::ZERO)
     }
 
-    /// The ray through a point that is `by` pixels from the middle of a pixel.
+    /// The ray through the point at the distance `by`, in pixels, from the middle of a pixel.
     pub(crate) fn ray_beside(&self, (x, y): (u32, u32), by: DVec2) -> Ray {
         let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
         let (x, y) = (f64::from(x) + 0.5 + by.x, f64::from(y) + 0.5 + by.y);
@@ -76,7 +75,7 @@ impl Scene {
         ((0.5 * (ndc.x + 1.0) * width) as u32, (0.5 * (1.0 - ndc.y) * height) as u32)
     }
 
-    /// The nearest triangle that faces the ray.
+    /// The nearest triangle that the ray meets from the front.
     pub(crate) fn trace(&self, ray: Ray) -> Option<Hit> {
         let mut nearest: Option<Hit> = None;
         for (instance, centre) in (0..).zip(&self.centres) {
@@ -100,12 +99,12 @@ impl Scene {
     }
 }
 
-/// Distance to a triangle, and the point of it that is met. Moeller and Trumbore 1997.
+/// The distance to a triangle, and the point at which the ray meets it. Moeller and Trumbore 1997.
 fn intersect(origin: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<(f64, DVec3)> {
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);
     let determinant = ab.dot(p);
-    // Positive if the vertices are counter-clockwise; other triangles are culled.
+    // The determinant is positive if the vertices are counter-clockwise. Other triangles are culled.
     if determinant <= 0.0 {
         return None;
     }

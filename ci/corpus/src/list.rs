@@ -1,4 +1,4 @@
-//! The list of crates and folders to read shaders from.
+//! Reads the list of crates and folders that contain shaders.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -21,12 +21,12 @@ pub(crate) struct Wanted {
     krate: Option<String>,
     folder: Option<String>,
     root: Option<String>,
-    /// The text of a `karat.toml` beside the modules, as a user of the crate would write it. With one, a copy of the
-    /// modules is read.
+    /// The text of a `karat.toml` beside the modules, as a user of the crate would write it. If this is set, the
+    /// program reads a copy of the modules.
     pub(crate) karat: Option<String>,
     #[serde(default)]
     features: BTreeMap<String, Value>,
-    /// Further features of single modules that need them.
+    /// Additional features for single modules that need them.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Vec<String>>,
 }
@@ -39,7 +39,7 @@ enum Value {
 }
 
 impl List {
-    /// Reads the file, or returns its error.
+    /// Reads the file, or returns an error message.
     pub(crate) fn read(file: &str) -> Result<Vec<Wanted>, String> {
         let text = std::fs::read_to_string(file).map_err(|error| format!("`{file}`: {error}"))?;
         let list: Self = toml::from_str(&text).map_err(|error| format!("`{file}`: {error}"))?;
@@ -70,7 +70,7 @@ impl Wanted {
     }
 }
 
-/// Copies modules below `target`, with a `karat.toml` in which `{ci}` is the folder of the list.
+/// Copies modules below `target`, and adds a `karat.toml`. In its text, `{ci}` stands for the folder of the list.
 fn copied(from: &Path, name: &str, text: &str) -> PathBuf {
     let ci = std::env::current_dir().unwrap_or_default().join("ci");
     let to = Path::new("target/corpus").join(name);

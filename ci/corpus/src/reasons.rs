@@ -1,4 +1,4 @@
-//! The reasons why functions of published crates are refused: a closed list, each with an explanation.
+//! The reasons why functions of published crates can't be called: a complete list, each reason with an explanation.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 /// The cause of a limit.
 #[derive(Clone, Copy, PartialEq)]
 enum Whose {
-    /// The shader itself: no harness could call it unchanged.
+    /// The shader itself is the cause: no harness could call the function unchanged.
     Nature,
     Karat,
 }
@@ -72,12 +72,12 @@ const ARGUED: &[(&str, Whose, &str)] = &[
     ("not probed otherwise", Karat, "an argument has another form that Karat doesn't support"),
 ];
 
-/// Returns `true` if the list has a reason.
+/// Checks if the list contains a reason.
 pub(crate) fn is_argued(reason: &str) -> bool {
     ARGUED.iter().any(|(known, ..)| *known == reason)
 }
 
-/// The share of functions that are callable or refused by nature, and each reason with its explanation.
+/// The share of functions that are callable, or that no harness could call, and each reason with its explanation.
 pub(crate) fn told(functions: usize, callable: usize, reasons: &BTreeMap<String, usize>) -> String {
     let of = |whose: Whose| {
         let own = ARGUED.iter().filter(move |(_, known, _)| *known == whose);

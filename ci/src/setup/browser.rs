@@ -1,4 +1,4 @@
-//! Finds a Chromium for the tests of the review page. The tests look in the same places.
+//! Finds a Chromium for the tests of the review page. The tests search the same folders.
 
 use std::path::PathBuf;
 

@@ -114,8 +114,8 @@ fn cached_libraries<'a>(
     name: &'a str,
     architecture: &'a str,
 ) -> impl Iterator<Item = &'a str> {
-    // `\tlibEGL.so.1 (libc6,x86-64) => /lib/x86_64-linux-gnu/libEGL.so.1`; an entry for 32 bits has no tag or another
-    // one.
+    // The line has the form `\tlibEGL.so.1 (libc6,x86-64) => /lib/x86_64-linux-gnu/libEGL.so.1`. An entry for 32 bits
+    // has another tag or no tag.
     let tag = match architecture {
         "x86_64" => "x86-64",
         "aarch64" => "AArch64",

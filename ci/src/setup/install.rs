@@ -60,7 +60,7 @@ impl Family {
         Self::Other(if own.is_empty() { std::env::consts::OS.to_owned() } else { own })
     }
 
-    /// The commands that install the wanted packages, in order.
+    /// The commands that install the wanted packages, in the order in which they run.
     fn commands(&self, wanted: Wanted) -> Vec<Package> {
         let fatal = |line: String| Package { failing: Failing::Fatal, line };
         let install = |manager: &str| fatal(format!("{manager} {}", self.packages(wanted)));
@@ -87,14 +87,14 @@ impl Family {
                 "mesa-vulkan-drivers vulkan-loader mesa-libEGL mesa-dri-drivers"
             }
             (Self::Arch, Wanted::Drivers) => "vulkan-swrast vulkan-icd-loader mesa",
-            // Ubuntu has no such package (its Chromium is a snap), but its CI images have Chrome.
+            // Ubuntu has no such package, because its Chromium is a snap. Its CI images have Chrome.
             (Self::Debian, Wanted::Browser) => "chromium fonts-liberation",
             (Self::Fedora | Self::Arch, Wanted::Browser) => "chromium",
             (Self::Debian, Wanted::Validators) => "spirv-tools glslang-tools spirv-cross lcov",
             (Self::Fedora | Self::Arch, Wanted::Validators) => {
                 "spirv-tools glslang spirv-cross lcov"
             }
-            // Debian's own Node is too old, and its npm has 350 packages. pip installs both in one package.
+            // Debian's own Node is too old, and its npm needs 350 packages. pip installs Node and npm in one package.
             (Self::Debian, Wanted::Node) => "python3-pip",
             (Self::Fedora | Self::Arch, Wanted::Node) => "nodejs npm",
         }

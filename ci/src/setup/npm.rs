@@ -1,9 +1,9 @@
-//! npm packages for tests: installed once for each user, outside the working tree.
+//! Installs npm packages for tests once for each user, outside the working tree.
 //!
 //! `ci/tint` has Dawn for Node, which contains Tint. `ci/web` and `ci/web-before` have the packages for the tests of
-//! Karat's own npm packages, with the current vitest and the one before it. Each folder has a lock file, with versions
-//! and checksums and without addresses. Dawn needs Node 20. If the machine has no Node, or an older one as in Debian
-//! 12, one that includes npm comes from Python's package index.
+//! Karat's own npm packages, with the current vitest and with the version before it. Each folder has a lock file, with
+//! versions and checksums, but without addresses. Dawn needs Node 20. If the machine has no Node, or an older version
+//! as in Debian 12, the command installs a Node with npm from Python's package index.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -16,7 +16,7 @@ use crate::command;
 
 /// The oldest Node that can run Dawn: Node 18 crashes while loading it.
 const OLDEST_NODE: u32 = 20;
-/// The lock files, copied beside the packages that they install.
+/// The name of the lock files. Each is copied beside the packages that it installs.
 const LOCK: &str = "package-lock.json";
 
 /// Installs Tint, unless it is installed already.
@@ -41,7 +41,8 @@ fn install(name: &str) -> Result<()> {
     }
     let above = folder.parent().unwrap_or(&folder);
     std::fs::create_dir_all(above).with_context(|| format!("can't make {}", above.display()))?;
-    // In a staging folder first: two installations at once don't collide, and an incomplete one doesn't count.
+    // Installs into a staging folder first, so that two concurrent installations don't collide, and an incomplete
+    // installation doesn't count.
     let staged = above.join(format!("{name}-{}", std::process::id()));
     let installed = stage(&staged, &source);
     let moved = installed.and_then(|()| {
@@ -97,7 +98,7 @@ fn stage(staged: &Path, source: &Path) -> Result<()> {
         std::fs::copy(source.join(file), staged.join(file))
             .with_context(|| format!("no {file}"))?;
     }
-    // Without scripts: those of the package would build files that the package already contains.
+    // The scripts of the packages would build files that the packages already contain.
     npm.args(["ci", "--ignore-scripts", "--no-audit", "--no-fund"]).current_dir(staged);
     command::run_aside(&mut npm).context("npm doesn't install the packages")
 }
@@ -119,12 +120,12 @@ fn program(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
     folders.iter().map(|folder| folder.join(&file)).find(|program| program.is_file())
 }
 
-/// Returns `true` if a Node can run Dawn.
+/// Checks if a Node can run Dawn.
 fn is_new(node: &Path) -> bool {
     version(node).is_some_and(|(major, _)| major >= OLDEST_NODE)
 }
 
-/// `v22.20.0` is (22, 20).
+/// Parses a version: `v22.20.0` is (22, 20).
 fn numbers(version: &str) -> Option<(u32, u32)> {
     let mut numbers =
         version.trim().strip_prefix('v')?.split('.').map(|number| number.parse().ok());
@@ -138,7 +139,7 @@ fn places(node: &Path) -> [(PathBuf, PathBuf); 2] {
         .map(|(program, modules)| (wheel.join(program), wheel.join(modules)))
 }
 
-/// npm of the Node from Python's package index.
+/// The npm that belongs to the Node from Python's package index.
 fn npm_of(node: &Path) -> Option<Command> {
     let (program, modules) = places(node).into_iter().find(|(program, _)| program.is_file())?;
     let mut npm = Command::new(program);

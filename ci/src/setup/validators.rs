@@ -1,4 +1,4 @@
-//! Programs that check and compile naga's translations. `karat` looks in the same places.
+//! Finds the programs that check and compile naga's translations. `karat` searches the same folders.
 
 use std::path::PathBuf;
 

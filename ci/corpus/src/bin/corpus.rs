@@ -15,8 +15,8 @@
 //!
 //! `--verbose` prints the reason why a module isn't valid.
 //!
-//! If naga accepts a module unchanged, Karat must accept it byte for byte, and each function must be at the author's
-//! line. Anything else is a fault, and so are panics and files that take too long: see `SLOWEST`.
+//! If naga accepts a module unchanged, Karat must accept the module byte for byte, and each function must be at the
+//! author's line. Otherwise Karat has a fault. Panics, and files that take too long, are also faults: see `SLOWEST`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -40,24 +40,24 @@ mod reasons;
 
 use list::{List, Wanted};
 
-/// The counts of a crate or a folder.
 #[derive(Default, Serialize)]
 struct Row {
     name: String,
     modules: usize,
-    /// Modules whose functions can be listed.
+    /// Modules for which Karat can list the functions.
     open: usize,
-    /// Modules that are valid with all of their content.
+    /// Modules that are valid with all their functions and entry points.
     whole: usize,
     functions: usize,
     callable: usize,
-    /// Refused functions and modules, by reason.
+    /// The number of functions and modules that are refused, by reason.
     reasons: BTreeMap<String, usize>,
-    /// The slowest module.
+    /// The time of the slowest module.
     slowest_ms: u128,
 }
 
-/// A module that takes longer is a fault, even on a busy machine. The slowest module of each crate is printed.
+/// The longest time for a module, even on a busy machine. A longer time is a fault. The program prints the slowest
+/// module of each crate.
 const SLOWEST: Duration = Duration::from_secs(10);
 
 fn main() -> ExitCode {
@@ -111,7 +111,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A Markdown table with a line for the total, and the reasons for all crates.
+/// A Markdown table with a row for each crate and a row for the total, and the reasons for all crates.
 fn table(rows: &[Row]) -> String {
     let mut text = String::from(
         "| crate | modules | open | whole | functions | callable | refused because |\n\
@@ -208,7 +208,7 @@ impl Row {
     }
 }
 
-/// The counts of a module, and the contradictions to naga or to the author's file.
+/// The counts of a module, and the contradictions between Karat and naga or the author's file.
 fn of(package: &Package, module: &str, as_it_is: bool, verbose: bool) -> (Row, Vec<String>) {
     let (mut row, mut faults) = (Row { modules: 1, ..Row::default() }, Vec::new());
     let Some(text) = text_of(package, module) else {
@@ -233,7 +233,7 @@ fn of(package: &Package, module: &str, as_it_is: bool, verbose: bool) -> (Row, V
     let items = match package.functions_in(module) {
         Ok(items) => items,
         Err(error) => {
-            // As many as there seem to be, so that what doesn't open isn't left out.
+            // If a module doesn't open, the program counts the functions in its text, so that no function is left out.
             row.functions = seeming_functions(&text);
             let reason = match reason(&error.to_string(), INVALID) {
                 "syntax" if is_of_2021(&text) => "WGSL of 2021",
@@ -275,7 +275,7 @@ fn text_of(package: &Package, module: &str) -> Option<String> {
     ["wgsl", "wesl"].into_iter().find_map(|extension| std::fs::read_to_string(file(extension)).ok())
 }
 
-/// Returns `true` if the author's line doesn't declare the function, read without Karat's lexer.
+/// The complaint if the author's line doesn't declare the function. The line is read without Karat's lexer.
 fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     let (line, column) = item.span.file.line_column(item.span.range.start);
     let name = item.name.rsplit("::").next().unwrap_or_default();
@@ -286,7 +286,7 @@ fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     (!sound).then(|| format!("`{}` isn't at line {line}: {author}", item.name))
 }
 
-/// Returns `true` for a text with `[[block]]`, or with `;` between the members of a structure.
+/// Checks if a text has the syntax of 2021: `[[block]]`, or `;` between the members of a structure.
 fn is_of_2021(text: &str) -> bool {
     let bodies = text.split("struct ").skip(1);
     let mut bodies = bodies.map(|body| body.split('}').next().unwrap_or_default());
@@ -297,7 +297,7 @@ fn seeming_functions(text: &str) -> usize {
     text.lines().filter(|line| line.trim_start().starts_with("fn ")).count()
 }
 
-/// The reasons why a probe can't call a valid function: parts of messages.
+/// Parts of the messages that say why Karat can't call a valid function.
 const BY_NATURE: &[(&str, &str)] = &[
     ("a pointer", "pointer"),
     ("returns nothing", "no result"),
@@ -309,7 +309,7 @@ const BY_NATURE: &[(&str, &str)] = &[
     ("", "not probed otherwise"),
 ];
 
-/// The reasons why a module or a function doesn't link or isn't valid: parts of messages.
+/// Parts of the messages that say why a module or a function doesn't link or isn't valid.
 const INVALID: &[(&str, &str)] = &[
     ("template's placeholder", "template"),
     ("isn't WGSL: a preprocessor", "unknown preprocessor"),

@@ -16,16 +16,15 @@ mod list;
 
 use list::{List, Wanted};
 
-/// Counts of a crate's modules, by verdict.
 #[derive(Default)]
 struct Sum {
     modules: usize,
     both: usize,
-    /// Modules that naga accepts and Tint rejects, on purpose or not: some use features that only wgpu has.
+    /// Modules that naga accepts and Tint rejects. Some use features that only wgpu has.
     native: usize,
     naga_alone: usize,
     tint_alone: usize,
-    /// Modules that neither accepts, for example because they need processing by the crate's own program.
+    /// Modules that neither compiler accepts, for example because the crate's own program must process them first.
     neither: usize,
 }
 
@@ -53,7 +52,7 @@ struct Difference {
     reason: &'static str,
     /// The first line of Tint's message.
     message: String,
-    /// The file's own name, with line and column.
+    /// The author's file, with line and column.
     place: String,
     native: Vec<String>,
 }
@@ -120,7 +119,7 @@ fn tables(wanted: &[Wanted]) -> Result<String, String> {
     Ok(text)
 }
 
-/// Compiles all modules of a crate with naga and with Tint, and returns where their verdicts differ.
+/// Compiles all modules of a crate with naga and with Tint. Returns the counts and the modules with different verdicts.
 fn read(wanted: &Wanted) -> Result<(Sum, Vec<Difference>), String> {
     let name = wanted.name();
     let package = wanted.open().map_err(|error| format!("{name}: {error}"))?;

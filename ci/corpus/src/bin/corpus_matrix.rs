@@ -1,9 +1,10 @@
-//! Takes shaders of other projects through each route: how far do their functions and entry points get?
+//! Runs shaders of other projects on each route, and reports the last status that their functions and entry points
+//! reach.
 //!
-//! `cargo run --bin corpus_matrix -- LIST.toml [--json FOLDER]` makes the matrix of each crate and folder of a list
-//! (see `corpus.rs`), and prints a table. `cargo ci corpus --routes` runs it over `ci/corpus.toml`. A panic is a fault;
-//! any other problem is a row of the table. Each crate has its own process, which starts again without a row that hangs
-//! or crashes a driver.
+//! `cargo run --bin corpus_matrix -- LIST.toml [--json FOLDER]` computes the matrix of each crate and folder of a list
+//! (see `corpus.rs`), and prints a table. `cargo ci corpus --routes` runs the program over `ci/corpus.toml`. A panic is
+//! a fault. Any other problem is a row of the table. Each crate has its own process. If a row hangs or crashes a
+//! driver, the process starts again without this row.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -20,13 +21,13 @@ mod list;
 
 use list::{List, Wanted};
 
-/// Inputs of each function: enough to tell translations apart.
+/// The number of inputs for each function. It is enough to distinguish translations.
 const CASES: usize = 64;
 
-/// The words of cells that are findings, in addition to the statuses.
+/// The words in cells that report a fault, in addition to the statuses.
 const WRONG: [&str; 5] = ["DIFFERS", "INVALID", "NO VERDICT", "PANICS", "unsupported"];
 
-/// A crate, or all of them together.
+/// The counts of a crate, or of all crates together.
 #[derive(Default, Serialize, Deserialize)]
 struct Sum {
     rows: usize,
@@ -34,17 +35,17 @@ struct Sum {
     wrong: usize,
     /// The number of rows by column and status.
     counts: BTreeMap<String, BTreeMap<String, usize>>,
-    /// The problems, by their first line: the count, and the first place.
+    /// Problems by their first line, each with its count and the first row that has it.
     reasons: BTreeMap<String, (usize, String)>,
-    /// The reason why there is no matrix.
+    /// The reason why the matrix of the crate is missing.
     error: Option<String>,
 }
 
-/// The arguments, after the list, of a process for one crate.
+/// The arguments that follow the list, in the process for one crate.
 struct One {
     index: usize,
     journal: PathBuf,
-    /// The file for its sum.
+    /// The file into which the process writes its counts.
     sum: PathBuf,
 }
 
@@ -78,7 +79,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Prints the table. Returns `true` if no row panicked, and some row was judged.
+/// Prints the table. Returns `true` if no row panicked, and at least one row was judged.
 fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let this = std::env::current_exe().map_err(|error| error.to_string())?;
@@ -94,7 +95,7 @@ fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, S
         program.args([list, "--one", &index.to_string()]).arg(&journal).arg(&file).args(json);
         let status = restarted(&journal, &mut program).map_err(|error| error.to_string())?;
         let read = || serde_json::from_slice::<Sum>(&std::fs::read(&file).ok()?).ok();
-        // The process writes its sum last, and whole, so a driver that crashes while unloading loses nothing.
+        // The process writes this file last and completely, so nothing is lost if a driver crashes while unloading.
         let Some(sum) = read() else {
             let fault = format!("{name}: the process that makes its matrix ended: {status}");
             eprintln!("{fault}");
@@ -119,7 +120,7 @@ fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, S
     Ok(written.is_ok() && faults.is_empty() && all.judged > 0)
 }
 
-/// Makes the matrix of one crate, and writes its sum.
+/// Computes the matrix of one crate, and writes its counts.
 fn make_one(wanted: &Wanted, one: &One, json: Option<&str>) -> Result<(), String> {
     let mut sum = Sum::default();
     match make(wanted, &one.journal) {
@@ -232,12 +233,12 @@ impl Sum {
     }
 }
 
-/// The column and the problem, without the parts that vary from row to row.
+/// The column and the problem, without the parts that differ between rows.
 fn reason(column: &str, stop: &Stop) -> String {
     let text = stop.text();
     let line = match stop {
         Stop::Differs(_) => "other results".to_owned(),
-        // The first line is the command with the name of the file.
+        // The first line is the command, which contains the name of a file.
         Stop::Rejected(_) => {
             let line = text.lines().find(|line| line.contains("rror")).map(str::to_owned);
             line.unwrap_or_else(|| first_line(text))

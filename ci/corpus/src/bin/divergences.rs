@@ -1,8 +1,8 @@
 //! Lists the expressions for which drivers, and naga's translations, violate WGSL.
 //!
 //! `cargo run --bin divergences -- docs/divergences` tests each operator and builtin function on each path of
-//! `KARAT_PATHS`, and writes a page for each path and driver; `cargo ci divergences` runs it. Pages of drivers that
-//! aren't on this machine stay unchanged. Paths such as `vulkan:glsl` use one of naga's translations.
+//! `KARAT_PATHS`, and writes a page for each path and driver. `cargo ci divergences` runs the program. It leaves pages
+//! of drivers that this machine lacks unchanged. Paths such as `vulkan:glsl` use one of naga's translations.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -19,29 +19,29 @@ use karat::unstable::path::Adapter;
 use karat::unstable::tolerance::SpecTolerance;
 use karat::unstable::value::Scalar;
 
-/// An operator or a builtin function, its arguments and its expected results.
+/// An operator or a builtin function with its arguments and its expected results.
 struct Question {
     expression: &'static str,
     source: &'static str,
     ask: fn(&Package) -> Result<Agreement, Failure>,
 }
 
-/// The answer of a path.
+/// The result of a question on a path.
 enum Answer {
     Agrees,
     Differs(Box<PathDisagreement>),
-    /// The reason why there is no value.
+    /// The path returned no value, for this reason.
     Stopped(String),
 }
 
-/// The bounds of WGSL, section 15.7.4, where they are narrower than 1.
+/// The bounds in WGSL, section 15.7.4, where they are below 1.
 fn within() -> SpecTolerance {
     Spec.needing(Abs(1.0))
 }
 
 const EXACTLY: Ulp = Ulp(0.0);
 
-/// Integers that show an error by one, or of the sign.
+/// Integers that show errors by one and errors of the sign.
 fn edges() -> OneOf<i32> {
     OneOf(vec![
         i32::MIN,
@@ -81,8 +81,8 @@ macro_rules! questions {
     };
 }
 
-/// The domains are those for which WGSL bounds the result: `sin` and `cos` from -pi to pi, `asin` and `acos` where
-/// `atan2`, from which their bounds follow, is away from 0.
+/// The domains are those for which WGSL bounds the result. For `sin` and `cos` the domain is -pi to pi. The bounds of
+/// `asin` and `acos` follow from `atan2`, so their domain is where `atan2` is away from 0.
 const QUESTIONS: &[Question] = questions! {
     "x + y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x + y, within();
     "x - y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x - y, within();
@@ -140,7 +140,7 @@ const QUESTIONS: &[Question] = questions! {
     "reflect(v, w)", (v: vec3f, w: vec3f) -> vec3f, (UnitVector, UnitVector), |v: DVec3, w: DVec3| v - 2.0 * w.dot(v) * w,
         within();
     "i32(x)", (x: f32) -> i32, OneOf(vec![0.0, -0.9, 0.9, -1.5, 1.5, 3e9, -3e9, 1e20, 2_147_483_500.0]),
-        // To the nearest value in range, section 15.7.6. For an `f32` that is at most 2147483520.
+        // The result is the nearest integer in range, section 15.7.6. The largest `f32` in range is 2147483520.
         |x: f64| x.clamp(-2_147_483_648.0, 2_147_483_520.0).trunc() as i32, EXACTLY;
     "u32(x)", (x: f32) -> u32, OneOf(vec![0.0, -1.0, 0.9, 1.5, 3e9, 5e9, -1e20, 1e20]),
         |x: f64| x.clamp(0.0, 4_294_967_040.0).trunc() as u32, EXACTLY;
@@ -148,14 +148,14 @@ const QUESTIONS: &[Question] = questions! {
     "a + b", (a: i32, b: i32) -> i32, (edges(), edges()), i32::wrapping_add, EXACTLY;
     "a * b", (a: i32, b: i32) -> i32, (edges(), edges()), i32::wrapping_mul, EXACTLY;
     "-a", (a: i32) -> i32, edges(), i32::wrapping_neg, EXACTLY;
-    // Division by 0, and of the least integer by -1, gives the dividend, and remainder 0: section 8.7.
+    // Division by 0, and of the smallest integer by -1, gives the dividend, and the remainder is 0: section 8.7.
     "a / b", (a: i32, b: i32) -> i32, (edges(), edges()), |a: i32, b: i32| a.checked_div(b).unwrap_or(a), EXACTLY;
     "a % b", (a: i32, b: i32) -> i32, (edges(), edges()), |a: i32, b: i32| a.checked_rem(b).unwrap_or(0), EXACTLY;
     "u / w", (u: u32, w: u32) -> u32, (unsigned_edges(), unsigned_edges()),
         |a: u32, b: u32| a.checked_div(b).unwrap_or(a), EXACTLY;
     "u % w", (u: u32, w: u32) -> u32, (unsigned_edges(), unsigned_edges()),
         |a: u32, b: u32| a.checked_rem(b).unwrap_or(0), EXACTLY;
-    // By the amount modulo 32: section 8.9.
+    // The shift amount is taken modulo 32: section 8.9.
     "a << n", (a: i32, n: u32) -> i32, (edges(), unsigned_edges()), i32::wrapping_shl, EXACTLY;
     "a >> n", (a: i32, n: u32) -> i32, (edges(), unsigned_edges()), i32::wrapping_shr, EXACTLY;
     "abs(a)", (a: i32) -> i32, edges(), i32::wrapping_abs, EXACTLY;
@@ -176,7 +176,7 @@ const QUESTIONS: &[Question] = questions! {
         |v: DVec2| v, EXACTLY;
 };
 
-/// `extractBits`, section 17.5: the bits from `offset` on. The highest of them is the sign.
+/// Computes `extractBits`, section 17.5: the bits from `offset` on. The highest extracted bit is the sign.
 fn extracted(a: i32, offset: u32, count: u32) -> i32 {
     let offset = offset.min(32);
     match count.min(32 - offset) {
@@ -185,7 +185,7 @@ fn extracted(a: i32, offset: u32, count: u32) -> i32 {
     }
 }
 
-/// `insertBits`, section 17.5: replaces the bits of `a` from `offset` on with the lowest bits of `b`.
+/// Computes `insertBits`, section 17.5: replaces the bits of `a` from `offset` on by the lowest bits of `b`.
 fn inserted(a: u32, b: u32, offset: u32, count: u32) -> u32 {
     let offset = offset.min(32);
     match count.min(32 - offset) {
@@ -197,7 +197,7 @@ fn inserted(a: u32, b: u32, offset: u32, count: u32) -> u32 {
     }
 }
 
-/// Signed bytes of a word.
+/// The four bytes of a word as signed integers.
 fn bytes(word: u32) -> impl Iterator<Item = i32> {
     word.to_le_bytes().into_iter().map(|byte| i32::from(byte.cast_signed()))
 }
@@ -217,7 +217,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The answers of each path to each question.
+/// The results of each path for all questions.
 type Answers = BTreeMap<String, (Adapter, Vec<Answer>)>;
 
 fn write_all(folder: &Path) -> Result<(), String> {
@@ -257,7 +257,7 @@ fn write_all(folder: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// One answer for each path. An error that isn't the path's fault is returned as one.
+/// Asks a question on each path. Returns an error if the failure isn't the path's fault.
 fn answers(
     asked: Result<Agreement, Failure>,
     question: &Question,
@@ -321,7 +321,7 @@ fn page(adapter: &Adapter, answers: &[Answer]) -> String {
     page
 }
 
-/// The simplest case that differs.
+/// The table cell with the simplest case that differs.
 fn row(path: &PathDisagreement) -> String {
     let case = path.simplest.as_ref().map_or(&path.worst, |simplest| &simplest.failure);
     let share = 100.0 * path.census.failures as f64 / path.census.cases as f64;
@@ -330,7 +330,7 @@ fn row(path: &PathDisagreement) -> String {
     format!("{share:.1} % | {} | {} | {} ", arguments.join(", "), case.result, wanted(case))
 }
 
-/// The values that WGSL allows in a case.
+/// The values that WGSL allows for a case.
 fn wanted(case: &CaseFailure) -> String {
     let allowed = case.explanation.iter().find(|(name, _)| *name == "WGSL");
     match (allowed, case.scalar, case.expected) {

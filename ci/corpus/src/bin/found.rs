@@ -1,7 +1,8 @@
-//! Faults of released shaders that ordinary checks find. Each shader fails as released, and passes with one change.
+//! Finds faults in released shaders with ordinary checks. Each shader fails as released, and passes with one change.
 //!
-//! `cargo run --bin found -- docs/found` runs all of them over crates that cargo fetches, and writes a page for each;
-//! `cargo ci found` runs it. A finding that passes as released, or fails after the change, is an error.
+//! `cargo run --bin found -- docs/found` runs all checks over crates that cargo fetches, and writes a page for each.
+//! `cargo ci found` runs the program. If a check passes on the released shader, or fails after the change, this is an
+//! error.
 
 use std::f32::consts::{PI, TAU};
 use std::f64::consts::FRAC_PI_2;
@@ -33,7 +34,7 @@ type Check = fn(&Package) -> Verdict;
 enum Verdict {
     Passes(String),
     Fails(String),
-    /// The check itself failed.
+    /// The check itself had an error.
     Errs(String),
 }
 
@@ -59,7 +60,7 @@ impl From<Result<ComputeAgreement, ComputeError>> for Verdict {
     }
 }
 
-/// A fault of a crate's shader.
+/// A fault in a crate's shader.
 struct Found {
     name: &'static str,
     /// The crate with its version.
@@ -68,9 +69,9 @@ struct Found {
     /// The fault, and its effect on users.
     says: &'static str,
     check: Check,
-    /// The text to replace in the function's module, and its replacement.
+    /// The text to replace in the function's module, and the new text.
     change: [&'static str; 2],
-    /// A further check of the repaired function.
+    /// Another check, for the repaired function.
     mended: Option<Check>,
 }
 
@@ -383,7 +384,6 @@ fn nearly_round_ellipse(package: &Package) -> Result<Agreement, Failure> {
     // end
 }
 
-/// The inverse of sRGB's transfer function.
 fn linear(rgb: DVec3) -> DVec3 {
     let channel = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
     DVec3::from(rgb.to_array().map(channel))
@@ -410,7 +410,7 @@ fn open(found: &Found) -> Result<Package, String> {
     Package::open_crate(Path::new("."), found.krate, None).map_err(|error| error.to_string())
 }
 
-/// Runs a check in its own process, which may have an overlay. Exit code 1 means that it fails.
+/// Runs a check in its own process, which may use an overlay. Exit code 1 means that the check fails.
 fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     let found = FOUND.iter().find(|found| found.name == name);
     let Some((found, check)) = found.and_then(|found| Some((found, which(found)?))) else {
@@ -426,16 +426,16 @@ fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     };
     let (code, text) = match check(&package) {
         Verdict::Passes(text) => (0, text),
-        // A finding needs a failing case.
+        // A fault needs a failing case.
         Verdict::Fails(text) => (1, text),
         Verdict::Errs(text) => (2, text),
     };
-    // The parent process reads it.
+    // The parent process reads this text.
     let _ = writeln!(std::io::stdout(), "{text}");
     ExitCode::from(code)
 }
 
-/// Returns `true` if a case fails on some path.
+/// Checks if a case fails on some path.
 fn is_found(failure: &Failure) -> bool {
     match failure {
         Failure::Disagreement(_) | Failure::Rejection(_) => true,
@@ -480,7 +480,7 @@ fn all(folder: &Path) -> Result<(), String> {
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
 }
 
-/// Passes of repositories that were checked once, by hand.
+/// Passes of repositories that people checked once by hand.
 const DISPATCHED: &str = "
 ## Passes with the sizes of their host
 
@@ -493,7 +493,7 @@ const DISPATCHED: &str = "
 - Resize with given sizes rounds its scale to two digits: a resize from 300 to 400 texels reads beyond the row.
 ";
 
-/// Runs a finding, as released and repaired, and writes its page.
+/// Runs a check on the released and on the repaired shader, and writes its page.
 fn page(found: &Found) -> Result<String, String> {
     let package = open(found)?;
     let items = package.functions().map_err(|error| error.to_string())?;
@@ -534,7 +534,7 @@ fn page(found: &Found) -> Result<String, String> {
     let line = file.text[..place].matches('\n').count() + 1;
     let (crate_name, version) = found.krate.split_once('@').unwrap_or((found.krate, ""));
     let (test, more) = (own_text("found", found.name), own_text("mended", found.name));
-    // The page shows no paths of this machine, and no replay command of this process.
+    // The page shows neither the paths of this machine nor the replay command of this process.
     let message = shortened(&message, crate_name, version);
     let mut page = String::new();
     let indent = |text: &str| text.len() - text.trim_start().len();
@@ -569,7 +569,7 @@ fn page(found: &Found) -> Result<String, String> {
     Ok(page)
 }
 
-/// The lines of this file between a marker and its end.
+/// The lines of this file between a marker and the marker's end.
 fn own_text(marker: &str, name: &str) -> String {
     let own = include_str!("found.rs");
     let text = own.split(&format!("// {marker}: {name}\n")).nth(1);
@@ -577,7 +577,7 @@ fn own_text(marker: &str, name: &str) -> String {
     text.lines().map(|line| format!("{}\n", line.strip_prefix("    ").unwrap_or(line))).collect()
 }
 
-/// A message with the paths of files relative to the crate.
+/// The message, with paths of files relative to the crate.
 fn shortened(message: &str, name: &str, version: &str) -> String {
     let folder = format!("{name}-{version}/");
     let short = |line: &str| match line.find(&folder) {

@@ -1,7 +1,8 @@
-//! Compares compute passes of a released crate with a reference in Rust: the prefix sum over path tags of vello 0.11,
-//! in two passes over a scene of 4,096 words.
+//! Compares compute passes of a released crate with a reference in Rust. The passes compute the prefix sum over path
+//! tags of vello 0.11, over a scene of 4,096 words.
 //!
-//! `cargo run --bin passes` fetches the crate through cargo, compares the passes, and then checks that two faults
+//! `cargo run --bin passes` fetches the crate through cargo, and compares the passes. Then it plants two faults in the
+//! shader, and checks that Karat finds them. `cargo ci found` runs the program.
 //! planted in the shader are found; `cargo ci found` runs it.
 
 use std::io::Write as _;
@@ -28,10 +29,10 @@ karat::shareable! {
     }
 }
 
-/// Words of the scene, four tags each: 16 workgroups.
+/// The number of words in the scene. Each word has four tags, and the words need 16 workgroups.
 const WORDS: u32 = 4096;
 
-/// Tags with arbitrary bits, by a well-known generator (Park and Miller).
+/// Tags with random bits, from the generator of Park and Miller.
 fn scene() -> Vec<u32> {
     let mut state = 1_u64;
     let mut byte = || {
@@ -41,9 +42,9 @@ fn scene() -> Vec<u32> {
     (0..WORDS).map(|_| (0..4).fold(0, |word, _| word << 8 | byte())).collect()
 }
 
-/// The counts that one tag adds, by the bits that `vello_encoding::PathTag` documents: segments of 1 to 3 points,
-/// another point where a subpath ends, 32-bit coordinates instead of 16-bit ones, and marks of paths, transforms and
-/// styles.
+/// The counts that one tag adds, by the bits that `vello_encoding::PathTag` documents. The bits mean segments of 1 to 3
+/// points, another point at the end of a subpath, 32-bit coordinates instead of 16-bit coordinates, and marks of paths,
+/// transforms and styles.
 fn of_tag(tag: u32) -> [u32; 5] {
     let segment = tag & 3;
     let points = segment + (tag >> 2 & 1);
@@ -51,7 +52,7 @@ fn of_tag(tag: u32) -> [u32; 5] {
     [tag >> 5 & 1, u32::from(segment != 0), words, 2 * (tag >> 6 & 1), tag >> 4 & 1]
 }
 
-/// The sums before each word.
+/// The sums of the counts before each word.
 fn sums(scene: &[u32]) -> Vec<TagMonoidMirror> {
     let mut sum = [0; 5];
     let mut before = Vec::new();
@@ -71,7 +72,7 @@ fn check(package: &Package) -> Result<ComputeAgreement, ComputeError> {
     let expected = sums(&scene);
     package
         .compute()
-        // The tags begin at the start: `pathtag_base` is 0, like the rest of the configuration.
+        // The tags begin at the first word: `pathtag_base` is 0, like all other numbers of the configuration.
         .with("config", Buffer::zeros(96))
         .with("scene", Storage::new(scene))
         .with("reduced", Buffer::zeros(16 * 20))
@@ -85,23 +86,23 @@ fn check(package: &Package) -> Result<ComputeAgreement, ComputeError> {
 
 fn open() -> Result<Package, String> {
     let package = Package::open_crate(Path::new("."), CRATE, None);
-    // There are few workgroups, so the second pass adds their sums.
+    // There are few workgroups, so the second pass adds the sums of all workgroups.
     package.map(|package| package.feature("small", true)).map_err(|error| error.to_string())
 }
 
 const CRATE: &str = "vello_shaders@0.11.0";
 
-/// Planted faults: a module, the text to replace in it, and the replacement.
+/// Planted faults. Each has a module, the text to replace, and the new text.
 const FAULTS: [[&str; 3]; 2] = [
     ["pathtag_scan", "if local_id.x >= 1u << i {", "if local_id.x > 1u << i {"],
     ["shared/pathtag", "n_points & (((tag_word >> 3u)", "n_points & (((tag_word >> 2u)"],
 ];
 
-/// Runs the comparison in its own process, which may have an overlay. Returns its exit code and its output.
+/// Runs the comparison in its own process, which may use an overlay. Returns the exit code and the output.
 fn run(overlay: Option<&Path>) -> Result<(Option<i32>, String), String> {
     let mut command = Command::new(std::env::current_exe().map_err(|error| error.to_string())?);
     command.arg("--check").env_remove("KARAT_OVERLAY").env_remove("KARAT_REQUIRE");
-    // Mesa's GL takes a minute to compile arrays of structures in workgroup memory.
+    // Mesa's GL needs a minute to compile arrays of structures in workgroup memory.
     command.env("KARAT_PATHS", "vulkan,cpu");
     if let Some(overlay) = overlay {
         command.env("KARAT_OVERLAY", overlay);
@@ -142,7 +143,7 @@ fn all() -> Result<(), String> {
     Ok(())
 }
 
-/// Returns `true` if an element is wrong on some path.
+/// Checks if an element is wrong on some path.
 fn differs(failure: &ComputeError) -> bool {
     match failure {
         ComputeError::Differs(_) => true,
@@ -168,7 +169,7 @@ fn main() -> ExitCode {
         Ok(Err(error)) => (writeln!(out, "{error}"), 2),
         Err(error) => (writeln!(out, "{error}"), 2),
     };
-    // The parent process reads it.
+    // The parent process reads this text.
     drop(said);
     ExitCode::from(code)
 }

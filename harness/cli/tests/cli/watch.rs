@@ -345,7 +345,7 @@ fn wakes_once(manifest: &str, end: &str) {
     write(path, "karat.toml", manifest);
     let line = format!("\"$KARAT\" watch . --paths cpu --lines {end}");
     let mut shell = Command::new("/bin/sh");
-    // The process gets its own group, so that all its children end with it.
+    // The shell has its own process group, so all its processes end with it.
     shell.args(["-c", &format!("exec 3>&1; {line}")]).current_dir(path).stdin(Stdio::null());
     shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_TIMEOUT", "10");
     shell.stdout(Stdio::piped()).stderr(Stdio::null());
@@ -361,9 +361,9 @@ fn wakes_once(manifest: &str, end: &str) {
         }
     };
     wait("2 tests pass", 1);
-    // An edit starts a run. The output of this run doesn't start another one.
+    // An edit triggers a run. The output of this run triggers nothing.
     std::thread::sleep(Duration::from_millis(700));
-    // The file is moved there in one step, so that a busy machine doesn't see an empty file.
+    // The file is renamed into the folder, so that a busy machine sees no empty file.
     let saved = tempfile::tempdir().expect("a temporary folder");
     write(saved.path(), "calc.wgsl", &SHADER.replace("0.5", "0.25"));
     std::fs::rename(saved.path().join("calc.wgsl"), path.join("calc.wgsl")).expect("renamed");
@@ -379,7 +379,8 @@ fn wakes_once(manifest: &str, end: &str) {
     assert!(verdicts.count() <= 3, "{manifest}{end}: {told}");
 }
 
-/// A Rust test may read any file, so each file counts, except for files that it writes in each run.
+/// Karat doesn't know the files that a Rust test reads, so each file counts, except for files that the test writes in
+/// each run.
 // Lesson 192
 #[test]
 fn an_edit_of_any_file_runs_rust_tests() {
@@ -411,13 +412,14 @@ fn an_edit_of_any_file_runs_rust_tests() {
     watch.until("cpu (Rust): 1 test passes; 1 ran");
     let last = runs();
     assert_eq!(runs(), last, "it wakes itself");
-    // Modules that no Rust test links are validated, too.
+    // Karat also validates modules that no Rust test links.
     write(watch.folder(), "shaders/calc_test.wgsl", TESTS);
     watch.until("cpu (shaders): 2 tests pass; 2 ran");
     write(watch.folder(), "shaders/more.wgsl", "fn more() -> f32 { return nonsense; }\n");
     watch.until("cpu (shaders): not valid; 2 tests pass; 0 ran");
 }
 
+/// Karat validates a module that no test links, in a Cargo project and in a folder.
 // Lesson 191
 #[test]
 fn modules_that_no_test_links_are_validated() {
@@ -463,7 +465,7 @@ fn watch_ends_when_its_output_closes() {
     assert!(status.success(), "it lives on: {status}");
 }
 
-/// Counts the processes whose command line names a folder.
+/// Counts the processes with a folder's name in their command line.
 #[cfg(target_os = "linux")]
 fn processes_of(folder: &FilePath) -> usize {
     let all = std::fs::read_dir("/proc").expect("processes");
@@ -497,7 +499,7 @@ fn a_killed_watch_leaves_no_process_behind() {
         command.stdin(Stdio::null()).stdout(Stdio::null());
         let mut child = command.spawn().expect("it starts");
         wait(count);
-        // By now the shader runs, or is about to run.
+        // By now the process runs the shader, or will soon run it.
         std::thread::sleep(Duration::from_millis(500));
         child.kill().expect("it is there");
         child.wait().expect("it ends");
@@ -521,7 +523,7 @@ fn a_missing_folder_or_path_cannot_be_watched() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
 }
 
-/// Ctrl-C ends the command, and deletes its temporary files.
+/// Ctrl-C ends `karat watch`, and no temporary files remain.
 #[cfg(unix)]
 #[test]
 fn watch_leaves_no_temporary_files_when_stopped() {

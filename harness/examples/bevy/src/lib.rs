@@ -1,1 +1,1 @@
-//! A game with Bevy would stand here. Its shaders are in `assets/shaders`.
+//! Stands for a game with Bevy. Its shaders are in `assets/shaders`.

@@ -1,4 +1,4 @@
-//! The game's own shaders, linked with those of the Bevy that it uses.
+//! Tests the game's own shaders, linked with the shaders of the Bevy version that the game uses.
 
 use karat::prelude::*;
 
@@ -9,7 +9,7 @@ fn ours() -> Package {
     OURS.depends_on("bevy_render", &BEVY)
 }
 
-/// Steps are never darker than the light itself, and by less than a step brighter.
+/// The result is never darker than the light, and brighter by less than one step.
 #[test]
 fn steps_follow_the_light() {
     let lambert = |n_dot_l: f32| n_dot_l.max(0.0) / std::f32::consts::PI;
@@ -23,7 +23,7 @@ fn steps_follow_the_light() {
     );
 }
 
-/// A surface that looks away from the light is black.
+/// A surface that faces away from the light is black.
 #[test]
 fn the_far_side_is_black() {
     let package = ours();

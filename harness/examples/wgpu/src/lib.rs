@@ -1,22 +1,22 @@
-//! Particles that wgpu moves.
+//! Moves particles with wgpu.
 
 use wgpu::util::DeviceExt;
 use wgpu::{BufferUsages, PollType};
 
-/// A particle in the shader's layout: its position, and its velocity.
+/// A particle in the shader's layout.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Particle {
-    /// Between 0 and 1.
+    /// The position, with coordinates from 0 to 1.
     pub position: [f32; 2],
-    /// In boxes a second.
+    /// The velocity, in widths of the box per second.
     pub velocity: [f32; 2],
 }
 
-/// The shader, as it is built into the program.
+/// The shader, which is built into the program.
 pub const SHADER: &str = include_str!("../shaders/particles.wgsl");
 
-/// Moves particles by some seconds on the first adapter. `None` if there is none, or if it fails.
+/// Moves particles by `seconds` on the first adapter. Returns `None` if there is no adapter, or if the run fails.
 #[must_use]
 pub fn stepped(particles: &[Particle], seconds: f32) -> Option<Vec<Particle>> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());

@@ -1,4 +1,4 @@
-//! The shader by itself, and the program that runs it.
+//! Tests the shader, and the program that runs the shader.
 
 use example_wgpu::{Particle, stepped};
 use karat::prelude::*;
@@ -16,7 +16,7 @@ fn a_place_stays_in_the_box() {
         });
 }
 
-/// The reference: one coordinate in `f64`.
+/// The reference for one coordinate in `f64`.
 fn moved([place, velocity]: [f32; 2], time: f32) -> [f64; 2] {
     let [place, velocity, time] = [place, velocity, time].map(f64::from);
     let free = place + velocity * time;
@@ -32,8 +32,8 @@ fn particles() -> Vec<Particle> {
     (0..100).map(|i| Particle { position: [at(i), 1.0 - at(i)], velocity: [3.0, at(i)] }).collect()
 }
 
-/// Each particle moves as the reference does, on every path; the sanitizer looks for races. Five roundings of numbers up
-/// to 3 are off by less than 1e-6.
+/// Each particle moves as in the reference, on every path, and the sanitizer looks for races. Five roundings of numbers
+/// up to 3 give an error below 1e-6.
 #[test]
 fn a_step_moves_each_particle() {
     let expected: Vec<f64> = particles()
@@ -55,7 +55,7 @@ fn a_step_moves_each_particle() {
     passes.after("particles.velocity").agrees_with(of(&expected, 2), Abs(1e-6));
 }
 
-/// The program's own buffers, layout and dispatch.
+/// Tests the program's own buffers, layout and dispatch.
 #[test]
 fn the_program_does_the_same() {
     let Some(moved_by_wgpu) = stepped(&particles(), 0.125) else {
