@@ -70,7 +70,7 @@ pub struct Compute<'a> {
     package: &'a Package,
     wanted: Vec<Wanted>,
     fixtures: Fixtures,
-    /// Pairs of variables: the first shares the resource of the second.
+    /// Pairs of variables. The first variable of a pair shares the resource of the second variable.
     same: Vec<(String, String)>,
     overrides: Overrides,
     executors: Vec<&'a dyn Executor>,
@@ -97,9 +97,9 @@ pub struct After<'a> {
     variable: String,
     /// Set if the run's record gets the verdict.
     recorded: bool,
-    /// Set if the order of the elements doesn't matter.
+    /// Set if the check ignores the order of the elements.
     up_to_order: bool,
-    /// The numbers of rows and columns into which the elements are arranged.
+    /// The numbers of rows and columns into which [`After::grid`] arranges the elements, or `None`.
     grid: Option<[usize; 2]>,
 }
 
@@ -198,7 +198,7 @@ pub enum ComputeError {
         /// The value of the reference.
         value: f64,
     },
-    /// A tolerance's bound is negative or NaN, or so large that no error exceeds it.
+    /// The bound of a tolerance is negative or NaN, or it is so large that every result would pass.
     #[error(
         "the tolerance {tolerance} has the bound {bound:e}: use a number of at least 0 that an error can exceed"
     )]
@@ -208,7 +208,7 @@ pub enum ComputeError {
         /// The bound that can't be used.
         bound: f64,
     },
-    /// A declaration about a path is wrong, or it names no bug.
+    /// A declaration about a path, such as `fails_on`, is wrong, or its reason names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// Several paths fail in different ways, or some have no verdict.
@@ -737,7 +737,7 @@ impl After<'_> {
         Ok(elements.map(|words| T::load(&mut words.iter())).collect())
     }
 
-    /// The element type of `shape`, if `host` can hold it.
+    /// The element type of a resource of type `shape`, if `host` can hold such an element.
     fn element(
         &self,
         passes: &Passes,

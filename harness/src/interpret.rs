@@ -88,7 +88,8 @@ fn lowering(via: Via) -> Settings {
 /// The largest number of rounds for a case whose loops have a bound. A case with more rounds would take minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
-/// The largest number of rounds in a proof about many arguments at once: while an exit is undecided, and in total.
+/// The largest numbers of loop rounds in a proof about many arguments at once. `FEW_ROUNDS` counts the rounds in which
+/// the loop may or may not end, and `MANY_ROUNDS` counts all rounds.
 const FEW_ROUNDS: u64 = 16;
 const MANY_ROUNDS: u64 = 4096;
 
@@ -149,7 +150,8 @@ impl Interpreted {
         Self { fuel, ..self }
     }
 
-    /// Prepares for rows with the arguments of all four pixels of a quad. The results are those of pixel `own`.
+    /// Prepares for calls in which each row has the arguments of all four pixels of a quad. A call then returns the
+    /// result of the pixel `own` (0 to 3).
     fn at_pixel(mut self, own: usize) -> Self {
         self.quads.iter_mut().for_each(|quads| quads.own = Some(own));
         self
@@ -167,7 +169,7 @@ impl Interpreted {
         &self.results
     }
 
-    /// The results of some cases, as a driver would write them.
+    /// The results of some cases as `u32` words, as a driver would write them into a buffer.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
         let counts = self.lowered.counts();
         let options = Options { counts: counts.clone(), ..self.options() };
@@ -263,14 +265,15 @@ impl Interpreted {
         if self.quads.is_some() || self.arguments.contains(&Scalar::F16) {
             return Ok(None);
         }
-        // Gives up on long loops, because a proof must be quick.
+        // Limits the rounds of loops, because a proof must be quick.
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let results = self.lowered.call_between(cases, rows, &self.resources, &options, &());
         let results = results.map_err(|stop| stopped(&self.program, &self.function.name, &stop))?;
         Ok(Some((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect()))
     }
 
-    /// Runs the function once for all arguments between two rows. Returns `false` if the engine can't.
+    /// Runs the function once for all arguments between two rows. Returns `false` if the engine can't run the function
+    /// in this way.
     fn watched_between(&self, rows: [&[u32]; 2], observer: &dyn Observer<Intervals>) -> bool {
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let ran = || self.lowered.call_between(1, rows, &self.resources, &options, observer);
@@ -290,7 +293,7 @@ impl Interpreted {
         Ok(lanes.map(value).collect())
     }
 
-    /// The number of lanes that a case uses. A quad uses one for each pixel.
+    /// The number of invocations that a case needs: one, or four if each case is a quad.
     fn lanes(&self) -> usize {
         if self.quads.is_some() { quads::PIXELS } else { 1 }
     }
@@ -346,7 +349,7 @@ impl Interpreted {
 
     fn error(&self, stop: &Stop) -> ProbeError {
         match stopped(&self.program, &self.function.name, stop) {
-            // A case has all pixels of its quad.
+            // The engine counts pixels, and each case is a quad of several pixels.
             ProbeError::Rounds { case, diagnostic } if self.quads.is_some() => {
                 ProbeError::Rounds { case: case / quads::PIXELS, diagnostic }
             }
@@ -554,8 +557,9 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if several nested loops used up the rounds together, and none of them did so on its own. Each of these loops
-/// may end. The check still reports an endless loop with up to 15 rounds of inner loops in each of its rounds.
+/// Checks if nested loops used up the limit of rounds only together: the inner loops ran many rounds, but no single
+/// loop reached the limit. Then each of these loops may end. The check still reports an endless loop with up to 15
+/// rounds of inner loops in each of its rounds.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

@@ -204,7 +204,7 @@ impl Sum {
         Self { census: tally.census, worst, shown }
     }
 
-    /// Adds the positions of elements in a texture or a grid.
+    /// Adds to each shown element its column and row in the texture, or its row and column in the grid.
     pub(super) fn named(
         mut self,
         passes: &Passes,
@@ -229,7 +229,7 @@ impl Sum {
         Self { census, worst, shown: shown.into_iter().collect() }
     }
 
-    /// The result for passes in which a loop doesn't end.
+    /// The failed judgement of passes in which a loop doesn't end.
     pub(super) fn endless() -> Self {
         let element = Element {
             place: Place::Whole("no result".to_owned()),
@@ -282,7 +282,7 @@ impl After<'_> {
         reported(subject, &|| self.recorded, judge)
     }
 
-    /// The name of a check of the resource.
+    /// The name under which the record lists a check of the resource: `after.data.agrees_with`.
     pub(super) fn check(&self, verb: &str) -> String {
         format!("after.{}.{verb}", self.variable)
     }
@@ -291,7 +291,7 @@ impl After<'_> {
         self.compute.wanted.last().map_or("", |wanted| &wanted.name)
     }
 
-    /// Judges an assertion under the name of a verb.
+    /// Judges an assertion on each path. `verb` is the name of the assertion's method, such as `agrees_with`.
     pub(super) fn judged(
         &self,
         assertion: &Assertion<'_>,
@@ -480,7 +480,7 @@ impl After<'_> {
                 expected: expected.lanes.len() / width,
             });
         }
-        // The lane of each compared word, in order.
+        // For each number that is compared, in order, its index in the resource.
         let (places, wanted) = match self.up_to_order {
             true => {
                 let (before, scalars) = listed(shape);
@@ -505,7 +505,7 @@ impl After<'_> {
     }
 }
 
-/// Judges an element by the first of its numbers that breaks a statement.
+/// Judges an element: it fails if one of its numbers breaks the statement, and the first such number is shown.
 fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool) -> judge::Judged {
     let value = |lane: usize| scalars[lane].decode(actual[lane]);
     let broken = (0..actual.len()).find(|lane| !holds(scalars[*lane], value(*lane)));

@@ -157,7 +157,7 @@ impl After<'_> {
     }
 
     /// Runs the passes in the engine, in one order after another. In each order, the test must accept every violation,
-    /// and the assertion must hold. The callers report failures in the usual order.
+    /// and the assertion must hold. This function doesn't report failures in the usual order: its callers do.
     pub(super) fn expect_each_order(
         &self,
         assertion: Option<(&Assertion<'_>, &Part, &Shape)>,
@@ -221,7 +221,8 @@ impl After<'_> {
         Ok(())
     }
 
-    /// Builds the error for an order that fails, after simplifying the order as far as it still fails.
+    /// Builds the error for an order that fails. First it simplifies the order, as long as the simpler order also
+    /// fails.
     fn dependence(
         &self,
         passes: &Passes,
@@ -283,7 +284,7 @@ struct InOrders<'a> {
     assertion: &'a Assertion<'a>,
     part: &'a Part,
     element: &'a Shape,
-    /// The lanes after the usual order.
+    /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
     /// The assertion for the other orders, if the original assertion fails in the usual order.
@@ -314,7 +315,8 @@ impl<'a> InOrders<'a> {
         Ok(Self { after, assertion, part, element, usual, holds, own })
     }
 
-    /// Reports if no expected result is known: the statement fails in the usual order.
+    /// Checks if the assertion is a statement that fails in the usual order. Then no expected result for the other
+    /// orders is known.
     fn is_undecided(&self) -> bool {
         !self.holds && self.own.is_none()
     }

@@ -1,5 +1,5 @@
 //! Compute passes for programs that don't know the types at compile time: tests without Rust, and `karat call`. A
-//! resource is a WGSL type with its lanes.
+//! resource is described by its WGSL type and the list of its scalars.
 
 use std::panic::Location;
 

@@ -73,10 +73,11 @@ struct Taken {
     outside: AtomicBool,
 }
 
-/// The branches at all sites, in the order of sites.
+/// The branches that cases took, for each site (operation) of a program in order.
 struct AllTaken {
     all: Vec<Taken>,
-    /// The sites of `discard`, with the cases that reached one. No output depends on later operations of such a case.
+    /// The sites of `discard`, with the cases that reached one. Later operations of such a case count as not reached,
+    /// because no output depends on them.
     discards: BTreeSet<usize>,
     discarded: Mutex<BTreeSet<usize>>,
 }

@@ -117,7 +117,7 @@ fn is_closed(probed: &Probed) -> bool {
     reads == 0 && !is_alone && program.module().overrides.is_empty()
 }
 
-/// The largest number of inputs to try one by one. It takes the engine some seconds.
+/// The largest number of inputs to try one by one. The engine needs some seconds for so many inputs.
 const ALL_INPUTS: usize = 1 << 24;
 
 /// Calls two functions with all inputs. Returns the number of inputs if both functions return the same bits for each
@@ -198,7 +198,7 @@ mod tests {
         agree_everywhere([&a, &b])
     }
 
-    /// One input that distinguishes the functions is enough. All NaN together are one input.
+    /// Two functions differ if they return different bits for a single input. All NaN count as the same result.
     #[test]
     fn functions_of_16_bits_are_compared_for_all_inputs() {
         let of = |body: &str| format!("fn f(x: f16) -> f16 {{ return {body}; }}");

@@ -2,7 +2,7 @@
 //! operations that WGSL doesn't bound.
 //!
 //! A function runs in `f32` and also in `f64` (the shadow). Both runs record each operation with its operands. If an
-//! operand is already wrong, the operation isn't at fault. So each hazard is reported at its origin.
+//! operand is already wrong, the operation isn't at fault. So each hazard is reported at the operation that causes it.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
@@ -44,11 +44,11 @@ pub struct Found {
     pub text: String,
     /// Set if the result is finite nevertheless, because a later operation hides the hazard.
     pub hidden: bool,
-    /// If digits are lost, the value in `f32` and in `f64`.
+    /// The operation's value in `f32` and in `f64`, for the hazard "lost digits"; otherwise `None`.
     pub values: Option<(f32, f64)>,
     /// The operation's operands in `f32`.
     pub operands: Vec<f32>,
-    /// For a derivative, the pixel that doesn't take it.
+    /// For a derivative, the two pixels of which only one takes the derivative.
     pub missing: Option<Missing>,
 }
 
@@ -83,15 +83,16 @@ pub struct Hazards {
     pub reached: BTreeMap<usize, usize>,
 }
 
-/// The number of lanes that run together. They are one chunk of the engine, so their operations arrive in order.
+/// The number of lanes (cases or pixels) that run together. The engine runs this many lanes as one chunk, so the
+/// recorder gets their operations in order.
 const TOGETHER: usize = 256;
 
 /// The largest number of operations to record in a run. A loop repeats its operations, so a hazard in its thousandth
 /// round usually occurs in earlier rounds, too.
 const MOST_EVENTS: usize = 4096;
 
-/// The largest number of loop rounds that intervals follow in each case, if the recorder reached its limit. With
-/// sixteen operations in a round, this is as many operations as the recorder keeps.
+/// The largest number of loop rounds for the run with intervals, in each case, if the recorder reached its limit of
+/// operations. With sixteen operations in a round, this is as many operations as the recorder keeps.
 const ROUNDS_SEEN: u64 = 256;
 
 /// Limits for a float format.
@@ -137,15 +138,16 @@ pub const LONG: u64 = 1 << 18;
 /// The largest number of rounds for loops with a bound.
 const MOST_ROUNDS: u64 = 65_536;
 
-/// The number of rounds after which intervals give up on an undecided exit, because each round follows both branches.
+/// The number of rounds after which the run with intervals stops, if the intervals don't decide whether a loop ends.
+/// Each such round runs both branches.
 const UNDECIDED: u64 = 16;
 
-/// The share of an operand below which a difference in double precision keeps fewer than half of `f32`'s digits. The
-/// last digit of double precision is 2^-53.
+/// If a difference is less than this share of its operands, it has fewer than half of `f32`'s digits even in double
+/// precision. The last digit of double precision is 2^-53 of a number.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
-/// The relative width up to which an interval counts as one number. If an operation with such operands has an unbounded
-/// result, the operation is the cause.
+/// An interval whose relative width is at most this number counts as one number. If all operands of an operation are
+/// such intervals and its result is unbounded, then the operation itself is the cause.
 const NARROW: f64 = 1.0 / 1024.0;
 
 /// An operation in all lanes of a chunk.
@@ -167,7 +169,8 @@ struct Parted {
     by: Option<usize>,
 }
 
-/// The hazards of a case, by kind and site. A derivative also has the pixels that parted.
+/// The hazards of a case, by their kind and the index of their site. The value has the two pixels of a derivative that
+/// only one of them takes.
 type OfCase = BTreeMap<(Kind, usize), Option<Parted>>;
 
 /// Records the operations of a run.
@@ -246,7 +249,7 @@ struct Known {
     anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
     /// Lanes and sites where double precision can't show which digits are lost.
     blind: BTreeSet<(usize, usize)>,
-    /// For each lane, the first operation with a wide result.
+    /// For each lane, the first operation whose result is a wide interval: see [`is_wide`].
     wide: Mutex<BTreeMap<usize, usize>>,
 }
 
@@ -287,10 +290,10 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// The lanes and sites where double precision can't show which digits are lost: an operation cancels, and one of its
-/// operands depends on a lost number.
+/// The lanes and sites where double precision can't show which digits are lost: the operation subtracts nearly equal
+/// numbers, and one of its operands was computed from a number that a sum had absorbed.
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
-    // For each lane, the values that depend on a lost number.
+    // For each lane, the values that were computed from an operand that double precision lost.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
     let mut blind = BTreeSet::new();
     for event in events {
@@ -505,7 +508,7 @@ impl Interpreted {
                 if !found.iter().all(left_out) {
                     break;
                 }
-                // The result is the same for every value of the operation.
+                // Set if the case's result is precise for every value that the operation may return.
                 let is_sure = bounds.as_ref().is_some_and(|bounds| {
                     let row = bounds.row(lane);
                     let are_floats = row.iter().all(|lane| matches!(lane, Lane::Float(_)));
@@ -525,7 +528,7 @@ impl Interpreted {
         // For each lane and site, set if each operation there had a bad operand.
         let mut bad: BTreeMap<(usize, usize), bool> = BTreeMap::new();
         for event in events {
-            // Events with an operand that isn't finite are few.
+            // Only a few operations have an operand that isn't finite.
             let is_finite = |operand: &Vec<f32>| operand.iter().all(|x| x.is_finite());
             if event.operands.iter().all(is_finite) {
                 continue;
@@ -555,7 +558,7 @@ impl Interpreted {
         (lost, left_out): (Option<f64>, LeftOut<'_>),
     ) -> Vec<Found> {
         let Some(size) = lost else {
-            // Half precision has no second run to compare with.
+            // For 16-bit floats there is no second run in `f64`, so lost digits aren't checked.
             return self.born_of(single, &[], lane, dropped, (&|_, _| false, left_out));
         };
         let loses_own = |event: &Event<f32>, twin: &Event<f64>| loses(event, twin, lane);
@@ -587,7 +590,7 @@ impl Interpreted {
             let operands = || event.operands.iter().map(|operand| operand[lane]);
             let kind = if !value.is_finite() {
                 let nan = value.is_nan();
-                // An operation that turns an infinite operand into NaN isn't the origin of the error.
+                // If an operand is already infinite, an earlier operation caused the error.
                 if operands().any(|operand| !operand.is_finite()) {
                     continue;
                 }

@@ -71,11 +71,11 @@ struct Values {
     /// Set after an index was outside of its array. WGSL allows any value for later operations.
     lost: AtomicBool,
     case: usize,
-    /// The number of components to keep for each site. `None` stands for one limit for all sites together.
+    /// For each site (operation), the number of values to keep. With `None`, one limit applies to all sites together.
     most: Option<Most>,
 }
 
-/// For each site, the number of components to keep, and the number so far.
+/// For each site (operation), the number of values to keep, and the number of values kept so far.
 type Most = Arc<BTreeMap<usize, (usize, AtomicUsize)>>;
 
 macro_rules! values {
@@ -164,7 +164,7 @@ impl Seen {
             Self::Word(word) if signed => Value::Int(i64::from(word.cast_signed())),
             Self::Word(word) => Value::Int(i64::from(word)),
             Self::Bool(x) => Value::Bool(x),
-            // Bounds aren't values.
+            // Interval arithmetic returns bounds instead of values, and a trace shows these separately.
             Self::Interval(_) | Self::Range(_) | Self::Truth(_) | Self::Anything => {
                 Value::Single(f32::NAN)
             }
@@ -252,7 +252,7 @@ fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     for (_, shape) in &probed.function().parameters {
         let scalars = shape.quad().unwrap_or(shape).lanes();
         row.extend(&quad[own][at..at + scalars.len()]);
-        // The indices of both pixels in this row, and of both pixels in this column.
+        // The indices of the two pixels in the row of the pixel `own`, and of the two pixels in its column.
         let sides = shape.quad().map(|_| [[own & 2, own | 1], [own & 1, own | 2]]);
         for [before, behind] in sides.into_iter().flatten() {
             row.extend(scalars.iter().enumerate().map(|(index, scalar)| {
@@ -306,7 +306,7 @@ pub(crate) fn trace_pass(
     Ok(steps(&pass, &[], group * width + local, None)?.0)
 }
 
-/// A pass, with the resources as the earlier passes wrote them.
+/// A pass to trace, with the contents that the earlier passes left in its resources.
 struct OfPass<'p> {
     pass: &'p Pass,
     lowered: Lowered,

@@ -40,7 +40,7 @@ pub fn evaluations(
             Err(stop) => Err(called.error(&stop)),
         };
     }
-    // Runs each call on its own.
+    // Runs the calls one by one, so that each call has its own count.
     let count = count.max(1);
     let (width, each) = (rows.len() / count, ROUNDS / count as u64);
     let called = Alone::new(probed, fixtures)?.with_fuel(each);

@@ -15,7 +15,7 @@ pub(crate) const PRINTED: &str = "karat_print_";
 /// value a separate operation.
 pub(crate) const HOLDER: &str = "karat_value_";
 
-/// The texts that begin an assertion or a print.
+/// The texts with which an assertion or a print begins: as a comment, and as a call in WESL.
 const COMMENT: &str = "karat:";
 const CONDITION: &str = "@if(karat)";
 const CONDITION_HEAD: &str = "@if(karat";

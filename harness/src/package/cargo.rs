@@ -36,7 +36,8 @@ const ROUNDS: usize = 4;
 pub(super) struct Graph {
     crates: Vec<Crate>,
     others: BTreeSet<String>,
-    /// The manifests of crates beside the project, each with its hash. These manifests may change.
+    /// The manifests of crates beside the project, each with its hash. Unlike the manifests of published crates, these
+    /// manifests may change.
     local: BTreeMap<PathBuf, String>,
 }
 
@@ -63,7 +64,7 @@ pub(super) struct Found {
     roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 
-/// Two crates are equal if they have the same modules and can import from the same crates.
+/// Two of these values are equal if they name the same crate of the same graph, with the same module folders.
 impl PartialEq for Found {
     fn eq(&self, other: &Self) -> bool {
         let is_same = (self.index, &self.roots) == (other.index, &other.roots);
@@ -268,7 +269,7 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
     std::fs::create_dir(folder.join("src")).map_err(failed)?;
     std::fs::write(folder.join("src/lib.rs"), "").map_err(failed)?;
     let manifest = folder.join("Cargo.toml");
-    // The exact requirement in the syntax of a manifest.
+    // Requires exactly this version, in the syntax of `Cargo.toml`.
     let exact = format!("{{ version = \"={version}\", default-features = false }}");
     let mut wanted = BTreeMap::from([(name.to_owned(), exact.clone())]);
     let ask = |wanted: &BTreeMap<String, String>| {

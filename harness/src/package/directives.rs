@@ -54,7 +54,7 @@ const KNOWN: [&str; 9] =
     ["define", "define_import_path", "else", "endif", "if", "ifdef", "ifndef", "import", "include"];
 
 struct Open {
-    /// The range of the directive that opens the condition.
+    /// The range of the `#if`, `#ifdef` or `#ifndef` that opens the condition.
     at: Range<usize>,
     /// Reports if the conditions around this condition are true.
     outer: bool,
@@ -286,7 +286,7 @@ impl Reader<'_> {
             }
             _ if !self.is_live() => return Ok(()),
             "define" => {
-                // Karat already knows the value, except for a guard: see `defined`.
+                // `defined` has already read this definition, unless it belongs to an include guard.
                 let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
                 let value = self.parsed(value.trim(), &whole)?;
                 if self.guards.contains_key(name) {

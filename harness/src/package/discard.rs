@@ -16,9 +16,9 @@ const WRAPPER: &str = "karat_or_discarded";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Discards {
-    /// An assignment replaces the statement.
+    /// An assignment to a flag replaces the statement `discard`.
     Assigned,
-    /// The statement stays, and the invocation goes on as a helper.
+    /// The statement `discard` stays in the text, and the invocation goes on as a helper.
     Kept,
 }
 

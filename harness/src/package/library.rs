@@ -109,7 +109,8 @@ impl Library {
         Ok(file)
     }
 
-    /// All packages that were reached, if all except the first package are texts in memory.
+    /// All packages that imports have reached so far. `None` if one of them, except for the first package, isn't a text
+    /// in memory.
     pub(super) fn in_memory(&self) -> Option<Vec<(Package, String)>> {
         let packages = self.packages.borrow();
         let is_memory = |package: &Package| matches!(package.origin, Origin::Memory { .. });
@@ -117,7 +118,7 @@ impl Library {
         all.then(|| packages.iter().map(|(p, route)| (Package::clone(p), route.clone())).collect())
     }
 
-    /// Numbers the packages like another library of the same package.
+    /// Gives the packages the same numbers as in another library of the same package.
     pub(super) fn number_as(&self, packages: &[(Package, String)]) {
         let others = packages.iter().skip(1);
         let others = others.map(|(package, route)| (Rc::new(package.clone()), route.clone()));
@@ -134,7 +135,8 @@ impl Library {
         Ok(manifest)
     }
 
-    /// The text of the linked module. Its definitions apply to all modules.
+    /// Reads the file of the module to link, and records the names that the file defines, because these definitions
+    /// apply to all modules.
     pub(super) fn begin(&self, root: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
         let file = self.read(root)?;
         *self.defined.borrow_mut() = directives::defined(&file.text);
@@ -416,7 +418,7 @@ pub(crate) struct LinkedModule {
 pub(crate) struct Sources {
     packages: Vec<(Manifest, Package)>,
     texts: BTreeMap<ModulePath, Hash>,
-    /// The modules of these texts, for messages and records.
+    /// The modules that these texts contain, as messages and records show them.
     linked: Vec<LinkedModule>,
     /// The files among these texts, and the files that produced them.
     files: Vec<FileRead>,

@@ -83,7 +83,7 @@ pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
         } else if is(start, "enable") {
             for at in extensions.into_iter().filter(is_known) {
                 add(at);
-                // One of the commas beside the extension is removed, too.
+                // Also removes the comma after the extension, or else the comma before it.
                 [at + 1, at - 1].into_iter().find(|at| is(*at, ",")).into_iter().for_each(&mut add);
             }
         }

@@ -23,14 +23,15 @@ struct Part {
     imports: Vec<Import>,
 }
 
-/// For each reference, by its tokens, the module and the name of its declaration.
+/// The references in a module. The key is the range of the reference's tokens, and the value is the module and the name
+/// of the declaration that it means.
 type Uses = BTreeMap<(usize, usize), (ModulePath, String)>;
 
 pub(super) struct Linker<'a> {
     library: &'a Library,
     root: ModulePath,
     parts: BTreeMap<ModulePath, Part>,
-    /// The references to declarations, by module and tokens.
+    /// The references to declarations in each module.
     uses: BTreeMap<ModulePath, Uses>,
     /// The declarations to which each declaration refers. Contains only the declarations that the linker has
     /// resolved so far.
@@ -275,7 +276,7 @@ impl<'a> Linker<'a> {
         Ok(linked)
     }
 
-    /// The declarations to which a declaration refers.
+    /// Finds the declarations to which a declaration refers.
     fn resolve(&mut self, path: &ModulePath, index: usize) -> Result<Vec<Item>, PackageError> {
         let item = (path.clone(), index);
         if let Some(known) = self.resolved.get(&item) {

@@ -62,7 +62,8 @@ struct Dependency {
 const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
 
 impl KnownRows {
-    /// The entry with only the rows of one module, by their names in this module.
+    /// The entry with only its functions of one module, under their names in this module; `None` if it has no such
+    /// function.
     fn of_module(self, module: &str) -> Option<Self> {
         let own = |row: String| match row.contains("::") {
             true => Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned()),

@@ -93,7 +93,8 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
             around.start -= 1;
         }
         let is_bare = around.len() == 1;
-        // A declaration hides the value in the whole module, or only in its function.
+        // If the text declares the name, the name isn't replaced in the declaration's scope: the whole module, or one
+        // function.
         let is_that =
             |(known, scope): &(&str, Range<usize>)| known == &&**name && scope.contains(&at);
         if is_bare && declared.iter().any(is_that) {

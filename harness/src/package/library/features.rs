@@ -84,7 +84,7 @@ impl Library {
             };
             let misspelt = texts.iter().find_map(|text| misspelt(text, &unknown));
             let mut plain = unknown.iter().filter(|name| !manifest.stands_for(name));
-            // A misspelt attribute contains the name, too.
+            // If an attribute is misspelt, the name in its brackets isn't an ordinary use of the name.
             let bare = match &misspelt {
                 Some(_) => None,
                 None => plain.find(is_bare).map(|name| name.as_str().into()),
