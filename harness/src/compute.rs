@@ -145,7 +145,7 @@ pub enum ComputeError {
         entry_point: String,
         /// The type of the resource's elements.
         declared: String,
-        /// The source of the wrong type, with a verb: `the reference gives`.
+        /// A phrase for messages that names the source of the wrong type: `the reference gives`.
         who: &'static str,
         /// The wrong type.
         supplied: String,
@@ -571,7 +571,7 @@ impl After<'_> {
 
     /// Compares each element with an element of the reference. An array has one element for each index, a texture one
     /// for each texel, and any other type has one element. A texel of four channels is a `DVec4`, `IVec4` or `UVec4`.
-    /// Both sides must have the same number of elements.
+    /// The resource and the reference must have the same number of elements.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -484,8 +484,8 @@ pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     })
 }
 
-/// For each word, `true` if it depends on the values that reads outside of arrays return, or on the target of such
-/// writes.
+/// For each word, `true` if it depends on the values that reads outside of arrays return, or on the elements that
+/// writes outside of arrays change.
 fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(Choice::default())?;
     let mut differs = vec![false; usual.len()];

@@ -450,7 +450,7 @@ impl Package {
         }
     }
 
-    /// The package itself. A crate gets the folder where cargo has its sources.
+    /// This package. If it is a crate that Karat hasn't looked up yet, Karat now asks cargo for the crate's folder.
     fn found(&self) -> Result<Cow<'_, Self>, PackageError> {
         let Origin::Crate { base, name, root } = &self.origin else {
             return Ok(Cow::Borrowed(self));

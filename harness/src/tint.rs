@@ -96,7 +96,7 @@ pub enum NoVerdict {
     /// Karat can't parse the answer.
     #[error("its answer can't be read: {0}")]
     Garbage(String),
-    /// The answer isn't about this question.
+    /// The answer is about another text than the question.
     #[error("it answered about another text")]
     Other,
     /// The question got two answers.

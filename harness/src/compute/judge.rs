@@ -44,7 +44,7 @@ pub(super) struct Statement<'a> {
     pub(super) breaks: &'a dyn Fn(&[u32]) -> Option<Broken>,
 }
 
-/// The failures of a statement.
+/// The elements that break a statement.
 ///
 /// ```
 /// let whole = karat::unstable::compute::Broken { failures: 1, first: None };
@@ -52,9 +52,10 @@ pub(super) struct Statement<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Broken {
-    /// The number of elements that break the statement. It is 1 if only all elements together break it.
+    /// The number of elements that break the statement. It is 1 if the statement is about all elements together, such
+    /// as their sum.
     pub failures: usize,
-    /// The first element that breaks the statement. It is `None` if only all elements together break it.
+    /// The first element that breaks the statement. It is `None` if the statement is about all elements together.
     pub first: Option<Element>,
 }
 
@@ -146,7 +147,7 @@ pub struct Element {
     pub actual: String,
     /// The value that the assertion expects.
     pub expected: String,
-    /// The error; empty for a statement.
+    /// The error of the value, as text. It is empty if the assertion is a statement.
     pub error: String,
 }
 
@@ -338,7 +339,7 @@ impl After<'_> {
             }
             let sum = self.sum(assertion, own, &element, &found, function)?;
             let sum = sum.named(&passes, part.number, self.grid);
-            // A failure shows that the passes did something.
+            // Passes that change nothing are reported only if no element fails, and if they must change the resource.
             let may_stay = matches!(assertion, Assertion::Holds(one) if one.may_stay);
             if sum.census.failures == 0
                 && !may_stay

@@ -54,8 +54,8 @@ pub struct OrderDependence {
     pub swap: String,
     /// The operation, the invocation and both values. It is `None` if only the order of writes differs.
     pub operation: Option<String>,
-    /// The atomics in this order, if there are at most 16. Also the first pair of atomics that other invocations see in
-    /// the opposite of the program's order.
+    /// The atomics in this order, if there are at most 16. Also a note about the first two atomics of an invocation
+    /// whose effects other invocations see in reverse order.
     pub turns: Vec<String>,
     /// The subgroup size in this order. It is `None` if the passes don't use subgroups.
     pub subgroup: Option<u32>,

@@ -140,7 +140,7 @@ impl Observer<F32> for Seen<'_> {
         let Some(line) = self.sites.get(&std::ptr::from_ref(lanes.site).addr()) else { return };
         let mut line = self.lines[*line].lock().unwrap_or_else(PoisonError::into_inner);
         for lane in (0..lanes.active.len()).filter(|lane| lanes.active[*lane]) {
-            // In a quad, only the pixel that a case is about counts.
+            // In a quad, only the values at the case's own pixel are recorded.
             let case = lanes.case_of(lane);
             if !case.is_multiple_of(self.lanes) {
                 continue;
@@ -179,7 +179,7 @@ impl Observer<F32> for Seen<'_> {
 impl Print<usize> {
     fn add(&mut self, case: usize, lanes: &Lanes<'_, F32>, lane: usize) {
         self.count += 1;
-        // Floats, integers and booleans arrive separately.
+        // The engine passes floats, integers and booleans in separate lists.
         let (mut floats, mut ints, mut bools) =
             (lanes.floats.iter(), lanes.ints.iter(), lanes.bools.iter());
         let words = self.shape.lanes().into_iter().map(|scalar| match scalar {

@@ -36,7 +36,8 @@ pub struct Guard<'g> {
     pub argument: &'g str,
 }
 
-/// The operands of a guard as intervals. The flags say that the guard returns its first operand.
+/// Watches the guard's operation during a run with intervals. The flags in `seen` say that the guard ran, and that it
+/// may have changed its first operand.
 struct Guarded<'g> {
     sites: BTreeSet<usize>,
     acts: &'g (dyn Fn(&[Interval]) -> bool + Sync),
@@ -59,11 +60,11 @@ impl Observer<Intervals> for Guarded<'_> {
     }
 }
 
-/// Checks if a guard in a function never changes a value. It runs the function with all arguments as intervals. The
-/// guarded value must already be within the guard's bounds. A guard does act on NaN and infinities, which a float
-/// argument may have, so all floats in the function must come from integers. If this returns `true`, any implementation
-/// of WGSL returns the same without the guard. Only the sign of a zero may differ, which WGSL allows implementations to
-/// ignore.
+/// Checks if a guard in a function never changes a value. The engine runs the function with an interval for each
+/// argument. The guarded value must already be within the guard's bounds. A guard does act on NaN and infinities, which
+/// a float argument may have, so all floats in the function must come from integers. If this returns `true`, any
+/// implementation of WGSL returns the same without the guard. Only the sign of a zero may differ, which WGSL allows
+/// implementations to ignore.
 pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
     let function = probed.function();
     let name = guard.text.split('(').next().unwrap_or_default().trim();
@@ -159,7 +160,7 @@ pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
     firsts.map(agree).all(|agrees| agrees == Some(true)).then_some(count)
 }
 
-/// The number of rows to keep in memory.
+/// The number of cases to run at once, so that not all arguments and results are in memory.
 const BATCH_OF_ALL: usize = 1 << 16;
 
 /// The number of values of a scalar type, if it has at most 2^16.
@@ -171,7 +172,7 @@ fn inputs_of(scalar: Scalar) -> Option<usize> {
     }
 }
 
-/// The row with the index `at` in the list of all rows.
+/// The arguments with the index `at` in the list of all possible arguments.
 fn row_of(lanes: &[Scalar], at: usize) -> impl Iterator<Item = u32> {
     let mut rest = at;
     lanes.iter().map(move |lane| {

@@ -95,7 +95,7 @@ const MOST_EVENTS: usize = 4096;
 /// operations. With sixteen operations in a round, this is as many operations as the recorder keeps.
 const ROUNDS_SEEN: u64 = 256;
 
-/// Limits for a float format.
+/// Thresholds for the errors of a float format: `f32`, or 16-bit floats.
 struct Precision {
     /// A relative error above this value says that half of the digits are lost.
     lost: f64,
@@ -410,8 +410,8 @@ impl Interpreted {
             let part = &rows[first * width..][..count * width];
             self.hazards_of_chunk(count, part, left_out)
         };
-        // An endless loop usually shows in the first part. Running the first part separately avoids waiting for it in
-        // all parts.
+        // If a loop may be endless, the first part runs before all others. It usually shows the endless loop, and then
+        // the other parts needn't run.
         let alone = usize::from(self.program.most_rounds().is_none() && cases > 0);
         let mut parts = (0..alone).map(|_| of_part(0)).collect::<Vec<_>>();
         if parts.iter().all(Result::is_ok) {
@@ -448,7 +448,7 @@ impl Interpreted {
         left_out: LeftOut<'_>,
     ) -> Result<Hazards, ProbeError> {
         let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
-        // Loops with a bound do end. They may run as long as they are quick.
+        // Loops with a bound certainly end, so they may run for more rounds than other loops.
         let fuel = match self.program.most_rounds() {
             Some(rounds) => rounds.saturating_mul(2).clamp(PATIENCE, MOST_ROUNDS),
             None => PATIENCE,
@@ -467,14 +467,14 @@ impl Interpreted {
         let work = if cut { ROUNDS_SEEN * lanes } else { u64::MAX };
         let bounds = match self.run::<Intervals>(cases, rows, &Options { work, ..options }, &known)
         {
-            // The stopped run has already recorded the same operations as the other run.
+            // The run stopped at its limit. By then, it had recorded about as many operations as the other runs.
             Err(Stop::Work { .. }) => None,
             seen => Some(seen.map_err(|stop| self.error(&stop))?),
         };
         let anything = known.anything.into_inner().unwrap_or_else(PoisonError::into_inner);
         let wide = known.wide.into_inner().unwrap_or_else(PoisonError::into_inner);
         let halves = shadows.halves();
-        // In a quad, only the pixel that a case is about counts.
+        // In a quad, only hazards at the case's own pixel count.
         let each = (0..cases).map(|case| case * self.lanes()).map(|lane| {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
             let finite =
@@ -502,7 +502,7 @@ impl Interpreted {
                 let missing = parted.map(|parted| self.missing(lane, parted));
                 found.extend(one.map(|one| Found { missing, ..one }));
             }
-            // The value that isn't finite was reported already, and WGSL bounds no result of it.
+            // Adds operations that WGSL doesn't bound, unless another hazard was found already.
             let kept = anything.get(&lane).into_iter().flatten();
             for (site, _) in kept.take_while(|(_, sure)| *sure) {
                 if !found.iter().all(left_out) {
@@ -680,7 +680,8 @@ fn shows_wide(bounds: &[LaneOf<Intervals>], halves: &[bool]) -> bool {
     bounds.iter().zip(halves).any(wide)
 }
 
-/// The largest component of a result that lost half of its digits.
+/// The largest absolute value among the components of a result that lost half of their digits; `None` if no component
+/// did.
 fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], halves: &[bool]) -> Option<f64> {
     let lost = |lane: usize| match (&result[lane], &shadow[lane]) {
         (Lane::Float(x), Lane::Float(y)) => {

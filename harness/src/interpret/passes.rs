@@ -159,7 +159,7 @@ fn watched(
         }
         Ok(true)
     })?;
-    // Operations after a NaN aren't recorded, and the written data may depend on one of them.
+    // If all written data is finite, infinities are hidden. A NaN may still matter: later operations aren't recorded.
     if are_finite(passes, prepared.left(&held))? {
         let infinite = all.wrong.iter_mut().filter(|one| one.found.kind == Kind::Infinite);
         infinite.for_each(|one| one.found.hidden = true);
@@ -173,7 +173,7 @@ fn are_finite(passes: &Passes, left: Afterwards) -> Result<bool, DispatchError> 
         let (_, shape) = passes.written(&passes.resources[number].name)?;
         let lanes = passes.lanes(number, &words).expect("passes write what they leave");
         let mut scalars = shape.lanes();
-        // A draw returns its results as words, with a canary after each pixel.
+        // A draw writes the results of each pixel as `u32` words, followed by the pixel's canary.
         let drawn = passes.passes.iter().find_map(|pass| pass.drawn.as_ref());
         if let Some(own) = drawn.filter(|_| passes.resources[number].name == RESULTS) {
             let of_pixel = own.iter().copied().chain([Scalar::U32]);

@@ -60,8 +60,8 @@ impl Quads {
         words.map(scaled).collect()
     }
 
-    /// The arguments of all four pixels of each quad, one row for each pixel, computed from the slopes as the kernel
-    /// does.
+    /// The arguments of each of the four pixels of a quad, one pixel after another. If rows have slopes, they are
+    /// computed as the kernel does it.
     pub(super) fn pixels(&self, rows: &[u32]) -> Vec<u32> {
         if self.own.is_some() {
             return rows.to_vec();

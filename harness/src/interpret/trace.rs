@@ -344,8 +344,8 @@ impl Traced for Interpreted {
     }
 }
 
-/// The operations of a call, in the order in which they run. In a quad, they are those of one pixel. Each operation has
-/// at most `runs` runs. The flag says that there were more.
+/// The operations of a call, in the order in which they run. In a quad, they are those of one pixel. Of each operation,
+/// only the first `runs` runs are returned. The flag is set if an operation ran more often.
 fn steps(
     traced: &impl Traced,
     row: &[u32],

@@ -11,8 +11,7 @@ const MOST_NESTED: usize = 6_000;
 /// The first range of a text that nests deeper than [`MOST_NESTED`]. Commas and semicolons end an expression, so
 /// a long list isn't deep.
 pub(super) fn deepest(text: &str) -> Option<Range<usize>> {
-    // For each open bracket, the number of tokens since the last separator, and the number of `else if` branches in a
-    // row.
+    // For each open bracket, the numbers of tokens since the last separator, and of `else if` branches in a row.
     let mut levels = vec![(0_usize, 0_usize)];
     let mut sum = 0;
     let tokens = lex(text);

@@ -141,7 +141,8 @@ impl<'a> Described<'a> {
         Self { package, library, linker: None, known: known.unwrap_or_default() }
     }
 
-    /// Stores the facts for the next pass, unless files of other packages may change the facts.
+    /// Stores the known facts for the next computation of fingerprints, unless files of other packages may change these
+    /// facts.
     fn keep(self, there: &[String]) {
         let Some(packages) = self.library.in_memory() else { return };
         let (package, there) = (self.package.clone(), there.to_vec());
@@ -404,7 +405,7 @@ mod tests {
         }
     }
 
-    /// After edits in a folder, the stored facts give the same fingerprints as a new pass.
+    /// After edits in a folder, Karat computes the same fingerprints from stored facts as it would without them.
     #[test]
     fn cached_facts_do_not_change_fingerprints() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -461,8 +462,7 @@ mod tests {
         let package = Package::open(folder.path()).expect("a folder");
         let names = BTreeSet::from(["a::f", "a::other"].map(str::to_owned));
         let mut before = BTreeMap::new();
-        // Another test of this process may replace the stored facts at any time. The test repeats its steps, so that
-        // this doesn't happen each time.
+        // Another test may replace the stored facts at any time, but hardly in each of these 16 rounds.
         for round in 0..16 {
             write("a.wgsl", &A.replace("K = 2.0", &format!("K = {round}.5")));
             write("b.wgsl", &B.replace("return -x", &format!("return -{round}.5 * x")));

@@ -67,8 +67,7 @@ pub(super) fn check_more(
         let module = library.module(&path)?;
         for import in imports(&module)?.into_iter().filter(|import| import.counts_in(&module)) {
             let led = match led(library, &path, &module, &import) {
-                // The linker reports this error where the module uses the name, because `naga_oil` checks only used
-                // names.
+                // The linker reports this error at a use of the name, because `naga_oil` checks only used names.
                 Err(Problem::Item { condition: Some(_), .. }) => continue,
                 led => led,
             };

@@ -264,7 +264,7 @@ impl Library {
         self.package(package).name()
     }
 
-    /// The path of a package from the linked package: `noise`, `textures/noise`.
+    /// The names of the dependencies that lead from the linked package to another package: `noise`, `textures/noise`.
     pub(super) fn route(&self, package: usize) -> String {
         self.packages.borrow()[package].1.clone()
     }
@@ -317,7 +317,7 @@ impl Library {
         Package::from_modules(CONSTANTS, [("", values.collect::<String>())])
     }
 
-    /// All packages that the linked package can reach.
+    /// The indices of all packages that imports of the linked package can reach.
     fn all(&self) -> Vec<usize> {
         let (mut all, mut at) = (vec![0], 0);
         while let Some(package) = all.get(at).copied() {

@@ -151,7 +151,7 @@ impl Package {
     }
 }
 
-/// An unchanged file. Its functions keep their names.
+/// Makes the linked text from a file that needs no change. Its functions keep their names.
 fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Linked {
     let mut spliced = Spliced::default();
     spliced.copy(file, 0..file.text.len(), Vec::new());

@@ -412,8 +412,8 @@ impl<'a> Linker<'a> {
         tokens.any(|token| module.text(token) == item && !means_it(token))
     }
 
-    /// Names to which a path or an alias leads, in a declaration that uses the same word for another thing, such
-    /// as a parameter. The parameter would capture the name.
+    /// The names that need a replacement: a declaration refers to them by a path or an alias, and uses the same word
+    /// for another thing, such as a parameter. Without a new name, the reference would mean the parameter.
     fn captured(&self, items: &BTreeSet<Item>) -> BTreeSet<(ModulePath, String)> {
         let mut captured = BTreeSet::new();
         for owner @ (path, index) in items {

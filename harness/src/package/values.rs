@@ -93,8 +93,7 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
             around.start -= 1;
         }
         let is_bare = around.len() == 1;
-        // If the text declares the name, the name isn't replaced in the declaration's scope: the whole module, or one
-        // function.
+        // Doesn't replace a name in the module or in the function that declares the name.
         let is_that =
             |(known, scope): &(&str, Range<usize>)| known == &&**name && scope.contains(&at);
         if is_bare && declared.iter().any(is_that) {

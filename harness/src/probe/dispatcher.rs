@@ -34,13 +34,14 @@ pub(super) struct Dispatcher<'d> {
     staging: wgpu::Buffer,
     /// The render target, if the kernel is a fragment function.
     target: Option<Target>,
-    /// Set if cases run separately: a buffer with a batch for each case, and the resources that the function writes.
+    /// `Some` if cases run separately: a buffer with the numbers that describe each case to the kernel, and the
+    /// resources that the function writes.
     alone: Option<(wgpu::Buffer, Vec<Kept>)>,
     capacity: usize,
     words_in: usize,
     evidence: Evidence,
     place: Span,
-    /// The thread's turn on the device. It lasts until the fields above are released.
+    /// The thread's turn to call the driver (see [`Device::turn`]). It ends after the other fields are dropped.
     last: Turn<'d>,
 }
 
@@ -60,7 +61,7 @@ pub(crate) struct Dispatch<'d> {
     canary: u32,
     /// The number of workgroups in a row, and the number of rows.
     groups: (u32, u32),
-    /// The kernel for these arguments, if the arguments are constants.
+    /// The kernel with these arguments as constants. `None` if the kernel reads its arguments from a buffer.
     constants: Option<Bound>,
     _deadline: crate::path::Guard,
 }

@@ -26,7 +26,7 @@ pub(crate) fn unheard_of() -> u64 {
     FIRST.wrapping_add(COUNT.fetch_add(1, Ordering::Relaxed)) & ((1 << 53) - 1)
 }
 
-/// A new canary. Another dispatch uses the same one with a probability of 1 in 2^32.
+/// A new canary. The probability that another dispatch has the same canary is 1 in 2^32.
 pub(crate) fn canary() -> u32 {
     Source::new(0, unheard_of()).bits()
 }
@@ -82,7 +82,8 @@ impl Evidence {
         places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
     }
 
-    /// Fails if a word equals the poison, and differs when the kernel runs again over the other poison.
+    /// Fails if a word equals the poison after the first run, but has another value after the second run over the other
+    /// poison. Then the kernel never wrote the word.
     pub(crate) fn expect_written(
         &self,
         words: &[u32],

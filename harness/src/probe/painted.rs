@@ -1,4 +1,5 @@
-//! Fills textures with draws: depth textures and multisampled textures. Other commands can't fill them.
+//! Fills textures with draws: depth textures and multisampled textures. No other commands of WebGPU can fill such
+//! textures.
 
 use crate::path::{Device, PathError};
 

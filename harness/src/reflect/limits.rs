@@ -12,7 +12,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::output::counted;
 use crate::package::{Limit, Limits};
 
-/// The use of a resource that a limit bounds.
+/// The amount of a limited resource that an entry point or a variable uses.
 struct Used {
     limit: Limit,
     amount: u64,

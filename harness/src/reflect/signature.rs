@@ -73,13 +73,14 @@ pub struct Variable {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Passed {
-    /// As a value.
+    /// The kernel passes the parameter's value.
     Value,
-    /// By a pointer to a variable of the calling function.
+    /// The kernel passes a pointer to a variable of its own function.
     Function,
-    /// By a pointer to a private variable.
+    /// The kernel passes a pointer to a private variable.
     Private,
-    /// In the private variable of this name, which the function uses. The function has no such parameter.
+    /// The kernel stores the value in the private variable of this name, which the function uses. It isn't a parameter
+    /// of the author's function.
     State(String),
 }
 

@@ -64,7 +64,7 @@ impl From<Option<u32>> for When {
     }
 }
 
-/// The words of a tapped program, and their targets.
+/// The values that a changed program returns, and the locations at which it returns them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
     /// The values to return. Without values, the program returns the number of the fragment function, from 1.
@@ -73,7 +73,7 @@ pub(crate) struct Telling<'t> {
     pub(crate) first: usize,
     /// The locations of the words. Each location has [`WORDS`] words.
     pub(crate) locations: &'t [u32],
-    /// Removes the other locations.
+    /// Set if the program returns only these words, and no longer the outputs of the author's function.
     pub(crate) alone: bool,
 }
 
@@ -693,7 +693,7 @@ fn tell(
 
 enum Rewritten {
     AsIs,
-    /// The statement stays, and this block follows it.
+    /// The original statement stays, and this block comes after it.
     Before(Block),
     Instead(Block),
 }

@@ -137,7 +137,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
         }),
     });
     let answer = Answer { messages: messages.collect(), ..Answer::default() };
-    // A run fails exactly if it reports an error. A successful run writes the text.
+    // The program `tint` fails if it reports an error, and only then. A successful run writes the text to a file.
     let is_written = !again.trim().is_empty() || text.trim().is_empty();
     if answer.rejects() == status.success() || (status.success() && !is_written) {
         return Err(NoVerdict::Garbage(format!("it ended with {status} and wrote {said}")));

@@ -105,7 +105,7 @@ impl Resident {
         for (id, question) in (first..).zip(questions.iter().chain([&last])) {
             let line = serde_json::to_string(&Numbered { id, question });
             if let Err(error) = self.asked.send(&line.expect("it is plain data")) {
-                // The answers from before the end of the process are read below.
+                // The process may have answered some questions before it ended. The loop below reads these answers.
                 if id == first {
                     return vec![Err(error)];
                 }

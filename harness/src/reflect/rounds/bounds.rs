@@ -255,7 +255,7 @@ fn leaves(block: &Block) -> bool {
     matches!(block.first(), Some(Statement::Break)) && block.len() == 1
 }
 
-/// The operator for swapped operands.
+/// The comparison operator with the same meaning if its operands are swapped.
 fn flipped(op: BinaryOperator) -> Option<BinaryOperator> {
     Some(match op {
         BinaryOperator::Less => BinaryOperator::Greater,
