@@ -197,7 +197,7 @@ impl Interpreted {
         Ok(words)
     }
 
-    /// For each lane of the results, `true` if WGSL allows other values. Such a lane depends on a read or a write
+    /// For each scalar of the results, `true` if WGSL allows other values. Such a scalar depends on a read or a write
     /// outside of an array or a texture. Or it depends on a derivative or on a sampled texture's mip level, whose
     /// errors have no bound (15.7.4).
     pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
@@ -208,7 +208,7 @@ impl Interpreted {
         Ok(open)
     }
 
-    /// For each lane of the results, `true` if it depends on a read or a write outside of an array or a texture.
+    /// For each scalar of the results, `true` if it depends on a read or a write outside of an array or a texture.
     fn of_outside(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         differing(|outside| {
             let options = Options { outside, ..self.options() };
@@ -216,7 +216,7 @@ impl Interpreted {
         })
     }
 
-    /// The values that WGSL allows for each lane of some results. The bounds use the exact decimals of the shader's
+    /// The values that WGSL allows for each scalar of some results. The bounds use the exact decimals of the shader's
     /// constants, as a reference does.
     pub fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
         self.bounded(cases, arguments, &Options { decimals: true, ..self.options() })
@@ -255,8 +255,8 @@ impl Interpreted {
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 
-    /// The [`driver_bounds`](Self::driver_bounds) for all arguments between two rows. It is `None` for quads and for
-    /// 16-bit floats.
+    /// The [`driver_bounds`](Self::driver_bounds) for all arguments between those of two rows. It is `None` for quads
+    /// and for 16-bit floats.
     pub(crate) fn bounds_between(
         &self,
         cases: usize,
@@ -272,8 +272,8 @@ impl Interpreted {
         Ok(Some((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect()))
     }
 
-    /// Runs the function once for all arguments between two rows. Returns `false` if the engine can't run the function
-    /// in this way.
+    /// Runs the function once with intervals, for all arguments between those of two rows. Returns `false` if the
+    /// engine can't run the function in this way.
     fn watched_between(&self, rows: [&[u32]; 2], observer: &dyn Observer<Intervals>) -> bool {
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let ran = || self.lowered.call_between(1, rows, &self.resources, &options, observer);
@@ -431,7 +431,7 @@ fn statement_of(program: &Program, site: &Site) -> Option<Span> {
     Some(span.first_line())
 }
 
-/// The values that WGSL allows for one lane.
+/// The values that WGSL allows for one scalar of a result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
     /// The bound of a float.
@@ -564,7 +564,7 @@ fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }
 
-/// Converts the 16-bit floats in rows.
+/// Converts the 16-bit floats in rows of arguments by `change`.
 fn each_half<'w>(
     scalars: &[Scalar],
     words: impl FnOnce() -> &'w mut Vec<u32>,

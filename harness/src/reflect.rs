@@ -90,7 +90,7 @@ struct Checked {
 impl Kind for Checked {
     type Key = blake3::Hash;
     type Value = Arc<Self>;
-    // More than the number of functions and tests of a large package.
+    // Even a large package has fewer functions and tests.
     const MOST: usize = 2048;
 }
 

@@ -514,9 +514,9 @@ fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool)
     judge::Judged { measure, lane: broken.unwrap_or(0), class: Class::Other }
 }
 
-/// Splits a value for a comparison without regard to order. Returns the number of lanes before the list, and the
-/// scalars of one list element. In a structure, the list is an array in the last member:
-/// `{ count: atomic<u32>, items: array<Item> }`. Otherwise the value itself is the list element.
+/// Splits a value for a comparison without regard to order. Returns the number of scalars before the list, and the
+/// types of the scalars in one list element. In a structure, the list is an array in the last member: `{ count:
+/// atomic<u32>, items: array<Item> }`. Otherwise the value itself is the list element.
 fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     if let Shape::Struct { members, .. } = element
         && let Some((_, list @ Shape::Array { element: item, .. })) = members.last()
@@ -526,7 +526,7 @@ fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     (0, element.lanes())
 }
 
-/// Pairs actual and expected elements without regard to their order. Returns the indices of the actual lanes, and the
+/// Pairs actual and expected elements without regard to their order. Returns the indices of the actual scalars, and the
 /// expected values. Both are sorted by value. Each actual element takes the next expected element within the tolerance.
 /// Elements without a partner come last.
 fn matched(

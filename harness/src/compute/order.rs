@@ -1,7 +1,7 @@
 //! Checks assertions about passes in several orders of workgroups and invocations, because WGSL promises no order.
 //!
-//! The order of atomics may change a result, even without a race. The engine runs the passes in seeded orders, and
-//! judges each result.
+//! The order of atomics may change a result, even without a race. The engine runs the passes in orders that a seed
+//! determines, and this module judges each result.
 
 use std::fmt;
 

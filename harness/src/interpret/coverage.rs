@@ -233,7 +233,7 @@ impl Coverage {
     }
 }
 
-/// For each lane of calls' results, `true` if it depends on a read or a write outside of an array.
+/// For each scalar of the calls' results, `true` if it depends on a read or a write outside of an array.
 pub fn of_outside(
     probed: &Probed,
     fixtures: &Fixtures,

@@ -36,7 +36,7 @@ pub(crate) fn first_not_finite<'f>(
 pub struct Found {
     /// The kind of the hazard.
     pub kind: Kind,
-    /// The index of the operation's site in the program.
+    /// The operation's site: the index of the operation in the program that the engine runs.
     pub site: usize,
     /// The position of the operation in the source file.
     pub span: Span,
@@ -231,7 +231,7 @@ macro_rules! recorder {
             }
 
             fn reached(&self, here: &Here<'_, $arithmetic>) {
-                // Both runs reach the same operations, unless rounding decides a branch.
+                // The runs in `f32` and `f64` reach the same operations, unless rounding decides a branch.
                 if $reaches {
                     self.reach.add(here.site.number, here);
                 }
@@ -372,7 +372,8 @@ impl<F> Recorder<F> {
     }
 }
 
-/// Pairs the events of a lane with the events of another run. Each pair has the same operation and the same repetition.
+/// Pairs the events (recorded operations) of a lane with the events of another run. The two events of a pair are the
+/// same operation in the same repetition of a loop.
 struct Twins<'e> {
     by_site: BTreeMap<usize, VecDeque<&'e Event<f64>>>,
 }
@@ -667,7 +668,7 @@ fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> b
     let is_precise = |(x, y): (&Vec<f32>, &Vec<f64>)| {
         x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= precise
     };
-    // Both runs round constants to `f32`, so only computed values cause an operand's error.
+    // The runs in `f32` and `f64` use constants rounded to `f32`, so only computed operands have an error.
     means_something
         && error(value, shadow) > lost
         && !event.operands.is_empty()

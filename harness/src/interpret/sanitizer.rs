@@ -207,8 +207,8 @@ fn run(
         }
         if let Some(stop) = &observed.stopped {
             *too_long |= matches!(stop, Stop::Work { .. });
-            // Many invocations together may use up all rounds. An endless loop uses up the rounds in one workgroup,
-            // too.
+            // Many invocations together may use up all rounds. An endless loop also uses up the rounds if a workgroup
+            // runs alone.
             let alone = match stop {
                 Stop::Work { .. } => {
                     let whole = Options { work: u64::MAX, ..options.clone() };

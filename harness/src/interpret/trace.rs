@@ -126,15 +126,15 @@ impl Values {
         Self { all: Mutex::default(), lost: AtomicBool::new(false), case, most }
     }
 
-    /// Checks if no more values of a site are kept.
+    /// Checks if the number of kept values of a site has reached its limit.
     fn has_enough(&self, site: &Site, kept: usize) -> bool {
         let Some(most) = &self.most else { return kept >= 16 * MOST };
         let own = most.get(&std::ptr::from_ref(site).addr());
         own.is_none_or(|(most, seen)| seen.fetch_add(1, Ordering::Relaxed) >= *most)
     }
 
-    /// Groups the components of each operation: the site, the repetition, and the values. `components` returns the
-    /// number of components at a site.
+    /// Groups the recorded values by operation. Each group has the operation's site, the number of its repetition, and
+    /// a value for each component. `components` returns the number of components at a site.
     fn groups(self, components: &dyn Fn(usize) -> usize) -> Vec<((usize, usize), Vec<Seen>)> {
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
         let mut groups: Vec<((usize, usize), Vec<Seen>)> = Vec::new();
@@ -183,7 +183,8 @@ impl Seen {
     }
 }
 
-/// The operations of a call in `f32` and in `f64`, with WGSL's bounds. `row` has the lanes of the arguments.
+/// The operations of a call in `f32` and in `f64`, with WGSL's bounds. `row` has the scalars of the arguments, each as
+/// a `u32`.
 ///
 /// ```
 /// use karat::Package;

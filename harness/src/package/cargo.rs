@@ -147,7 +147,7 @@ struct Graphs;
 impl Kind for Graphs {
     type Key = (PathBuf, String);
     type Value = Result<Arc<Graph>, String>;
-    // More projects than one process opens.
+    // One process opens fewer projects.
     const MOST: usize = 1000;
 }
 
@@ -280,7 +280,7 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
         wanted.iter().for_each(|(name, how)| text += &format!("{name} = {how}\n"));
         std::fs::write(&manifest, text).map_err(failed)?;
         let graph = Metadata::of(base, &manifest, true)?.graph()?;
-        // The project is temporary, and a published version doesn't change.
+        // The manifests needn't be checked later: the project is temporary, and a published version doesn't change.
         Ok::<_, String>(Graph { local: BTreeMap::new(), ..graph })
     };
     let mut graph = ask(&wanted)?;

@@ -328,7 +328,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Reads an `#import`. It ends at the end of its line, or with its braces.
+    /// Reads an `#import`. The `#import` ends at the end of its line, or at its closing brace.
     fn import(
         &mut self,
         at: usize,
@@ -365,8 +365,8 @@ impl Reader<'_> {
                 "an engine's asset server",
             ));
         }
-        // The result is WESL's statement, byte for byte. A blank replaces `#`, and the statement ends with its
-        // line or its braces. The names between the braces may have conditions of their own.
+        // The result is an import statement of WESL with the same length. A blank replaces `#`, and the statement ends
+        // with its line or its braces. The names between the braces may have conditions of their own.
         let (mut depth, mut end, mut ended) = (0_i32, start, false);
         let first = self.tokens.partition_point(|token| token.range().start < start);
         let mut closes = false;

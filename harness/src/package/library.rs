@@ -420,7 +420,7 @@ pub(crate) struct Sources {
     texts: BTreeMap<ModulePath, Hash>,
     /// The modules that these texts contain, as messages and records show them.
     linked: Vec<LinkedModule>,
-    /// The files among these texts, and the files that produced them.
+    /// The files that contain these texts, or from which a program made them.
     files: Vec<FileRead>,
 }
 
@@ -475,7 +475,7 @@ struct Modules;
 impl Kind for Modules {
     type Key = (Hash, Features);
     type Value = Arc<Module>;
-    // More modules than any package has.
+    // Any package has fewer modules.
     const MOST: usize = 10_000;
 }
 
@@ -598,7 +598,7 @@ impl Package {
     }
 }
 
-/// For each feature without a value that conditions compare with a value, some values.
+/// Some values for each feature that has no value, although conditions compare it with a value.
 pub(super) fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     let (Ok(overlay), Ok(manifest)) = (Overlay::of(package), Manifest::of(package)) else {
         return BTreeMap::new();

@@ -113,8 +113,8 @@ struct Written {
     limits: Option<BTreeMap<String, toml::Value>>,
 }
 
-/// A path relative to a folder, without `name/..` pairs. So packages that depend on each other get two paths, and
-/// not an endless number of paths.
+/// A path relative to a folder, without `name/..` pairs. So two packages that depend on each other have one path each,
+/// instead of an endless series of longer paths.
 fn joined(folder: &Path, path: &Path) -> PathBuf {
     let mut joined = folder.to_owned();
     for part in path.components() {
@@ -314,7 +314,7 @@ const MOST_BYTES: u64 = 16 << 20;
 impl Kind for Manifest {
     type Key = String;
     type Value = (Origin, Self);
-    // More than the number of packages of one test.
+    // Any test has fewer packages.
     const MOST: usize = 64;
 }
 

@@ -79,7 +79,7 @@ impl Drop for Dispatch<'_> {
 
 impl<'d> Dispatcher<'d> {
     /// Uploads the fixtures, and allocates buffers for `cases` cases in a dispatch. The device's limits may allow
-    /// fewer. Without a pipeline, each dispatch compiles one.
+    /// fewer. If there is no compiled kernel, each dispatch compiles its own.
     pub(super) fn new(
         device: &'d Device,
         probed: &Probed,

@@ -127,7 +127,7 @@ impl Kept {
         encoder.copy_buffer_to_buffer(&self.after, 0, &self.staging, 0, size);
     }
 
-    /// The contents after each of the first `runs` runs, as lanes.
+    /// The contents after each of the first `runs` runs, as a list of scalars.
     pub(crate) fn lanes(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
         let words = self.words(device, runs)?;
         let lanes = |words: &Vec<u32>| self.program.lanes_of_words(&self.binding, words);

@@ -455,7 +455,7 @@ fn constant(scalar: Scalar, word: u32) -> String {
     }
 }
 
-/// The expression that builds a value from its lanes.
+/// The expression that builds a value from its scalars.
 fn compose(shape: &Shape, lane: &mut dyn FnMut(Scalar) -> String) -> String {
     let mut list = |count: usize, element: &Shape| {
         (0..count).map(|_| compose(element, lane)).collect::<Vec<_>>().join(", ")

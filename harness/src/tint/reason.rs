@@ -1,4 +1,4 @@
-//! Classifies the reasons why Tint rejects modules that naga accepts, and has a remedy for each.
+//! Classifies the reasons why Tint rejects modules that naga accepts, and has a remedy for each kind of reason.
 
 /// A kind of reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -86,7 +86,7 @@ struct OfCrates;
 impl Kind for OfCrates {
     type Key = PathBuf;
     type Value = Arc<Composed>;
-    // More crates with shaders than any project has.
+    // Any project has fewer crates with shaders.
     const MOST: usize = 1000;
 }
 

@@ -16,7 +16,7 @@ struct Asked;
 impl Kind for Asked {
     type Key = (PathBuf, String);
     type Value = ();
-    // More features than any package has.
+    // Any package has fewer features.
     const MOST: usize = 10_000;
 }
 
