@@ -569,9 +569,9 @@ impl After<'_> {
         self
     }
 
-    /// Compares each element with an element of the reference. An array has one element for each index, a texture one
-    /// for each texel, and any other type has one element. A texel of four channels is a `DVec4`, `IVec4` or `UVec4`.
-    /// The resource and the reference must have the same number of elements.
+    /// Compares each element with an element of the reference. The elements of an array are its elements in WGSL, and
+    /// those of a texture are its texels. A resource of any other type is one element. A texel of four channels is a
+    /// `DVec4`, `IVec4` or `UVec4`. The resource and the reference must have the same number of elements.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -657,8 +657,8 @@ impl After<'_> {
         self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 
-    /// Checks that the passes write every element or texel. It finds a dispatch of too few workgroups, and a bounds
-    /// check that skips the last element. Karat's engine records the writes.
+    /// Checks that the passes write every element or texel. This check finds a dispatch of too few workgroups, or a
+    /// bounds check in the shader that skips the last element. Karat's engine records the writes.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -169,7 +169,7 @@ impl Package {
         Self::of_origin(Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) })
     }
 
-    /// A package with the shaders of a crate. The crate is one that the project in the folder `base` builds
+    /// A package with the shaders of a crate. `name` is a crate that the project in the folder `base` builds
     /// (`bevy_pbr`), or any crate at an exact version (`bevy_pbr@0.20.1`). Cargo fetches an exact version without
     /// compiling it. [`package!`](crate::package!) passes the manifest's folder as `base`.
     ///

@@ -103,7 +103,7 @@ pub enum PathError {
         /// The path that is listed twice, or `all`.
         path: String,
     },
-    /// Another executor, or one of wgpu's drivers, has the path of a custom executor.
+    /// The path of a custom executor isn't unique: another executor or one of wgpu's drivers has the same path.
     #[error(
         "another executor already has the path `{path}`: choose another name after the `@`, such as \
          `{}@mine`", path.api().name()

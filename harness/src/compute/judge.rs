@@ -193,7 +193,7 @@ impl fmt::Display for Place {
 }
 
 impl Sum {
-    /// Keeps the first failing element, and the worst element if it is a different one.
+    /// Keeps the first failing element, and also the element with the largest error, if this is another element.
     fn of(tally: Tally, element: &dyn Fn(Shown) -> Element) -> Self {
         let worst = tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
         let first = tally.first;

@@ -52,7 +52,8 @@ pub struct OrderDependence {
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
-    /// The operation, the invocation and both values. It is `None` if only the order of writes differs.
+    /// A note with the operation, the invocation, the value in the usual order, and the value in this order. It is
+    /// `None` if only the order of writes differs.
     pub operation: Option<String>,
     /// The atomics in this order, if there are at most 16. Also a note about the first two atomics of an invocation
     /// whose effects other invocations see in reverse order.
@@ -287,7 +288,8 @@ struct InOrders<'a> {
     /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// The assertion for the other orders, if the original assertion fails in the usual order.
+    /// The assertion that the other orders must satisfy, if the original assertion fails in the usual order: the result
+    /// must be the same as in the usual order.
     own: Option<Assertion<'a>>,
 }
 

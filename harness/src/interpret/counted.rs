@@ -68,7 +68,7 @@ pub enum CountedKind {
     Clause(usize),
     /// `for` or `while`
     For,
-    /// A loop that takes the same number of rounds in each call.
+    /// A `for`, `while` or `loop` that takes the same number of rounds in each call.
     Fixed,
     /// `loop`
     Loop,
@@ -220,7 +220,7 @@ fn counted(
 }
 
 /// Merges equal statements: sums the counts over the calls of their function. naga's IR may have several statements for
-/// one, such as a value and its store.
+/// one statement of the source, such as a value and its store.
 fn merged(all: impl Iterator<Item = (usize, Counted)>) -> Vec<Counted> {
     let mut of_calls: BTreeMap<_, Counted> = BTreeMap::new();
     for (call, one) in all {

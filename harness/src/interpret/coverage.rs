@@ -187,8 +187,8 @@ impl Coverage {
         }
     }
 
-    /// The lines that no input reached, and the conditions that had one result for all inputs. It considers only
-    /// operations that occur more often in this version than in the other version of the edit.
+    /// The lines that no input reached, and the conditions that had one result for all inputs. Only operations that the
+    /// edit added count: their text occurs more often in this version than in the version `other`.
     pub fn uncovered_beside(&self, other: &Self) -> Vec<Uncovered> {
         let mut lines: Vec<Uncovered> = Vec::new();
         let mut known = None;
@@ -215,7 +215,7 @@ impl Coverage {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }
 
-    /// The positions whose text occurs more often in this version than in the other version.
+    /// The positions of operations whose text occurs more often in this version than in the version `other`.
     fn more_than<'r>(
         &'r self,
         other: &Self,

@@ -212,7 +212,7 @@ mod tests {
             format!("var<private> n = 0; fn f(x: bool) -> bool {{ n += {by}; return x; }}")
         };
         assert_eq!(agree([&left("1"), &left("2")]), None);
-        // There are too many values with 32 bits, and an override is another input.
+        // Functions of 32-bit numbers have too many inputs to try. Overrides aren't tried, either.
         let text = "fn f(x: f32) -> f32 { return x; }";
         assert_eq!(agree([text, text]), None);
         let text = "override N = 1.0; fn f(x: bool) -> f32 { return select(N, 0.0, x); }";

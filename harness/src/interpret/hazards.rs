@@ -313,8 +313,8 @@ fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     blind
 }
 
-/// The number of unbounded operations to keep for a lane. If the caller ignores the first operation, the next one
-/// counts.
+/// The number of unbounded operations to keep for a lane. The report has the first of these operations that the caller
+/// doesn't ignore.
 const KEPT: usize = 16;
 
 /// Checks if an operation loses digits, compared with the same operation in double precision.
@@ -387,7 +387,7 @@ impl<'e> Twins<'e> {
         Self { by_site }
     }
 
-    /// The event of the other run that matches the next event at `site`.
+    /// The event of the other run that matches the next event at `site` of this run; `None` if there is none.
     fn next(&mut self, site: usize) -> Option<&'e Event<f64>> {
         self.by_site.get_mut(&site)?.pop_front()
     }
@@ -493,8 +493,8 @@ impl Interpreted {
             }
             let of_quad = (lane..lane + self.lanes()).flat_map(|pixel| {
                 let all = wrong.get(&pixel).into_iter().flatten();
-                // Other pixels of the quad belong to other cases. But if a pixel parts at a derivative, that counts for
-                // this case.
+                // A hazard at another pixel of the quad isn't one of this case, unless that pixel doesn't take a
+                // derivative.
                 all.filter(move |((kind, _), _)| pixel == lane || *kind == Kind::Barrier)
             });
             let mut told = BTreeSet::new();

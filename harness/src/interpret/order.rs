@@ -39,8 +39,8 @@ impl OrderOf {
     }
 
     /// The sampled order `number`. The first orders run invocations one by one, backwards, in turn, and shuffled. In
-    /// later orders, one or two invocations of each pass stall at one of their atomics. In every second one of these
-    /// orders, stores may take effect late.
+    /// later orders, one or two invocations of each pass stall at one of their atomics. In half of these later orders,
+    /// other invocations may see a store late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {

@@ -140,7 +140,7 @@ impl Values {
         let mut groups: Vec<((usize, usize), Vec<Seen>)> = Vec::new();
         for (site, value) in self.all.into_inner().unwrap_or_else(PoisonError::into_inner) {
             match groups.last_mut() {
-                // If a loop has only one operation, the same operation follows itself.
+                // In a loop with only one operation, this operation's values of several rounds follow each other.
                 Some(((last, _), values)) if *last == site && values.len() < components(site) => {
                     values.push(value);
                 }
@@ -358,7 +358,7 @@ fn steps(
         let limit = |site: &Site| {
             let at = site.expression.map(|at| at.index());
             let components = at.map_or(1, |at| program.components(&site.function, at));
-            // A derivative consists of several operations at one site. The last one has the derivative's value.
+            // The engine computes a derivative by several operations at one site. The last one returns the derivative.
             let is_many = at.is_some_and(|at| program.is_derivative(&site.function, at));
             let limit = if is_many { usize::MAX } else { runs.unwrap_or(0) * components };
             (std::ptr::from_ref(site).addr(), (limit, AtomicUsize::new(0)))

@@ -22,7 +22,7 @@ impl Observer<F32> for Evaluations {
 }
 
 /// The number of operations in the longest of a few calls. The calls run together. In a quad, each pixel is counted
-/// separately. It is `None` if the loops take too many rounds.
+/// separately. Returns `None` if the loops take too many rounds.
 pub fn evaluations(
     probed: &Probed,
     fixtures: &Fixtures,

@@ -87,7 +87,8 @@ impl Found {
         self.roots.get(&self.index).unwrap_or(&self.krate().root)
     }
 
-    /// The same crate, with another module folder for this crate or for a crate from which it may import.
+    /// This crate, but the crate `name` has its modules in the folder `root`. `name` is this crate, or a crate from
+    /// which this crate may import.
     pub(super) fn with_root(&self, name: &str, root: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Crate { name: name.to_owned(), reason };
         let plain = name.replace('-', "_");

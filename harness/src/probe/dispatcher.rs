@@ -318,7 +318,7 @@ impl<'d> Dispatcher<'d> {
             Ok(value) => return Ok(value),
             Err(suspicious) => suspicious,
         };
-        // A result may equal the poison. If one does, the kernel runs again over another poison.
+        // A function may return the poison's value. So the kernel runs again, over another poison.
         let _turn = self.device.turn();
         let words_of_all = dispatch.cases * self.stride_out();
         let poison =

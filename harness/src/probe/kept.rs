@@ -16,7 +16,8 @@ pub(crate) struct Kept {
     before: Memory,
     after: wgpu::Buffer,
     staging: wgpu::Buffer,
-    /// The size of one copy in bytes, rounded up to the alignment of copies.
+    /// The distance in the buffer from one copy to the next copy: the size of a copy in bytes, rounded up to the
+    /// required alignment.
     stride: u64,
 }
 

@@ -86,7 +86,8 @@ fn types_of(
     Some(indices.iter().filter_map(ty).collect())
 }
 
-/// A function with another function's parameters that calls that function, and returns one of its bindings.
+/// A probe of a generated function with the same parameters. The generated function calls a copy of the original
+/// function, and returns the value of the binding `one`.
 fn copy_that_returns(probed: &Probed, one: &LetStatement, ty: &str) -> Option<Probed> {
     let (program, text) = (&probed.program, probed.program.text());
     let locals = program.locals(&probed.function().name)?;

@@ -223,7 +223,7 @@ fn last(path: &str) -> &str {
     path.rsplit("::").next().unwrap_or(path)
 }
 
-/// Replaces the initialisers of overrides by these values. The keys are the names in the text.
+/// Replaces the initialisers of overrides by the given values. The keys are the names in the text.
 pub(super) fn set(
     module: &mut Module,
     values: &Overrides,

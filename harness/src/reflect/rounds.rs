@@ -133,8 +133,8 @@ impl Nesting {
         }
     }
 
-    /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is
-    /// one, and one more for each inner loop. It doesn't contain the rounds of inner loops that a case enters.
+    /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is 1, plus
+    /// 1 for each inner loop. It doesn't contain the rounds of inner loops that a case enters.
     fn weights(&self) -> Vec<u32> {
         // For each function, the number of its loops that are in no other loop of the function, plus the numbers
         // of the functions that it calls outside of loops.

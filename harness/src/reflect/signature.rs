@@ -206,7 +206,7 @@ impl Program {
     }
 
     /// The private variables that pass values into or out of a function: variables that the function writes, and
-    /// variables without an initial value. All other private variables have their initial values.
+    /// variables without an initial value. The other private variables keep their initial values in each call.
     pub fn state_of(&self, path: &str) -> State {
         // Each run of an entry point begins with new private variables.
         let declared = self.declared(self.called_name(self.name_of(path)));
@@ -241,7 +241,7 @@ impl Program {
         Some(self.checked.module.to_ctx().type_to_string(one.ty))
     }
 
-    /// The same program, with a declaration of each of these variables that it doesn't declare.
+    /// This program, with added declarations of those variables in `state` that it doesn't declare yet.
     pub fn with_state(self: Arc<Self>, state: &State) -> Result<Arc<Self>, ReflectError> {
         let lacks = |(path, _): &(&String, _)| self.private(self.name_of(path)).is_none();
         let text = state

@@ -224,7 +224,8 @@ impl Program {
         Some(start..end - 1)
     }
 
-    /// A program in which these fragment functions return values, or the number of the fragment function.
+    /// A copy of this program in which the given fragment functions return the wanted values or, without wanted values,
+    /// their own number.
     ///
     /// # Errors
     /// If naga rejects the program.
@@ -633,7 +634,7 @@ fn tell(
     rewrite(&mut body, &mut |statement| {
         let Statement::Return { value: returned } = statement else { return Rewritten::AsIs };
         let mut first = None;
-        // Expressions that need no `Emit` come before the other expressions.
+        // Appends an expression that needs no `Emit` statement. These come before all other new expressions.
         let mut before = |expression| function.expressions.append(expression, NOWHERE);
         let zero = before(Expression::Literal(Literal::U32(0)));
         let one = before(Expression::Literal(Literal::U32(1)));

@@ -165,7 +165,7 @@ impl Package {
         errors.extend(found.opinion.faults(&compilers));
         let missing = found.opinion.no_verdict().filter(|_| compilers.require_tint);
         if let (false, Some((reason, remedy))) = (errors.is_empty(), &missing) {
-            // If there are other errors, the missing verdict is one more error of the first module.
+            // If modules have errors, Tint's missing verdict becomes one more error of the first module with errors.
             let message = format!("Tint's verdict is required, and there is none: {reason}");
             let diagnostic = Box::new(Diagnostic::new(message).note(remedy.as_str()));
             errors.push((errors[0].0.clone(), ReflectError::Refused(diagnostic)));

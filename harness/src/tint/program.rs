@@ -97,7 +97,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
     std::fs::write(folder.0.join("shader.wgsl"), text).map_err(start)?;
     let said = std::fs::File::create(folder.0.join("said")).map_err(start)?;
     let mut child = Command::new(program)
-        // Writes WGSL, because other languages need an entry point.
+        // Tells `tint` to translate to WGSL, because translation to other languages needs an entry point.
         .args(["--diagnostics-format=json", "--format", "wgsl", "-o", "out.wgsl", "shader.wgsl"])
         .current_dir(&folder.0)
         .stdin(Stdio::null())

@@ -98,8 +98,8 @@ impl Resident {
         let first = self.id;
         self.id += questions.len() as u64;
         let mut answers = Vec::with_capacity(questions.len());
-        // Asks about an empty text last. If the last real question gets two answers, the second one arrives before the
-        // answer about the empty text.
+        // Asks about an empty text last. If Tint answers the last real question twice, the second answer arrives before
+        // the answer about the empty text.
         let last = Question::default();
         self.id += 1;
         for (id, question) in (first..).zip(questions.iter().chain([&last])) {
