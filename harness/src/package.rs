@@ -239,8 +239,8 @@ impl Package {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
 
-    /// The same crate, with another module folder for a crate from which it imports. `root` is relative to the
-    /// folder of that other crate. Use this method if Karat doesn't find the modules of that crate.
+    /// This package of a crate, but the modules of the imported crate `krate` are in the folder `root`. `root` is
+    /// relative to the folder of `krate`. Use this method if Karat doesn't find the modules of that crate.
     ///
     /// ```no_run
     /// use karat::Package;

@@ -28,8 +28,8 @@ const DEEPEST: usize = 16;
 /// The name of the temporary project for which cargo resolves a version.
 const ASKING: &str = "shaders-of-a-version";
 
-/// The largest number of rounds that add crates without a dependency on them, because shaders import from these
-/// crates.
+/// Shaders may import from crates on which no crate depends. Karat adds these crates to the project, and then asks
+/// cargo again. It asks at most this many times.
 const ROUNDS: usize = 4;
 
 #[derive(Debug, Deserialize, Serialize)]
@@ -294,8 +294,8 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
         wanted.extend(missing.into_iter().map(|name| (name, exact.clone())));
         graph = ask(&wanted)?;
     }
-    // Cargo's graph lacks the dependencies of a crate's examples. If cargo can't fetch one of them, its import
-    // isn't found.
+    // Cargo's graph lacks the dependencies of a crate's examples. If cargo can't fetch such a dependency, an import
+    // from it fails later.
     let of_examples = graph.of_examples(name, version);
     if of_examples.is_empty() {
         return Ok(graph);

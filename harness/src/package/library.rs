@@ -85,8 +85,8 @@ impl Library {
         Ok(library)
     }
 
-    /// The module of an author's path. It is a module of the linked package, or a module `noise::value` of a
-    /// dependency, whose name is the name in imports.
+    /// The module of an author's path. It is a module of the linked package, or a module of a dependency: in
+    /// `noise::value`, the first word is the dependency's name in imports.
     pub(super) fn root(&self, module: &str) -> ModulePath {
         let own = ModulePath::root(module);
         let Some((name, rest)) = own.components.split_first() else { return own };
@@ -349,8 +349,8 @@ impl Library {
         declared.into_iter().flatten().chain(set).chain(defined).collect()
     }
 
-    /// Extends the error about a feature without a value: adds all other features of the package without a value,
-    /// so that you can set them together.
+    /// Extends an error about a feature that needs a value. Adds the package's other features that need a value, so
+    /// that the user can set all of them at once.
     fn with_values(&self, path: &ModulePath, error: PackageError) -> PackageError {
         let PackageError::Shader(diagnostic) = error else { return error };
         if !matches!(diagnostic.mend, Some(Mend::Feature(_))) {

@@ -75,7 +75,8 @@ impl<'a> Linker<'a> {
         self.add(root)
     }
 
-    /// Reports two declarations of one name in one text. They are an error in the including engine, too.
+    /// Fails if a file and the files that it includes declare a name twice. This is also an error in the engine that
+    /// includes the files.
     fn expect_one_of_each_name<'p>(
         &self,
         space: impl Iterator<Item = &'p ModulePath>,
@@ -347,8 +348,8 @@ impl<'a> Linker<'a> {
         Ok(space.find(declares).cloned())
     }
 
-    /// Chooses new names for declarations of other modules than the root. A declaration of the root gets a new
-    /// name if another module uses the same name for WGSL's builtin.
+    /// Chooses new names for declarations of other modules than the root. A declaration of the root gets a new name if
+    /// another module uses this name in its WGSL meaning, as a builtin.
     fn names(&self, items: &BTreeSet<Item>) -> BTreeMap<(ModulePath, String), String> {
         // A new name occurs in no file, so it can't clash with another name.
         let is_taken = |name: &str| {

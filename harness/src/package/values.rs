@@ -156,7 +156,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
         let is_last = by_line && depth == 0 && begins_line(at + 1);
         let is_imported = imports && (is_last || matches!(behind, "," | "}" | ";"));
         let is_declared = DECLARES.contains(&before) && matches!(behind, "(" | "{" | "=" | ":");
-        // A parameter follows `(` or `,`. A member of a structure may follow them, too, and isn't a parameter.
+        // A parameter follows `(` or `,`. A structure's member may follow `,` as well, but isn't a parameter.
         let is_parameter =
             matches!(before, "(" | ",") && behind == ":" && !is_member(tokens, text, at);
         if is_imported || is_declared || is_parameter || before == ">" && behind == ":" {

@@ -122,7 +122,7 @@ impl Program {
             }
             let (inputs, outputs) = self.locations(entry);
             let count = |all: &[u32], others: u64| {
-                // WebGPU limits both the number of locations and the highest location.
+                // WebGPU limits the number of locations, and also the largest number of a location.
                 let highest = all.iter().max().map_or(0, |highest| highest + 1);
                 u64::from(highest).max(all.len() as u64 + others)
             };

@@ -72,8 +72,8 @@ impl std::fmt::Display for Opinion {
 }
 
 impl Opinion {
-    /// The objections to the package in one line: rejections, limits, and modules without a verdict. `None` if
-    /// there are no objections.
+    /// One line with the objections to the package: the numbers of rejected modules, of exceeded limits, and of modules
+    /// without a verdict. `None` if there are no objections.
     #[must_use]
     pub fn remark(&self) -> Option<String> {
         let Self { refused, broke, unasked, limits, .. } = self.clone();

@@ -87,8 +87,8 @@ enum Around {
 
 /// For each loop, the loops around it, by their numbers.
 ///
-/// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`, and runs
-/// each loop in a branch once, even if no lane is active there. So a loop that no case enters still takes one
+/// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`. It also runs
+/// each loop in a branch at least once, even if no case takes the branch. So a loop that no case enters still takes one
 /// round whenever the code around it runs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nesting {

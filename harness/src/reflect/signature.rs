@@ -45,7 +45,7 @@ pub struct Form {
     /// The texture and sampler parameters, which become variables. Each has its position among all parameters,
     /// its name and its type.
     pub taken: Vec<(usize, String, String)>,
-    /// Reports if Karat must run each case alone, because other cases would see its writes.
+    /// Set if Karat must run the cases one by one, because a case could otherwise see the writes of another case.
     pub alone: bool,
     /// Reports if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
     /// quad if cases run alone. The quad's other pixels are helpers. A discarded pixel becomes a helper, too.
@@ -403,7 +403,7 @@ impl Program {
         }
     }
 
-    /// Checks if a function may discard and also writes memory that other invocations see.
+    /// Checks if a function may execute `discard`, and also writes memory that other invocations see.
     pub(super) fn discards_and_writes(&self, path: &str) -> bool {
         let name = self.name_of(path);
         let called = self.called_name(name);
@@ -602,7 +602,8 @@ impl Program {
         self.linked.names.get(linked).map(String::as_str)
     }
 
-    /// The state that a function shares with other invocations; `None` if it shares no state.
+    /// A phrase about a function whose invocations share memory or wait for each other, such as ``uses the workgroup
+    /// variable `sums` ``; `None` for other functions.
     fn shared_state(&self, info: &naga::valid::FunctionInfo) -> Option<String> {
         use naga::AddressSpace;
         use naga::valid::UniformityRequirements;

@@ -19,7 +19,8 @@ pub struct Validated {
     pub functions: usize,
     /// The number of entry points.
     pub entry_points: usize,
-    /// The number of functions with `@test`. Validation only counts these functions, and a run validates them.
+    /// The number of functions with `@test`. Validation only counts these functions. They are validated when the tests
+    /// run.
     pub tests: usize,
     /// The verdicts of Tint and of WebGPU's limits. The package meets every requirement of `karat.toml`.
     pub opinion: Opinion,

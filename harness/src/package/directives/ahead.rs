@@ -80,8 +80,8 @@ pub(super) fn value_of(value: &str) -> Option<Feature> {
     }
 }
 
-/// The values with which a text compares features, each with its two neighbours, for which other branches are
-/// active. If a text uses a feature as a number, the values are usual numbers.
+/// The values with which a text compares features, each with the two neighbouring numbers, because these select other
+/// branches. If a text uses a feature as a number, the values are usual numbers.
 pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
     // Three isn't a power of two, so shifting by 3 and dividing by 3 give different results.
     const USUAL: [Feature; 2] = [Feature::Number(4), Feature::Number(3)];

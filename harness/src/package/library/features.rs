@@ -20,7 +20,8 @@ impl Kind for Asked {
     const MOST: usize = 10_000;
 }
 
-/// An attribute with one of these features in its brackets, and a name that is almost the name of a condition.
+/// Finds an attribute that has one of the features in its brackets, and that differs from `@if` or another condition by
+/// one letter.
 fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
     const CONDITIONS: [&str; 2] = ["if", "elif"];
     /// Attributes that differ from a condition by one letter (WGSL, 12; WESL).
