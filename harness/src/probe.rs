@@ -156,7 +156,8 @@ impl Probed {
         Ok(())
     }
 
-    /// Adds the derivatives of some parameters as inputs. They have an effect only if the function takes derivatives.
+    /// Adds the derivatives of some parameters as inputs. These inputs have an effect only if the function takes
+    /// derivatives.
     #[must_use]
     pub fn with_quads(mut self, varying: &[bool]) -> Self {
         if varying.contains(&true) {

@@ -59,7 +59,7 @@ pub struct Missing {
 pub struct Question {
     /// The WGSL text.
     pub text: String,
-    /// Set to ask for WebGPU's compatibility mode. Otherwise the device has all features.
+    /// Set to ask for WebGPU's compatibility mode. If it isn't set, Tint assumes a device with all features.
     pub compatibility: bool,
     /// The pipelines to make from the text.
     pub pipelines: Vec<Pipeline>,

@@ -290,8 +290,8 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// The lanes and sites where double precision can't show which digits are lost: the operation subtracts nearly equal
-/// numbers, and one of its operands was computed from a number that a sum had absorbed.
+/// The lanes and sites where double precision can't show which digits are lost. There, an operation subtracts nearly
+/// equal numbers, and one of its operands was computed from a number that a sum had absorbed.
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     // For each lane, the values that were computed from an operand that double precision lost.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();

@@ -1,8 +1,8 @@
 //! Decides if reads and writes outside of arrays change a result.
 //!
-//! WGSL allows such a read to return any element or zero. It allows such a write to change any element, or nothing
-//! (6.4.4). A read matters if another choice changes the data that passes write. The choice may be for this read, or
-//! for all reads outside of arrays together.
+//! WGSL allows a read outside of an array to return any element or zero. WGSL allows a write outside of an array to
+//! change any element, or nothing (6.4.4). A read matters if another choice changes the data that passes write. The
+//! choice may be for this read, or for all reads outside of arrays together.
 
 use karat_engine::{Choice, Elsewhere, Options, Outside};
 

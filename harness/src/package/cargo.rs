@@ -355,7 +355,8 @@ fn hash_of(manifest: &Path) -> Option<String> {
     Some(hasher.finalize().to_hex().to_string())
 }
 
-/// The stored graph if its folders exist and its manifests are unchanged. Otherwise the graph that `ask` returns.
+/// The stored graph if its folders exist and its manifests are unchanged. Otherwise calls `ask`, and stores the graph
+/// that it returns.
 fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Result<Graph, String> {
     let known = std::fs::read(kept).ok();
     let known = known.and_then(|bytes| serde_json::from_slice::<Graph>(&bytes).ok());

@@ -219,8 +219,8 @@ impl<'a> Described<'a> {
 }
 
 impl Known {
-    /// Forgets the descriptions of changed modules. Returns `false` if a changed module declares or imports other
-    /// names than before. Then names in other modules may mean something else.
+    /// Forgets the descriptions of changed modules. Returns `false` if a changed module declares or imports other names
+    /// than before. After such a change, names in other modules may refer to other declarations.
     fn is_updated(&mut self, library: &Library) -> bool {
         let mut changed = BTreeSet::new();
         for (path, known) in &self.modules {

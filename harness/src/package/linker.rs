@@ -173,7 +173,7 @@ impl<'a> Linker<'a> {
         Ok(needs)
     }
 
-    /// A module's assertions. They must be true for each linked part of the module.
+    /// A module's assertions. If Karat links any part of the module, these assertions must be true.
     fn assertions(&self, path: &ModulePath) -> impl Iterator<Item = Item> + use<'_, 'a> {
         let declarations = self.parts[path].module.declarations.iter().enumerate();
         let assertions = declarations.filter(|(_, d)| d.kind == DeclarationKind::Assertion);
@@ -390,8 +390,8 @@ impl<'a> Linker<'a> {
         names
     }
 
-    /// Checks if the declaration is an override that a host can set by its name. Every use of this name in the
-    /// linked text must mean the override. Otherwise a local variable of the same name would hide it.
+    /// Checks if the declaration is an override that a host can set by its name. Every use of this name in the linked
+    /// text must mean the override. If a local variable has the same name, the override needs another name.
     fn is_of_host(&self, one: &Item, item: &str, items: &BTreeSet<Item>) -> bool {
         let (path, index) = one;
         let module = &self.parts[path].module;

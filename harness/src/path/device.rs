@@ -257,7 +257,8 @@ impl Device {
         self.device.features().contains(wgpu::Features::SHADER_F16)
     }
 
-    /// The format for sampled float textures. It has 32 bits if the path can filter such a texture.
+    /// The format for sampled float textures. The format has 32-bit floats if the path can filter them, and 16-bit
+    /// floats otherwise.
     pub(crate) fn float_format(&self) -> wgpu::TextureFormat {
         if self.device.features().contains(wgpu::Features::FLOAT32_FILTERABLE) {
             wgpu::TextureFormat::Rgba32Float

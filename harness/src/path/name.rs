@@ -172,7 +172,7 @@ impl Path {
         Self { api, via: Via::Direct, driver: None }
     }
 
-    /// This path with another route.
+    /// A path with the same API and driver as this path, but with the route `via`.
     pub(crate) const fn through(self, via: Via) -> Self {
         Self { via, ..self }
     }

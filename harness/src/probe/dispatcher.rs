@@ -304,7 +304,7 @@ impl<'d> Dispatcher<'d> {
     }
 
     /// Waits for a dispatch, and checks that each canary is right and that each word was written. Then passes the
-    /// results to `read`. They have the words of each case's result, and its canary.
+    /// results to `read`. The results have, for each case, the words of its result and then its canary.
     pub(crate) fn read<T>(
         &self,
         dispatch: Dispatch<'_>,

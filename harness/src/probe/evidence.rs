@@ -15,7 +15,8 @@ pub(crate) const WORD: u32 = 0x7fc0_dead;
 /// The second poison, for running a kernel again.
 pub(crate) const OTHER: u32 = 0x7fc1_beef;
 
-/// A number that no earlier call or run of Karat used. It exposes old results from an earlier run.
+/// A number that no earlier call or run of Karat used. With this number, Karat recognises results that an earlier run
+/// left in a buffer.
 pub(crate) fn unheard_of() -> u64 {
     use std::hash::{BuildHasher, RandomState};
     use std::sync::LazyLock;

@@ -99,8 +99,8 @@ impl Kernel {
         kernel
     }
 
-    /// A kernel that calls the function once for each pixel of a draw. The pixels are the cases, row by row. It is for
-    /// functions whose cases would otherwise run separately.
+    /// A kernel that calls the function once for each pixel of a draw. The pixels are the cases, row by row. It serves
+    /// functions of which a dispatch could run only one case.
     pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
         kernel.function.form.fragment = true;

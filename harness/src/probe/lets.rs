@@ -20,8 +20,8 @@ pub struct Let {
     pub repeats: bool,
     /// The index of the binding among the function's bindings of that name, and the number of these bindings.
     pub of_name: (usize, usize),
-    /// A probe that returns the binding's value. It has the function's arguments. It is `None` for a pointer, for a
-    /// binding in the head of a `for`, and for bindings after the first `MOST`.
+    /// A probe that returns the binding's value. The probe takes the same arguments as the function. It is `None` for a
+    /// pointer, for a binding in the head of a `for`, and for bindings after the first `MOST`.
     pub probed: Option<Probed>,
 }
 

@@ -22,8 +22,8 @@ pub trait Prepared: Sync {
 
     /// Starts a batch of cases. `arguments` has the scalars of all cases' arguments, each as a 32-bit word.
     ///
-    /// Call the returned function to wait for the results. It calls its reader once with the results. The executor
-    /// guarantees that each case wrote its own words, or returns an error.
+    /// Call the returned function to wait for the results. The returned function calls its reader once, with the
+    /// results. The executor guarantees that each case wrote its own words, or returns an error.
     ///
     /// # Errors
     /// If the executor can't start the batch.

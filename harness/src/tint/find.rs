@@ -124,7 +124,8 @@ fn is_dawn(folder: &Path) -> bool {
     folder.join("package.json").is_file() && folder.join("dist").is_dir()
 }
 
-/// The user's folder in which `cargo ci setup` installs packages. It is for projects without `node_modules`.
+/// The user's folder in which `cargo ci setup` installs packages. Karat uses this folder in projects without
+/// `node_modules`.
 #[must_use]
 pub fn installed() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());

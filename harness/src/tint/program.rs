@@ -40,7 +40,7 @@ struct Place {
 }
 
 /// Checks if a program is Tint, because Debian has a desktop panel of the same name. Fails if the program doesn't end.
-/// It may still be Tint.
+/// A program that doesn't end in time may still be Tint.
 pub(super) fn is_tint(program: &Path) -> Result<bool, String> {
     let says = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("--diagnostics-format");
     match lines::output(Command::new(program).arg("--help"), PATIENCE, MOST_BYTES) {

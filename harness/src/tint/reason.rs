@@ -23,7 +23,7 @@ pub enum Reason {
     VertexStorage,
     /// A name that WGSL reserves.
     Reserved,
-    /// A name that Tint doesn't know. It is wgpu's own, or misspelt.
+    /// A name that Tint doesn't know. The name exists only in wgpu, or it is misspelt.
     Unknown,
     /// An entry point from which Tint can't make a pipeline.
     Pipeline,
