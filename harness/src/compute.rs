@@ -70,7 +70,7 @@ pub struct Compute<'a> {
     package: &'a Package,
     wanted: Vec<Wanted>,
     fixtures: Fixtures,
-    /// Pairs of variables: the first shares the resource of the second.
+    /// Pairs of variables. The first variable of a pair shares the resource of the second variable.
     same: Vec<(String, String)>,
     overrides: Overrides,
     executors: Vec<&'a dyn Executor>,
@@ -97,9 +97,9 @@ pub struct After<'a> {
     variable: String,
     /// Set if the run's record gets the verdict.
     recorded: bool,
-    /// Set if the order of the elements doesn't matter.
+    /// Set if the check ignores the order of the elements.
     up_to_order: bool,
-    /// The numbers of rows and columns into which the elements are arranged.
+    /// The numbers of rows and columns into which [`After::grid`] arranges the elements, or `None`.
     grid: Option<[usize; 2]>,
 }
 
@@ -145,7 +145,7 @@ pub enum ComputeError {
         entry_point: String,
         /// The type of the resource's elements.
         declared: String,
-        /// The source of the wrong type, with a verb: `the reference gives`.
+        /// A phrase for messages that names the source of the wrong type: `the reference gives`.
         who: &'static str,
         /// The wrong type.
         supplied: String,
@@ -198,7 +198,7 @@ pub enum ComputeError {
         /// The value of the reference.
         value: f64,
     },
-    /// A tolerance's bound is negative or NaN, or so large that no error exceeds it.
+    /// The bound of a tolerance is negative or NaN, or it is so large that every result would pass.
     #[error(
         "the tolerance {tolerance} has the bound {bound:e}: use a number of at least 0 that an error can exceed"
     )]
@@ -208,7 +208,7 @@ pub enum ComputeError {
         /// The bound that can't be used.
         bound: f64,
     },
-    /// A declaration about a path is wrong, or it names no bug.
+    /// A declaration about a path, such as `fails_on`, is wrong, or its reason names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// Several paths fail in different ways, or some have no verdict.
@@ -569,9 +569,9 @@ impl After<'_> {
         self
     }
 
-    /// Compares each element with an element of the reference. An array has one element for each index, a texture one
-    /// for each texel, and any other type has one element. A texel of four channels is a `DVec4`, `IVec4` or `UVec4`.
-    /// Both sides must have the same number of elements.
+    /// Compares each element with an element of the reference. The elements of an array are its elements in WGSL, and
+    /// those of a texture are its texels. A resource of any other type is one element. A texel of four channels is a
+    /// `DVec4`, `IVec4` or `UVec4`. The resource and the reference must have the same number of elements.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -657,8 +657,8 @@ impl After<'_> {
         self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 
-    /// Checks that the passes write every element or texel. It finds a dispatch of too few workgroups, and a bounds
-    /// check that skips the last element. Karat's engine records the writes.
+    /// Checks that the passes write every element or texel. This check finds a dispatch of too few workgroups, or a
+    /// bounds check in the shader that skips the last element. Karat's engine records the writes.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -737,7 +737,7 @@ impl After<'_> {
         Ok(elements.map(|words| T::load(&mut words.iter())).collect())
     }
 
-    /// The element type of `shape`, if `host` can hold it.
+    /// The element type of a resource of type `shape`, if `host` can hold such an element.
     fn element(
         &self,
         passes: &Passes,

@@ -1,7 +1,7 @@
 //! Runs functions of a package in Karat's engine, which needs no driver.
 //!
 //! The engine works with naga's IR and 32-bit words. A check works with functions, fixtures and source files. This
-//! module connects the engine and checks.
+//! module converts between the engine's values and those of checks.
 
 mod alone;
 pub mod asserted;
@@ -88,7 +88,8 @@ fn lowering(via: Via) -> Settings {
 /// The largest number of rounds for a case whose loops have a bound. A case with more rounds would take minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
-/// The largest number of rounds in a proof about many arguments at once: while an exit is undecided, and in total.
+/// The largest numbers of loop rounds in a proof about many arguments at once. `FEW_ROUNDS` counts the rounds in which
+/// the loop may or may not end, and `MANY_ROUNDS` counts all rounds.
 const FEW_ROUNDS: u64 = 16;
 const MANY_ROUNDS: u64 = 4096;
 
@@ -149,7 +150,8 @@ impl Interpreted {
         Self { fuel, ..self }
     }
 
-    /// Prepares for rows with the arguments of all four pixels of a quad. The results are those of pixel `own`.
+    /// Prepares for calls in which each row has the arguments of all four pixels of a quad. A call then returns the
+    /// result of the pixel `own` (0 to 3).
     fn at_pixel(mut self, own: usize) -> Self {
         self.quads.iter_mut().for_each(|quads| quads.own = Some(own));
         self
@@ -167,7 +169,7 @@ impl Interpreted {
         &self.results
     }
 
-    /// The results of some cases, as a driver would write them.
+    /// The results of some cases as `u32` words, as a driver would write them into a buffer.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
         let counts = self.lowered.counts();
         let options = Options { counts: counts.clone(), ..self.options() };
@@ -195,7 +197,7 @@ impl Interpreted {
         Ok(words)
     }
 
-    /// For each lane of the results, `true` if WGSL allows other values. Such a lane depends on a read or a write
+    /// For each scalar of the results, `true` if WGSL allows other values. Such a scalar depends on a read or a write
     /// outside of an array or a texture. Or it depends on a derivative or on a sampled texture's mip level, whose
     /// errors have no bound (15.7.4).
     pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
@@ -206,7 +208,7 @@ impl Interpreted {
         Ok(open)
     }
 
-    /// For each lane of the results, `true` if it depends on a read or a write outside of an array or a texture.
+    /// For each scalar of the results, `true` if it depends on a read or a write outside of an array or a texture.
     fn of_outside(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         differing(|outside| {
             let options = Options { outside, ..self.options() };
@@ -214,7 +216,7 @@ impl Interpreted {
         })
     }
 
-    /// The values that WGSL allows for each lane of some results. The bounds use the exact decimals of the shader's
+    /// The values that WGSL allows for each scalar of some results. The bounds use the exact decimals of the shader's
     /// constants, as a reference does.
     pub fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
         self.bounded(cases, arguments, &Options { decimals: true, ..self.options() })
@@ -253,8 +255,8 @@ impl Interpreted {
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 
-    /// The [`driver_bounds`](Self::driver_bounds) for all arguments between two rows. It is `None` for quads and for
-    /// 16-bit floats.
+    /// The [`driver_bounds`](Self::driver_bounds) for all arguments between those of two rows. It is `None` for quads
+    /// and for 16-bit floats.
     pub(crate) fn bounds_between(
         &self,
         cases: usize,
@@ -263,14 +265,15 @@ impl Interpreted {
         if self.quads.is_some() || self.arguments.contains(&Scalar::F16) {
             return Ok(None);
         }
-        // Gives up on long loops, because a proof must be quick.
+        // Limits the rounds of loops, because a proof must be quick.
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let results = self.lowered.call_between(cases, rows, &self.resources, &options, &());
         let results = results.map_err(|stop| stopped(&self.program, &self.function.name, &stop))?;
         Ok(Some((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect()))
     }
 
-    /// Runs the function once for all arguments between two rows. Returns `false` if the engine can't.
+    /// Runs the function once with intervals, for all arguments between those of two rows. Returns `false` if the
+    /// engine can't run the function in this way.
     fn watched_between(&self, rows: [&[u32]; 2], observer: &dyn Observer<Intervals>) -> bool {
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let ran = || self.lowered.call_between(1, rows, &self.resources, &options, observer);
@@ -290,7 +293,7 @@ impl Interpreted {
         Ok(lanes.map(value).collect())
     }
 
-    /// The number of lanes that a case uses. A quad uses one for each pixel.
+    /// The number of invocations that a case needs: one, or four if each case is a quad.
     fn lanes(&self) -> usize {
         if self.quads.is_some() { quads::PIXELS } else { 1 }
     }
@@ -346,7 +349,7 @@ impl Interpreted {
 
     fn error(&self, stop: &Stop) -> ProbeError {
         match stopped(&self.program, &self.function.name, stop) {
-            // A case has all pixels of its quad.
+            // The engine counts pixels, and each case is a quad of several pixels.
             ProbeError::Rounds { case, diagnostic } if self.quads.is_some() => {
                 ProbeError::Rounds { case: case / quads::PIXELS, diagnostic }
             }
@@ -428,7 +431,7 @@ fn statement_of(program: &Program, site: &Site) -> Option<Span> {
     Some(span.first_line())
 }
 
-/// The values that WGSL allows for one lane.
+/// The values that WGSL allows for one scalar of a result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
     /// The bound of a float.
@@ -481,8 +484,8 @@ pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     })
 }
 
-/// For each word, `true` if it depends on the values that reads outside of arrays return, or on the target of such
-/// writes.
+/// For each word, `true` if it depends on the values that reads outside of arrays return, or on the elements that
+/// writes outside of arrays change.
 fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(Choice::default())?;
     let mut differs = vec![false; usual.len()];
@@ -554,13 +557,14 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if several nested loops used up the rounds together, and none of them did so on its own. Each of these loops
-/// may end. The check still reports an endless loop with up to 15 rounds of inner loops in each of its rounds.
+/// Checks if nested loops used up the limit of rounds only together: the inner loops ran many rounds, but no single
+/// loop reached the limit. Then each of these loops may end. The check still reports an endless loop with up to 15
+/// rounds of inner loops in each of its rounds.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }
 
-/// Converts the 16-bit floats in rows.
+/// Converts the 16-bit floats in rows of arguments by `change`.
 fn each_half<'w>(
     scalars: &[Scalar],
     words: impl FnOnce() -> &'w mut Vec<u32>,

@@ -169,7 +169,7 @@ impl Package {
         Self::of_origin(Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) })
     }
 
-    /// A package with the shaders of a crate. The crate is one that the project in the folder `base` builds
+    /// A package with the shaders of a crate. `name` is a crate that the project in the folder `base` builds
     /// (`bevy_pbr`), or any crate at an exact version (`bevy_pbr@0.20.1`). Cargo fetches an exact version without
     /// compiling it. [`package!`](crate::package!) passes the manifest's folder as `base`.
     ///
@@ -239,8 +239,8 @@ impl Package {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
 
-    /// The same crate, with another module folder for a crate from which it imports. `root` is relative to the
-    /// folder of that other crate. Use this method if Karat doesn't find the modules of that crate.
+    /// This package of a crate, but the modules of the imported crate `krate` are in the folder `root`. `root` is
+    /// relative to the folder of `krate`. Use this method if Karat doesn't find the modules of that crate.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -450,7 +450,7 @@ impl Package {
         }
     }
 
-    /// The package itself. A crate gets the folder where cargo has its sources.
+    /// This package. If it is a crate that Karat hasn't looked up yet, Karat now asks cargo for the crate's folder.
     fn found(&self) -> Result<Cow<'_, Self>, PackageError> {
         let Origin::Crate { base, name, root } = &self.origin else {
             return Ok(Cow::Borrowed(self));

@@ -16,8 +16,8 @@ pub(crate) fn map<T: Send + Sync>(tasks: usize, task: impl Fn(usize) -> T + Sync
     slots.into_iter().map(|slot| slot.into_inner().expect("each task has run")).collect()
 }
 
-/// Runs tasks on this thread and on other cores. This thread works, too. If it only waited for one thread per
-/// core, the system's scheduler would often wake two threads on one core, and leave another core idle.
+/// Runs tasks on this thread and on other cores. This thread works, too. If this thread only waited while each core has
+/// a working thread, the system would often run two of those threads on one core, and leave another core idle.
 fn run(tasks: usize, task: &(dyn Fn(usize) + Sync)) {
     let next = AtomicUsize::new(0);
     let work = || {

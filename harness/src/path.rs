@@ -13,7 +13,7 @@
 //! - `KARAT_ADAPTER`: a part of an adapter's name, to choose one of several adapters.
 //! - `KARAT_TIMEOUT`: the number of seconds that a shader may take before the process ends (default 60).
 //! - `KARAT_FUEL`: the number of loop rounds that a case may take on `cpu`, for loops without a bound (default
-//!   1048576). If a driver would hang in an endless loop, the engine runs the loop first.
+//!   1048576). For a loop that might hang a driver, the engine runs the loop before the driver does.
 
 pub(crate) mod cpu;
 pub(crate) mod deadline;
@@ -59,7 +59,7 @@ pub enum PathError {
     Unknown {
         /// The name that the user wrote.
         name: String,
-        /// The closest path.
+        /// The existing path with the most similar name.
         nearest: Option<String>,
     },
     /// No route has this name.
@@ -77,10 +77,10 @@ pub enum PathError {
         name: String,
         /// The part of the name that should be a route.
         via: String,
-        /// The closest route.
+        /// The existing route with the most similar name.
         nearest: Option<String>,
     },
-    /// No family of drivers has this name.
+    /// The name of the path has an unknown driver family.
     #[error(
         "execution path `{name}` has no known driver family: `{driver}`{}",
         guess(nearest.as_deref())
@@ -90,20 +90,20 @@ pub enum PathError {
         name: String,
         /// The part of the name that should be a driver family.
         driver: String,
-        /// The closest family.
+        /// The existing driver family with the most similar name.
         nearest: Option<String>,
     },
-    /// A list has a path twice.
+    /// An environment variable lists a path twice.
     #[error("{variable}={names} names `{path}` twice")]
     Repeated {
         /// The environment variable with the list.
         variable: &'static str,
         /// The value of the variable.
         names: String,
-        /// The path, or `all`.
+        /// The path that is listed twice, or `all`.
         path: String,
     },
-    /// Another executor, or one of wgpu's drivers, has the path of a custom executor.
+    /// The path of a custom executor isn't unique: another executor or one of wgpu's drivers has the same path.
     #[error(
         "another executor already has the path `{path}`: choose another name after the `@`, such as \
          `{}@mine`", path.api().name()
@@ -191,7 +191,7 @@ impl PathError {
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. } => true,
-            // naga panicked while it wrote a shader language. Within a route, the error is `Route`.
+            // naga panicked while it wrote a shader language. In Karat's own routes, the error is `Route`.
             Self::Panicked { panicked, .. } => panicked.language().is_some(),
             _ => false,
         }

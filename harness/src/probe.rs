@@ -1,8 +1,9 @@
 //! Calls one WGSL function with many cases.
 //!
 //! The kernel is ordinary WGSL, which `karat show` prints. Before a dispatch, Karat fills all results with poison. Each
-//! invocation writes a canary that only this dispatch uses. So if a kernel doesn't run, or if it runs with other data,
-//! the result is an error and never a verdict. An [`Executor`](crate::executor::Executor) runs the kernel.
+//! invocation writes a canary that only this dispatch uses. So if a kernel doesn't run, or if the results are those of
+//! another dispatch, Karat reports an error instead of a verdict. An [`Executor`](crate::executor::Executor) runs the
+//! kernel.
 
 mod borders;
 mod bound;
@@ -114,7 +115,8 @@ impl Probed {
         Ok(probed)
     }
 
-    /// Sets another source for the arguments.
+    /// Rewrites the kernel so that it reads its arguments from another source: a storage buffer, a uniform buffer or
+    /// constants.
     ///
     /// # Errors
     /// If the arguments of one case don't fit into a uniform buffer, or if the function needs a storage buffer for its
@@ -134,7 +136,7 @@ impl Probed {
         Ok(Self { kernel, ..self })
     }
 
-    /// Sets the lengths of the resources that the function writes. The fixtures have these lengths.
+    /// Sets the lengths of the resources that the function writes to the lengths of their fixtures.
     ///
     /// # Errors
     /// If the fixtures don't match the variables.
@@ -154,7 +156,8 @@ impl Probed {
         Ok(())
     }
 
-    /// Adds the derivatives of some parameters as inputs. They have an effect only if the function takes derivatives.
+    /// Adds the derivatives of some parameters as inputs. These inputs have an effect only if the function takes
+    /// derivatives.
     #[must_use]
     pub fn with_quads(mut self, varying: &[bool]) -> Self {
         if varying.contains(&true) {

@@ -90,7 +90,7 @@ struct Checked {
 impl Kind for Checked {
     type Key = blake3::Hash;
     type Value = Arc<Self>;
-    // Enough for the functions and tests of a large package.
+    // Even a large package has fewer functions and tests.
     const MOST: usize = 2048;
 }
 
@@ -243,8 +243,8 @@ impl Program {
             .validate(&module)
             .map_err(|error| {
                 let labels = error.spans().map(|(span, text)| (span.to_range(), text.clone()));
-                // The innermost location says most. naga's labels name its own data structures, so Karat drops
-                // the labels' text.
+                // Of naga's locations, the innermost one is the most useful. naga's labels name its own data
+                // structures, so Karat drops the labels' text.
                 let mut labels: Vec<_> = labels.map(|(range, _)| (range, String::new())).collect();
                 labels.sort_by_key(|(range, _)| {
                     range.as_ref().map_or(usize::MAX, ExactSizeIterator::len)

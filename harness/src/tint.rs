@@ -59,7 +59,7 @@ pub struct Missing {
 pub struct Question {
     /// The WGSL text.
     pub text: String,
-    /// Set to ask for WebGPU's compatibility mode. Otherwise the device has all features.
+    /// Set to ask for WebGPU's compatibility mode. If it isn't set, Tint assumes a device with all features.
     pub compatibility: bool,
     /// The pipelines to make from the text.
     pub pipelines: Vec<Pipeline>,
@@ -96,7 +96,7 @@ pub enum NoVerdict {
     /// Karat can't parse the answer.
     #[error("its answer can't be read: {0}")]
     Garbage(String),
-    /// The answer isn't about this question.
+    /// The answer is about another text than the question.
     #[error("it answered about another text")]
     Other,
     /// The question got two answers.

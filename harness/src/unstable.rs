@@ -179,7 +179,7 @@ pub mod workspace {
     pub use crate::package::workspace::refresh;
 }
 
-/// The difference between numbers, as text.
+/// Texts that describe the difference between numbers.
 pub mod tolerance {
     pub use karat_core::tolerance::{
         Criterion, LaneError, SpecTolerance, Unit, beyond, power, significant, times_allowed,

@@ -110,7 +110,7 @@ impl After<'_> {
             let cells = golden.rows().flatten();
             let lanes = scalars.zip(cells).map(|(scalar, word)| scalar.decode(*word)).collect();
             let expected = Expected { shape: element.clone(), lanes };
-            // Writes the differing elements of the first path into a file for review.
+            // Writes the elements of the first path, which differ from the golden, into a file for review.
             let with_golden = |failure: ComputeError| {
                 let ComputeError::Differs(difference) = failure else { return Ok(failure) };
                 let Some(path) = difference.paths.first() else {

@@ -44,7 +44,7 @@ pub(super) struct Statement<'a> {
     pub(super) breaks: &'a dyn Fn(&[u32]) -> Option<Broken>,
 }
 
-/// The failures of a statement.
+/// The elements that break a statement.
 ///
 /// ```
 /// let whole = karat::unstable::compute::Broken { failures: 1, first: None };
@@ -52,9 +52,10 @@ pub(super) struct Statement<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Broken {
-    /// The number of elements that break the statement. It is 1 if only all elements together break it.
+    /// The number of elements that break the statement. It is 1 if the statement is about all elements together, such
+    /// as their sum.
     pub failures: usize,
-    /// The first element that breaks the statement. It is `None` if only all elements together break it.
+    /// The first element that breaks the statement. It is `None` if the statement is about all elements together.
     pub first: Option<Element>,
 }
 
@@ -146,7 +147,7 @@ pub struct Element {
     pub actual: String,
     /// The value that the assertion expects.
     pub expected: String,
-    /// The error; empty for a statement.
+    /// The error of the value, as text. It is empty if the assertion is a statement.
     pub error: String,
 }
 
@@ -192,7 +193,7 @@ impl fmt::Display for Place {
 }
 
 impl Sum {
-    /// Keeps the first failing element, and the worst element if it is a different one.
+    /// Keeps the first failing element, and also the element with the largest error, if this is another element.
     fn of(tally: Tally, element: &dyn Fn(Shown) -> Element) -> Self {
         let worst = tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
         let first = tally.first;
@@ -204,7 +205,7 @@ impl Sum {
         Self { census: tally.census, worst, shown }
     }
 
-    /// Adds the positions of elements in a texture or a grid.
+    /// Adds to each shown element its column and row in the texture, or its row and column in the grid.
     pub(super) fn named(
         mut self,
         passes: &Passes,
@@ -229,7 +230,7 @@ impl Sum {
         Self { census, worst, shown: shown.into_iter().collect() }
     }
 
-    /// The result for passes in which a loop doesn't end.
+    /// The failed judgement of passes in which a loop doesn't end.
     pub(super) fn endless() -> Self {
         let element = Element {
             place: Place::Whole("no result".to_owned()),
@@ -282,7 +283,7 @@ impl After<'_> {
         reported(subject, &|| self.recorded, judge)
     }
 
-    /// The name of a check of the resource.
+    /// The name under which the record lists a check of the resource: `after.data.agrees_with`.
     pub(super) fn check(&self, verb: &str) -> String {
         format!("after.{}.{verb}", self.variable)
     }
@@ -291,7 +292,7 @@ impl After<'_> {
         self.compute.wanted.last().map_or("", |wanted| &wanted.name)
     }
 
-    /// Judges an assertion under the name of a verb.
+    /// Judges an assertion on each path. `verb` is the name of the assertion's method, such as `agrees_with`.
     pub(super) fn judged(
         &self,
         assertion: &Assertion<'_>,
@@ -338,7 +339,7 @@ impl After<'_> {
             }
             let sum = self.sum(assertion, own, &element, &found, function)?;
             let sum = sum.named(&passes, part.number, self.grid);
-            // A failure shows that the passes did something.
+            // Passes that change nothing are reported only if no element fails, and if they must change the resource.
             let may_stay = matches!(assertion, Assertion::Holds(one) if one.may_stay);
             if sum.census.failures == 0
                 && !may_stay
@@ -480,7 +481,7 @@ impl After<'_> {
                 expected: expected.lanes.len() / width,
             });
         }
-        // The lane of each compared word, in order.
+        // For each number that is compared, in order, its index in the resource.
         let (places, wanted) = match self.up_to_order {
             true => {
                 let (before, scalars) = listed(shape);
@@ -505,7 +506,7 @@ impl After<'_> {
     }
 }
 
-/// Judges an element by the first of its numbers that breaks a statement.
+/// Judges an element: it fails if one of its numbers breaks the statement, and the first such number is shown.
 fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool) -> judge::Judged {
     let value = |lane: usize| scalars[lane].decode(actual[lane]);
     let broken = (0..actual.len()).find(|lane| !holds(scalars[*lane], value(*lane)));
@@ -513,9 +514,9 @@ fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool)
     judge::Judged { measure, lane: broken.unwrap_or(0), class: Class::Other }
 }
 
-/// Splits a value for a comparison without regard to order. Returns the number of lanes before the list, and the
-/// scalars of one list element. In a structure, the list is an array in the last member:
-/// `{ count: atomic<u32>, items: array<Item> }`. Otherwise the value itself is the list element.
+/// Splits a value for a comparison without regard to order. Returns the number of scalars before the list, and the
+/// types of the scalars in one list element. In a structure, the list is an array in the last member: `{ count:
+/// atomic<u32>, items: array<Item> }`. Otherwise the value itself is the list element.
 fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     if let Shape::Struct { members, .. } = element
         && let Some((_, list @ Shape::Array { element: item, .. })) = members.last()
@@ -525,7 +526,7 @@ fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     (0, element.lanes())
 }
 
-/// Pairs actual and expected elements without regard to their order. Returns the indices of the actual lanes, and the
+/// Pairs actual and expected elements without regard to their order. Returns the indices of the actual scalars, and the
 /// expected values. Both are sorted by value. Each actual element takes the next expected element within the tolerance.
 /// Elements without a partner come last.
 fn matched(

@@ -1,7 +1,7 @@
 //! Checks assertions about passes in several orders of workgroups and invocations, because WGSL promises no order.
 //!
-//! The order of atomics may change a result, even without a race. The engine runs the passes in seeded orders, and
-//! judges each result.
+//! The order of atomics may change a result, even without a race. The engine runs the passes in orders that a seed
+//! determines, and this module judges each result.
 
 use std::fmt;
 
@@ -52,10 +52,11 @@ pub struct OrderDependence {
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
-    /// The operation, the invocation and both values. It is `None` if only the order of writes differs.
+    /// A note with the operation, the invocation, the value in the usual order, and the value in this order. It is
+    /// `None` if only the order of writes differs.
     pub operation: Option<String>,
-    /// The atomics in this order, if there are at most 16. Also the first pair of atomics that other invocations see in
-    /// the opposite of the program's order.
+    /// The atomics in this order, if there are at most 16. Also a note about the first two atomics of an invocation
+    /// whose effects other invocations see in reverse order.
     pub turns: Vec<String>,
     /// The subgroup size in this order. It is `None` if the passes don't use subgroups.
     pub subgroup: Option<u32>,
@@ -157,7 +158,7 @@ impl After<'_> {
     }
 
     /// Runs the passes in the engine, in one order after another. In each order, the test must accept every violation,
-    /// and the assertion must hold. The callers report failures in the usual order.
+    /// and the assertion must hold. This function doesn't report failures in the usual order: its callers do.
     pub(super) fn expect_each_order(
         &self,
         assertion: Option<(&Assertion<'_>, &Part, &Shape)>,
@@ -221,7 +222,8 @@ impl After<'_> {
         Ok(())
     }
 
-    /// Builds the error for an order that fails, after simplifying the order as far as it still fails.
+    /// Builds the error for an order that fails. First it simplifies the order, as long as the simpler order also
+    /// fails.
     fn dependence(
         &self,
         passes: &Passes,
@@ -283,10 +285,11 @@ struct InOrders<'a> {
     assertion: &'a Assertion<'a>,
     part: &'a Part,
     element: &'a Shape,
-    /// The lanes after the usual order.
+    /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// The assertion for the other orders, if the original assertion fails in the usual order.
+    /// The assertion that the other orders must satisfy, if the original assertion fails in the usual order: the result
+    /// must be the same as in the usual order.
     own: Option<Assertion<'a>>,
 }
 
@@ -314,7 +317,8 @@ impl<'a> InOrders<'a> {
         Ok(Self { after, assertion, part, element, usual, holds, own })
     }
 
-    /// Reports if no expected result is known: the statement fails in the usual order.
+    /// Checks if the assertion is a statement that fails in the usual order. Then no expected result for the other
+    /// orders is known.
     fn is_undecided(&self) -> bool {
         !self.holds && self.own.is_none()
     }

@@ -82,8 +82,8 @@ impl fmt::Display for Violations {
 }
 
 impl Compute<'_> {
-    /// Declares that invocations may race on a variable, and gives the reason: for example, any of the written values
-    /// will do. If there is no such race, the test fails.
+    /// Declares that invocations may race on a variable, and gives the reason: for example, the algorithm works with
+    /// any of the written values. If there is no such race, the test fails.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -173,7 +173,7 @@ impl After<'_> {
             let replay = replay.clone();
             return Err(ComputeError::Violations(Box::new(Violations { all, replay, messages })));
         }
-        // If the sanitizer didn't check the passes completely, the unchecked part may contain the race.
+        // If the sanitizer checked only a part of the passes, the accepted race may be in the other part.
         let Some(one) = unmet.filter(|_| whole) else { return Ok(()) };
         let what = if one.equal {
             "no two invocations write the same value there"

@@ -10,7 +10,7 @@ use crate::frame::tap::{Read, Tap, TapError, Tapped, candidates, find_or_part, p
 use crate::path::Path;
 use crate::reflect::TOLD;
 
-/// The size in bytes that every WebGPU device allows for a storage buffer (`maxStorageBufferBindingSize`).
+/// The largest size in bytes of a storage buffer that every WebGPU device supports (`maxStorageBufferBindingSize`).
 const MOST_BYTES: usize = 128 << 20;
 
 impl Compute<'_> {

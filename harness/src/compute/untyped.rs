@@ -1,5 +1,5 @@
 //! Compute passes for programs that don't know the types at compile time: tests without Rust, and `karat call`. A
-//! resource is a WGSL type with its lanes.
+//! resource is described by its WGSL type and the list of its scalars.
 
 use std::panic::Location;
 
@@ -267,7 +267,7 @@ pub fn settled(
     after.judge(Assertion::Holds(statement), Location::caller())
 }
 
-/// Checks a statement about all lanes of a resource. Set `may_stay` if passes may leave the resource unchanged.
+/// Checks a statement about all scalars of a resource. Set `may_stay` if passes may leave the resource unchanged.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -284,7 +284,7 @@ pub fn settled(
 /// ```
 ///
 /// # Errors
-/// If the statement doesn't hold, or the check can't read any lane.
+/// If the statement doesn't hold, or the check can't read any scalar.
 #[track_caller]
 pub fn satisfies(
     after: &After<'_>,

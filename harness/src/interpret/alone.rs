@@ -26,7 +26,7 @@ pub struct Alone {
     words_in: usize,
     words_out: usize,
     least: usize,
-    /// The layout of the quad whose pixels the derivatives use.
+    /// The layout of a quad's four pixels. It is set if the function takes derivatives between these pixels.
     quads: Option<Quads>,
     /// The largest number of loop rounds that a case may take.
     fuel: u64,

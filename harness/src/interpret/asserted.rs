@@ -59,11 +59,12 @@ enum Line {
 /// The asserting and printing lines of a program, with their values so far.
 struct Seen<'p> {
     program: &'p Program,
-    /// The index of each line, by the address of its site.
+    /// The index of each line among the lines. The key is the address of the line's site (the engine's record of an
+    /// operation).
     sites: BTreeMap<usize, usize>,
     spans: Vec<Span>,
     lines: Vec<Mutex<Line>>,
-    /// The number of lanes that a case uses.
+    /// The number of invocations that a case needs: four in a quad.
     lanes: usize,
 }
 
@@ -139,7 +140,7 @@ impl Observer<F32> for Seen<'_> {
         let Some(line) = self.sites.get(&std::ptr::from_ref(lanes.site).addr()) else { return };
         let mut line = self.lines[*line].lock().unwrap_or_else(PoisonError::into_inner);
         for lane in (0..lanes.active.len()).filter(|lane| lanes.active[*lane]) {
-            // In a quad, only the pixel that a case is about counts.
+            // In a quad, only the values at the case's own pixel are recorded.
             let case = lanes.case_of(lane);
             if !case.is_multiple_of(self.lanes) {
                 continue;
@@ -178,7 +179,7 @@ impl Observer<F32> for Seen<'_> {
 impl Print<usize> {
     fn add(&mut self, case: usize, lanes: &Lanes<'_, F32>, lane: usize) {
         self.count += 1;
-        // Floats, integers and booleans arrive separately.
+        // The engine passes floats, integers and booleans in separate lists.
         let (mut floats, mut ints, mut bools) =
             (lanes.floats.iter(), lanes.ints.iter(), lanes.bools.iter());
         let words = self.shape.lanes().into_iter().map(|scalar| match scalar {
@@ -293,12 +294,13 @@ impl Print<String> {
 }
 
 impl Assertion {
-    /// The first case in which the assertion is false, or reads outside of an array.
+    /// The first case in which the assertion is false, or reads outside of an array; `None` if the assertion always
+    /// holds.
     fn fails(&self) -> Option<usize> {
         self.first.or(self.outside)
     }
 
-    /// A note about an assertion that no case reaches, because it shows nothing.
+    /// A note that no case reaches the assertion, so the assertion proves nothing; `None` if a case reaches it.
     fn unreached(&self) -> Option<String> {
         let Self { span, text, count, .. } = self;
         (*count == 0).then(|| format!("note: {span}: no case reaches the assertion `{text}`\n"))
@@ -335,14 +337,14 @@ impl Watched {
     /// Prepares a function. Returns `None` if the function has no such lines.
     ///
     /// # Errors
-    /// If the engine can't execute the function, because an assertion without evaluation would show nothing.
+    /// If the engine can't execute the function. An assertion that nobody evaluates would prove nothing.
     pub(crate) fn of(probed: &Probed, fixtures: &Fixtures) -> Result<Option<Self>, ProbeError> {
         if !has_lines(&probed.program) {
             return Ok(None);
         }
         probed.program.expect_no_effects()?;
         let function = Interpreted::with(probed, fixtures, &settings())?;
-        // Other functions of the module may contain the lines.
+        // If this program has no such line, the lines belong to other functions of the module.
         let seen = Seen::of(&function.program, &function.lowered, 1);
         let has_own = !seen.sites.is_empty();
         Ok(has_own.then(|| Self { function, lines: Mutex::default() }))
@@ -391,7 +393,7 @@ impl Watched {
         let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         let Lines { prints, assertions, calls } = std::mem::take(&mut *lines);
         let mut text: String = prints.iter().map(|print| print.table(SHOWN)).collect();
-        // A single call may take another branch, which needs no note.
+        // With only one call, a note about an unreached assertion isn't useful: the call may have taken another branch.
         if calls > 1 {
             text.extend(assertions.iter().filter_map(Assertion::unreached));
         }

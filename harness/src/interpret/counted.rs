@@ -42,7 +42,7 @@ pub struct Counted {
     /// The number of cases, pixels or invocations that reached the statement. `None` says that the number is unknown,
     /// because the engine didn't run the statement.
     pub count: Option<u64>,
-    /// The number that took each of the [ways](Self::ways) of a branch.
+    /// For each of the [ways](Self::ways) of a branch, the number of cases, pixels or invocations that took it.
     pub taken: Vec<u64>,
     /// Set if a checked result depends on the statement.
     pub needed: bool,
@@ -68,14 +68,15 @@ pub enum CountedKind {
     Clause(usize),
     /// `for` or `while`
     For,
-    /// A loop that takes the same number of rounds in each call.
+    /// A `for`, `while` or `loop` that takes the same number of rounds in each call.
     Fixed,
     /// `loop`
     Loop,
 }
 
 impl Counted {
-    /// The ways of a branch, each with the number of cases that took it. A plain statement has none.
+    /// The names of a branch's ways, such as `true` and `false`, each with the number of cases that took this way. A
+    /// plain statement has none.
     pub fn ways(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let names: &[&str] = match self.kind {
             CountedKind::Plain | CountedKind::Switch | CountedKind::Fixed => &[],
@@ -88,7 +89,7 @@ impl Counted {
         names.iter().copied().zip(self.taken.iter().copied())
     }
 
-    /// Adds the counts of the same statement in another run.
+    /// Adds the counts of `other`, which is the same statement in another run.
     pub fn add(&mut self, other: &Self) {
         self.count = match (self.count, other.count) {
             (Some(a), Some(b)) => Some(a + b),
@@ -219,7 +220,7 @@ fn counted(
 }
 
 /// Merges equal statements: sums the counts over the calls of their function. naga's IR may have several statements for
-/// one, such as a value and its store.
+/// one statement of the source, such as a value and its store.
 fn merged(all: impl Iterator<Item = (usize, Counted)>) -> Vec<Counted> {
     let mut of_calls: BTreeMap<_, Counted> = BTreeMap::new();
     for (call, one) in all {

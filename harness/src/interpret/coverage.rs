@@ -73,10 +73,11 @@ struct Taken {
     outside: AtomicBool,
 }
 
-/// The branches at all sites, in the order of sites.
+/// The branches that cases took, for each site (operation) of a program in order.
 struct AllTaken {
     all: Vec<Taken>,
-    /// The sites of `discard`, with the cases that reached one. No output depends on later operations of such a case.
+    /// The sites of `discard`, with the cases that reached one. Later operations of such a case count as not reached,
+    /// because no output depends on them.
     discards: BTreeSet<usize>,
     discarded: Mutex<BTreeSet<usize>>,
 }
@@ -186,8 +187,8 @@ impl Coverage {
         }
     }
 
-    /// The lines that no input reached, and the conditions that had one result for all inputs. It considers only
-    /// operations that occur more often in this version than in the other version of the edit.
+    /// The lines that no input reached, and the conditions that had one result for all inputs. Only operations that the
+    /// edit added count: their text occurs more often in this version than in the version `other`.
     pub fn uncovered_beside(&self, other: &Self) -> Vec<Uncovered> {
         let mut lines: Vec<Uncovered> = Vec::new();
         let mut known = None;
@@ -214,7 +215,7 @@ impl Coverage {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }
 
-    /// The positions whose text occurs more often in this version than in the other version.
+    /// The positions of operations whose text occurs more often in this version than in the version `other`.
     fn more_than<'r>(
         &'r self,
         other: &Self,
@@ -232,7 +233,7 @@ impl Coverage {
     }
 }
 
-/// For each lane of calls' results, `true` if it depends on a read or a write outside of an array.
+/// For each scalar of the calls' results, `true` if it depends on a read or a write outside of an array.
 pub fn of_outside(
     probed: &Probed,
     fixtures: &Fixtures,

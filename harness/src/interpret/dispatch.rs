@@ -113,7 +113,7 @@ impl<'p> Prepared<'p> {
         Ok(held)
     }
 
-    /// A copy of the passes in which each word of blank buffers is `word`.
+    /// A copy of the passes in which each blank buffer (one without given contents) is filled with `word`.
     pub(super) fn filled(&self, word: u32) -> Self {
         let mut resources = self.resources.clone();
         for bytes in resources.blank_mut() {

@@ -36,7 +36,8 @@ pub struct Guard<'g> {
     pub argument: &'g str,
 }
 
-/// The operands of a guard as intervals. The flags say that the guard returns its first operand.
+/// Watches the guard's operation during a run with intervals. The flags in `seen` say that the guard ran, and that it
+/// may have changed its first operand.
 struct Guarded<'g> {
     sites: BTreeSet<usize>,
     acts: &'g (dyn Fn(&[Interval]) -> bool + Sync),
@@ -59,11 +60,11 @@ impl Observer<Intervals> for Guarded<'_> {
     }
 }
 
-/// Checks if a guard in a function never changes a value. It runs the function with all arguments as intervals. The
-/// guarded value must already be within the guard's bounds. A guard does act on NaN and infinities, which a float
-/// argument may have, so all floats in the function must come from integers. If this returns `true`, any implementation
-/// of WGSL returns the same without the guard. Only the sign of a zero may differ, which WGSL allows implementations to
-/// ignore.
+/// Checks if a guard in a function never changes a value. The engine runs the function with an interval for each
+/// argument. The guarded value must already be within the guard's bounds. A guard does act on NaN and infinities, which
+/// a float argument may have, so all floats in the function must come from integers. If this returns `true`, any
+/// implementation of WGSL returns the same without the guard. Only the sign of a zero may differ, which WGSL allows
+/// implementations to ignore.
 pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
     let function = probed.function();
     let name = guard.text.split('(').next().unwrap_or_default().trim();
@@ -117,7 +118,7 @@ fn is_closed(probed: &Probed) -> bool {
     reads == 0 && !is_alone && program.module().overrides.is_empty()
 }
 
-/// The largest number of inputs to try one by one. It takes the engine some seconds.
+/// The largest number of inputs to try one by one. The engine needs some seconds for so many inputs.
 const ALL_INPUTS: usize = 1 << 24;
 
 /// Calls two functions with all inputs. Returns the number of inputs if both functions return the same bits for each
@@ -159,7 +160,7 @@ pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
     firsts.map(agree).all(|agrees| agrees == Some(true)).then_some(count)
 }
 
-/// The number of rows to keep in memory.
+/// The number of cases to run at once, so that not all arguments and results are in memory.
 const BATCH_OF_ALL: usize = 1 << 16;
 
 /// The number of values of a scalar type, if it has at most 2^16.
@@ -171,7 +172,7 @@ fn inputs_of(scalar: Scalar) -> Option<usize> {
     }
 }
 
-/// The row with the index `at` in the list of all rows.
+/// The arguments with the index `at` in the list of all possible arguments.
 fn row_of(lanes: &[Scalar], at: usize) -> impl Iterator<Item = u32> {
     let mut rest = at;
     lanes.iter().map(move |lane| {
@@ -198,7 +199,7 @@ mod tests {
         agree_everywhere([&a, &b])
     }
 
-    /// One input that distinguishes the functions is enough. All NaN together are one input.
+    /// Two functions differ if they return different bits for a single input. All NaN count as the same result.
     #[test]
     fn functions_of_16_bits_are_compared_for_all_inputs() {
         let of = |body: &str| format!("fn f(x: f16) -> f16 {{ return {body}; }}");
@@ -211,7 +212,7 @@ mod tests {
             format!("var<private> n = 0; fn f(x: bool) -> bool {{ n += {by}; return x; }}")
         };
         assert_eq!(agree([&left("1"), &left("2")]), None);
-        // There are too many values with 32 bits, and an override is another input.
+        // Functions of 32-bit numbers have too many inputs to try. Overrides aren't tried, either.
         let text = "fn f(x: f32) -> f32 { return x; }";
         assert_eq!(agree([text, text]), None);
         let text = "override N = 1.0; fn f(x: bool) -> f32 { return select(N, 0.0, x); }";

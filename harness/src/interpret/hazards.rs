@@ -2,7 +2,7 @@
 //! operations that WGSL doesn't bound.
 //!
 //! A function runs in `f32` and also in `f64` (the shadow). Both runs record each operation with its operands. If an
-//! operand is already wrong, the operation isn't at fault. So each hazard is reported at its origin.
+//! operand is already wrong, the operation isn't at fault. So each hazard is reported at the operation that causes it.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
@@ -36,7 +36,7 @@ pub(crate) fn first_not_finite<'f>(
 pub struct Found {
     /// The kind of the hazard.
     pub kind: Kind,
-    /// The index of the operation's site in the program.
+    /// The operation's site: the index of the operation in the program that the engine runs.
     pub site: usize,
     /// The position of the operation in the source file.
     pub span: Span,
@@ -44,11 +44,11 @@ pub struct Found {
     pub text: String,
     /// Set if the result is finite nevertheless, because a later operation hides the hazard.
     pub hidden: bool,
-    /// If digits are lost, the value in `f32` and in `f64`.
+    /// The operation's value in `f32` and in `f64`, for the hazard "lost digits"; otherwise `None`.
     pub values: Option<(f32, f64)>,
     /// The operation's operands in `f32`.
     pub operands: Vec<f32>,
-    /// For a derivative, the pixel that doesn't take it.
+    /// For a derivative, the two pixels of which only one takes the derivative.
     pub missing: Option<Missing>,
 }
 
@@ -83,18 +83,19 @@ pub struct Hazards {
     pub reached: BTreeMap<usize, usize>,
 }
 
-/// The number of lanes that run together. They are one chunk of the engine, so their operations arrive in order.
+/// The number of lanes (cases or pixels) that run together. The engine runs this many lanes as one chunk, so the
+/// recorder gets their operations in order.
 const TOGETHER: usize = 256;
 
 /// The largest number of operations to record in a run. A loop repeats its operations, so a hazard in its thousandth
 /// round usually occurs in earlier rounds, too.
 const MOST_EVENTS: usize = 4096;
 
-/// The largest number of loop rounds that intervals follow in each case, if the recorder reached its limit. With
-/// sixteen operations in a round, this is as many operations as the recorder keeps.
+/// The largest number of loop rounds for the run with intervals, in each case, if the recorder reached its limit of
+/// operations. With sixteen operations in a round, this is as many operations as the recorder keeps.
 const ROUNDS_SEEN: u64 = 256;
 
-/// Limits for a float format.
+/// Thresholds for the errors of a float format: `f32`, or 16-bit floats.
 struct Precision {
     /// A relative error above this value says that half of the digits are lost.
     lost: f64,
@@ -137,15 +138,16 @@ pub const LONG: u64 = 1 << 18;
 /// The largest number of rounds for loops with a bound.
 const MOST_ROUNDS: u64 = 65_536;
 
-/// The number of rounds after which intervals give up on an undecided exit, because each round follows both branches.
+/// The number of rounds after which the run with intervals stops, if the intervals don't decide whether a loop ends.
+/// Each such round runs both branches.
 const UNDECIDED: u64 = 16;
 
-/// The share of an operand below which a difference in double precision keeps fewer than half of `f32`'s digits. The
-/// last digit of double precision is 2^-53.
+/// If a difference is less than this share of its operands, it has fewer than half of `f32`'s digits even in double
+/// precision. The last digit of double precision is 2^-53 of a number.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
-/// The relative width up to which an interval counts as one number. If an operation with such operands has an unbounded
-/// result, the operation is the cause.
+/// An interval whose relative width is at most this number counts as one number. If all operands of an operation are
+/// such intervals and its result is unbounded, then the operation itself is the cause.
 const NARROW: f64 = 1.0 / 1024.0;
 
 /// An operation in all lanes of a chunk.
@@ -167,7 +169,8 @@ struct Parted {
     by: Option<usize>,
 }
 
-/// The hazards of a case, by kind and site. A derivative also has the pixels that parted.
+/// The hazards of a case, by their kind and the index of their site. The value has the two pixels of a derivative that
+/// only one of them takes.
 type OfCase = BTreeMap<(Kind, usize), Option<Parted>>;
 
 /// Records the operations of a run.
@@ -228,7 +231,7 @@ macro_rules! recorder {
             }
 
             fn reached(&self, here: &Here<'_, $arithmetic>) {
-                // Both runs reach the same operations, unless rounding decides a branch.
+                // The runs in `f32` and `f64` reach the same operations, unless rounding decides a branch.
                 if $reaches {
                     self.reach.add(here.site.number, here);
                 }
@@ -246,7 +249,7 @@ struct Known {
     anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
     /// Lanes and sites where double precision can't show which digits are lost.
     blind: BTreeSet<(usize, usize)>,
-    /// For each lane, the first operation with a wide result.
+    /// For each lane, the first operation whose result is a wide interval: see [`is_wide`].
     wide: Mutex<BTreeMap<usize, usize>>,
 }
 
@@ -287,10 +290,10 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// The lanes and sites where double precision can't show which digits are lost: an operation cancels, and one of its
-/// operands depends on a lost number.
+/// The lanes and sites where double precision can't show which digits are lost. There, an operation subtracts nearly
+/// equal numbers, and one of its operands was computed from a number that a sum had absorbed.
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
-    // For each lane, the values that depend on a lost number.
+    // For each lane, the values that were computed from an operand that double precision lost.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
     let mut blind = BTreeSet::new();
     for event in events {
@@ -310,8 +313,8 @@ fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     blind
 }
 
-/// The number of unbounded operations to keep for a lane. If the caller ignores the first operation, the next one
-/// counts.
+/// The number of unbounded operations to keep for a lane. The report has the first of these operations that the caller
+/// doesn't ignore.
 const KEPT: usize = 16;
 
 /// Checks if an operation loses digits, compared with the same operation in double precision.
@@ -369,7 +372,8 @@ impl<F> Recorder<F> {
     }
 }
 
-/// Pairs the events of a lane with the events of another run. Each pair has the same operation and the same repetition.
+/// Pairs the events (recorded operations) of a lane with the events of another run. The two events of a pair are the
+/// same operation in the same repetition of a loop.
 struct Twins<'e> {
     by_site: BTreeMap<usize, VecDeque<&'e Event<f64>>>,
 }
@@ -383,7 +387,7 @@ impl<'e> Twins<'e> {
         Self { by_site }
     }
 
-    /// The event of the other run that matches the next event at `site`.
+    /// The event of the other run that matches the next event at `site` of this run; `None` if there is none.
     fn next(&mut self, site: usize) -> Option<&'e Event<f64>> {
         self.by_site.get_mut(&site)?.pop_front()
     }
@@ -407,8 +411,8 @@ impl Interpreted {
             let part = &rows[first * width..][..count * width];
             self.hazards_of_chunk(count, part, left_out)
         };
-        // An endless loop usually shows in the first part. Running the first part separately avoids waiting for it in
-        // all parts.
+        // If a loop may be endless, the first part runs before all others. It usually shows the endless loop, and then
+        // the other parts needn't run.
         let alone = usize::from(self.program.most_rounds().is_none() && cases > 0);
         let mut parts = (0..alone).map(|_| of_part(0)).collect::<Vec<_>>();
         if parts.iter().all(Result::is_ok) {
@@ -445,7 +449,7 @@ impl Interpreted {
         left_out: LeftOut<'_>,
     ) -> Result<Hazards, ProbeError> {
         let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
-        // Loops with a bound do end. They may run as long as they are quick.
+        // Loops with a bound certainly end, so they may run for more rounds than other loops.
         let fuel = match self.program.most_rounds() {
             Some(rounds) => rounds.saturating_mul(2).clamp(PATIENCE, MOST_ROUNDS),
             None => PATIENCE,
@@ -464,14 +468,14 @@ impl Interpreted {
         let work = if cut { ROUNDS_SEEN * lanes } else { u64::MAX };
         let bounds = match self.run::<Intervals>(cases, rows, &Options { work, ..options }, &known)
         {
-            // The stopped run has already recorded the same operations as the other run.
+            // The run stopped at its limit. By then, it had recorded about as many operations as the other runs.
             Err(Stop::Work { .. }) => None,
             seen => Some(seen.map_err(|stop| self.error(&stop))?),
         };
         let anything = known.anything.into_inner().unwrap_or_else(PoisonError::into_inner);
         let wide = known.wide.into_inner().unwrap_or_else(PoisonError::into_inner);
         let halves = shadows.halves();
-        // In a quad, only the pixel that a case is about counts.
+        // In a quad, only hazards at the case's own pixel count.
         let each = (0..cases).map(|case| case * self.lanes()).map(|lane| {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
             let finite =
@@ -489,8 +493,8 @@ impl Interpreted {
             }
             let of_quad = (lane..lane + self.lanes()).flat_map(|pixel| {
                 let all = wrong.get(&pixel).into_iter().flatten();
-                // Other pixels of the quad belong to other cases. But if a pixel parts at a derivative, that counts for
-                // this case.
+                // A hazard at another pixel of the quad isn't one of this case, unless that pixel doesn't take a
+                // derivative.
                 all.filter(move |((kind, _), _)| pixel == lane || *kind == Kind::Barrier)
             });
             let mut told = BTreeSet::new();
@@ -499,13 +503,13 @@ impl Interpreted {
                 let missing = parted.map(|parted| self.missing(lane, parted));
                 found.extend(one.map(|one| Found { missing, ..one }));
             }
-            // The value that isn't finite was reported already, and WGSL bounds no result of it.
+            // Adds operations that WGSL doesn't bound, unless another hazard was found already.
             let kept = anything.get(&lane).into_iter().flatten();
             for (site, _) in kept.take_while(|(_, sure)| *sure) {
                 if !found.iter().all(left_out) {
                     break;
                 }
-                // The result is the same for every value of the operation.
+                // Set if the case's result is precise for every value that the operation may return.
                 let is_sure = bounds.as_ref().is_some_and(|bounds| {
                     let row = bounds.row(lane);
                     let are_floats = row.iter().all(|lane| matches!(lane, Lane::Float(_)));
@@ -525,7 +529,7 @@ impl Interpreted {
         // For each lane and site, set if each operation there had a bad operand.
         let mut bad: BTreeMap<(usize, usize), bool> = BTreeMap::new();
         for event in events {
-            // Events with an operand that isn't finite are few.
+            // Only a few operations have an operand that isn't finite.
             let is_finite = |operand: &Vec<f32>| operand.iter().all(|x| x.is_finite());
             if event.operands.iter().all(is_finite) {
                 continue;
@@ -555,7 +559,7 @@ impl Interpreted {
         (lost, left_out): (Option<f64>, LeftOut<'_>),
     ) -> Vec<Found> {
         let Some(size) = lost else {
-            // Half precision has no second run to compare with.
+            // For 16-bit floats there is no second run in `f64`, so lost digits aren't checked.
             return self.born_of(single, &[], lane, dropped, (&|_, _| false, left_out));
         };
         let loses_own = |event: &Event<f32>, twin: &Event<f64>| loses(event, twin, lane);
@@ -587,7 +591,7 @@ impl Interpreted {
             let operands = || event.operands.iter().map(|operand| operand[lane]);
             let kind = if !value.is_finite() {
                 let nan = value.is_nan();
-                // An operation that turns an infinite operand into NaN isn't the origin of the error.
+                // If an operand is already infinite, an earlier operation caused the error.
                 if operands().any(|operand| !operand.is_finite()) {
                     continue;
                 }
@@ -664,7 +668,7 @@ fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> b
     let is_precise = |(x, y): (&Vec<f32>, &Vec<f64>)| {
         x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= precise
     };
-    // Both runs round constants to `f32`, so only computed values cause an operand's error.
+    // The runs in `f32` and `f64` use constants rounded to `f32`, so only computed operands have an error.
     means_something
         && error(value, shadow) > lost
         && !event.operands.is_empty()
@@ -677,7 +681,8 @@ fn shows_wide(bounds: &[LaneOf<Intervals>], halves: &[bool]) -> bool {
     bounds.iter().zip(halves).any(wide)
 }
 
-/// The largest component of a result that lost half of its digits.
+/// The largest absolute value among the components of a result that lost half of their digits; `None` if no component
+/// did.
 fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], halves: &[bool]) -> Option<f64> {
     let lost = |lane: usize| match (&result[lane], &shadow[lane]) {
         (Lane::Float(x), Lane::Float(y)) => {

@@ -11,8 +11,8 @@ pub const SUBGROUP: u32 = Schedule::SUBGROUP;
 /// The other subgroup sizes of WebGPU devices.
 pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 
-/// The largest number of invocations for which an order arranges each invocation on its own. In larger passes,
-/// neighbours stay together in groups of [`TOGETHER`], which takes an eighth of the time.
+/// The largest number of invocations in a pass for which an order decides separately when each invocation runs. In
+/// larger passes, groups of [`TOGETHER`] neighbouring invocations run together, which takes an eighth of the time.
 pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
@@ -32,15 +32,15 @@ impl OrderOf {
         Self { of_pass: vec![Schedule { subgroup, ..Schedule::default() }; passes.passes.len()] }
     }
 
-    /// An explored order, from its turns.
+    /// The order in which the explorer ran the passes. `turns` lists, for each pass, which invocation took each turn.
     pub(super) fn of_turns(turns: Vec<Vec<Actor>>, stores: Stores) -> Self {
         let of = |turns| Schedule { turns, stores, ..Schedule::one_by_one() };
         Self { of_pass: turns.into_iter().map(of).collect() }
     }
 
     /// The sampled order `number`. The first orders run invocations one by one, backwards, in turn, and shuffled. In
-    /// later orders, one or two invocations of each pass stall at one of their atomics. In every second one of these
-    /// orders, stores may take effect late.
+    /// later orders, one or two invocations of each pass stall at one of their atomics. In half of these later orders,
+    /// other invocations may see a store late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {
@@ -89,7 +89,7 @@ impl OrderOf {
         self.of_pass.iter().map(|own| own.subgroup).find(|own| *own != SUBGROUP).unwrap_or(SUBGROUP)
     }
 
-    /// Orders in which one difference from the usual order is removed.
+    /// Simpler orders to try: each of them is this order without one of its differences from the usual order.
     pub(crate) fn simpler(&self) -> impl Iterator<Item = Self> {
         let usual = Schedule::default();
         let of_one = self.of_pass.iter().enumerate().flat_map(move |(at, own)| {
@@ -97,7 +97,7 @@ impl OrderOf {
             if *own == usual {
                 return all;
             }
-            // Usually only one pass is the cause.
+            // Gives this pass the usual order, because usually only one of the passes is the cause.
             all.push((at, usual.clone()));
             all.push((at, Schedule { stores: Stores::AtOnce, ..own.clone() }));
             all.push((at, Schedule { subgroup: SUBGROUP, ..own.clone() }));
@@ -136,7 +136,7 @@ impl OrderOf {
         self.of_pass.iter().all(|own| Schedule { subgroup: SUBGROUP, ..own.clone() } == usual)
     }
 
-    /// The first words of a headline for a finding that occurs only in this order.
+    /// The first words of the headline of a finding that occurs in this order, but not in the usual order.
     pub(super) fn headline(&self) -> String {
         match self.is_of_size() {
             true => format!("in subgroups of {}", self.subgroup()),
@@ -226,7 +226,7 @@ pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options)
     order.map_or_else(|| base.clone(), |order| order.options(number, base))
 }
 
-/// The number of orders that a runner tried.
+/// The number of orders that a runner tried. `all` is set if no untried order has other effects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tried {
     /// The number of orders with different effects, without the usual order.
@@ -243,7 +243,7 @@ mod tests {
     use crate::path::Path;
     use crate::reflect::Overrides;
 
-    /// With a driver's subgroup size, each subgroup operation in the engine returns the driver's results.
+    /// If the engine uses the same subgroup size as a driver, each subgroup operation returns the same results in both.
     #[test]
     fn subgroups_are_those_of_a_driver_of_their_size() {
         let vulkan = crate::executor::of(Path::VULKAN).expect("a driver of Vulkan is here");

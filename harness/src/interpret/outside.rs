@@ -1,8 +1,8 @@
 //! Decides if reads and writes outside of arrays change a result.
 //!
-//! WGSL allows such a read to return any element or zero. It allows such a write to change any element, or nothing
-//! (6.4.4). A read matters if another choice changes the data that passes write. The choice may be for this read, or
-//! for all reads outside of arrays together.
+//! WGSL allows a read outside of an array to return any element or zero. WGSL allows a write outside of an array to
+//! change any element, or nothing (6.4.4). A read matters if another choice changes the data that passes write. The
+//! choice may be for this read, or for all reads outside of arrays together.
 
 use karat_engine::{Choice, Elsewhere, Options, Outside};
 
@@ -25,7 +25,7 @@ const OTHERS: [Elsewhere; 7] = [
 ];
 const LEAST: usize = 3;
 
-/// Other values for generated contents, whose elements may be any number.
+/// Other values that a read may return if contents are generated. Elements of generated contents may be any number.
 const ANY: [Elsewhere; 6] = [
     Elsewhere::Number(0),
     Elsewhere::Number(47),
@@ -38,9 +38,9 @@ const ANY: [Elsewhere; 6] = [
 /// The effect of a pass's reads outside of arrays on its result.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
-    /// Reads that change the result on their own.
+    /// The numbers of the reads that change the result when only this read returns another value.
     pub(super) alone: Vec<u32>,
-    /// Set if only all reads together change the result.
+    /// Set if no single read changes the result, but all reads together do.
     pub(super) together: bool,
     pub(super) untried: usize,
 }
@@ -65,7 +65,7 @@ pub(super) fn matter(
     // A write outside of an array may restore a value that a wrong read changed.
     let dropped = Choice { drops: true, ..Choice::default() };
     let usual = left(dropped, None)?;
-    // Keeps some runs for all reads together.
+    // Reserves some of the runs for changing all reads together.
     let left_over = MOST_RUNS - 1 - 2 * (1 + LEAST);
     let each = (left_over / reads.len().max(1)).clamp(LEAST, others.len());
     let most = left_over / each;
@@ -90,7 +90,8 @@ pub(super) fn matter(
     Ok(all)
 }
 
-/// The choices for all reads and writes outside of arrays, if contents are generated.
+/// For passes over generated contents: the values that all reads outside of arrays return in one run, one choice for
+/// each run. Writes outside of arrays have no effect.
 pub(super) fn choices() -> impl Iterator<Item = Choice> {
     ANY.into_iter().take(LEAST).map(|reads| Choice { reads, drops: true })
 }

@@ -14,10 +14,10 @@ use crate::value::{Scalar, format_lane};
 /// The largest number of recorded results in a pass: 16 MiB. The first difference comes early.
 const MOST: usize = 1 << 20;
 
-/// The value that an operation returned in an invocation.
+/// A value that an operation returned to an invocation during a run.
 #[derive(Clone, Copy)]
 struct Given {
-    /// The address of the operation's site. After the run, the index of the site.
+    /// The operation's site: its address in memory during the run, and its index after the run.
     site: usize,
     case: u32,
     word: u32,
@@ -63,7 +63,7 @@ const TOLD: usize = 16;
 
 #[derive(Debug, Default)]
 pub(crate) struct Turns {
-    /// A line about each atomic in order. The list is empty if there are too many.
+    /// A line for a message about each atomic, in order. The list is empty if there are more than [`TOLD`] atomics.
     lines: Vec<String>,
     /// A store that other invocations saw after a later atomic of the same invocation, with a note about both.
     pub(crate) late: Option<(Span, String)>,
@@ -124,7 +124,8 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
 
 pub(crate) struct Parting {
     /// The first operation that returns another value to an invocation than in the usual order: its position, and a
-    /// clause with the invocation and both values. It is `None` if only the order of writes differs.
+    /// clause with the invocation, the usual value and the other value. It is `None` if only the order of writes
+    /// differs.
     pub(crate) first: Option<(Span, String)>,
     pub(crate) turns: Turns,
 }

@@ -1,4 +1,4 @@
-//! Finds hazards in compute passes: operations with good operands and a bad result.
+//! Finds hazards in compute passes: operations with finite operands and a result that isn't finite.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
@@ -15,12 +15,13 @@ use crate::value::Scalar;
 
 struct Operation {
     operands: Vec<f32>,
-    /// For a derivative, the missing pixel, and the index of the site at which that pixel took another branch.
+    /// For a derivative: the pixel of the quad that doesn't take it, and the index of the site at which that pixel took
+    /// another branch.
     missing: Option<(usize, Option<usize>)>,
     invocations: BTreeSet<usize>,
 }
 
-/// The operations with hazards in a pass, by site and kind.
+/// Records the operations with hazards in a pass, by the index of their site and by the kind of hazard.
 struct Recorder {
     all: Mutex<BTreeMap<(usize, Kind), Operation>>,
     /// The invocations that reach each site, if the caller needs them.
@@ -36,12 +37,12 @@ impl Recorder {
 
 impl Observer<F32> for Recorder {
     fn floats(&self, lanes: &Lanes<'_, F32>) {
-        // Works on whole columns, because it runs for each operation in each round.
+        // Checks the values of all lanes at once, because this code runs for each operation in each round.
         let is_bad = |values: &&[f32]| !values.iter().fold(true, |good, x| good & x.is_finite());
         if !lanes.floats.iter().any(|values| is_bad(&&**values)) {
             return;
         }
-        // An operation with an infinite operand isn't the origin of the error.
+        // If an operand is already infinite, an earlier operation caused the error.
         let mut good = lanes.active.to_vec();
         for operand in lanes.operands {
             good.iter_mut().zip(operand.iter()).for_each(|(good, x)| *good &= x.is_finite());
@@ -158,7 +159,7 @@ fn watched(
         }
         Ok(true)
     })?;
-    // Operations after a NaN aren't recorded, and the written data may depend on one of them.
+    // If all written data is finite, infinities are hidden. A NaN may still matter: later operations aren't recorded.
     if are_finite(passes, prepared.left(&held))? {
         let infinite = all.wrong.iter_mut().filter(|one| one.found.kind == Kind::Infinite);
         infinite.for_each(|one| one.found.hidden = true);
@@ -172,7 +173,7 @@ fn are_finite(passes: &Passes, left: Afterwards) -> Result<bool, DispatchError> 
         let (_, shape) = passes.written(&passes.resources[number].name)?;
         let lanes = passes.lanes(number, &words).expect("passes write what they leave");
         let mut scalars = shape.lanes();
-        // A draw returns its results as words, with a canary after each pixel.
+        // A draw writes the results of each pixel as `u32` words, followed by the pixel's canary.
         let drawn = passes.passes.iter().find_map(|pass| pass.drawn.as_ref());
         if let Some(own) = drawn.filter(|_| passes.resources[number].name == RESULTS) {
             let of_pixel = own.iter().copied().chain([Scalar::U32]);

@@ -10,8 +10,8 @@ pub(super) const PIXELS: usize = 4;
 pub(super) struct Quads {
     /// The scalars of each argument at one pixel. The flag says that the argument varies between pixels.
     arguments: Vec<(Vec<Scalar>, bool)>,
-    /// The pixel that returns results. If a row has the arguments of all four pixels, it is the given pixel. Otherwise
-    /// the row has slopes, and it is the first pixel.
+    /// The pixel that returns results. `Some` if a row has the arguments of all four pixels. `None` if a row has the
+    /// arguments of the first pixel and their slopes: then the first pixel returns results.
     pub(super) own: Option<usize>,
 }
 
@@ -24,15 +24,15 @@ impl Quads {
         Self { arguments: function.parameters.iter().map(of).collect(), own: None }
     }
 
-    /// Marks the lanes of results that depend on the steepness of the slopes.
+    /// Marks in `open` the numbers of the results that change if all slopes are a little steeper or flatter.
     pub(super) fn open<E>(
         &self,
         rows: &[u32],
         open: &mut [bool],
         results: impl Fn(&[u32]) -> Result<Vec<u32>, E>,
     ) -> Result<(), E> {
-        /// Factors for slopes that change the mip level by a third (log2 of 1.25). A driver may choose a mip level that
-        /// differs from the exact one by this much.
+        /// Factors by which the slopes are multiplied. They change the mip level by about a third (log2 of 1.25). A
+        /// driver's mip level may differ from the exact mip level by so much.
         const SLOPES: [f32; 2] = [0.8, 1.25];
         let usual = results(rows)?;
         for factor in SLOPES {
@@ -60,7 +60,8 @@ impl Quads {
         words.map(scaled).collect()
     }
 
-    /// The rows of all pixels, computed as the kernel computes them.
+    /// The arguments of each of the four pixels of a quad, one pixel after another. If rows have slopes, they are
+    /// computed as the kernel does it.
     pub(super) fn pixels(&self, rows: &[u32]) -> Vec<u32> {
         if self.own.is_some() {
             return rows.to_vec();

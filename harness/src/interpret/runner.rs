@@ -12,19 +12,21 @@ use crate::settings;
 /// The number of orders to sample, if there are too many to try all.
 const DRAWN: u64 = 16;
 
-/// The largest number of orders to try if all are tried. It also limits the invocations of all runs together.
+/// The largest number of orders when the runner tries all orders, and the largest number of invocations in all these
+/// runs together.
 const MOST_ORDERS: u64 = 4096;
 const MOST_INVOCATIONS: u64 = 1 << 20;
 
-/// The largest number of pairs of turns in all runs: 4,096 runs of 22 turns each.
+/// The largest number of pairs of turns that the explorer compares in all runs together. It suffices for 4,096 runs of
+/// 22 turns each.
 const MOST_WORK: u64 = 1 << 20;
 
-/// The base-2 logarithm of an upper bound for the number of orders. All orders are tried up to this bound, which is far
-/// above the real number.
+/// If the base-2 logarithm of the estimated number of orders is at most this number, all orders are tried. The estimate
+/// is an upper bound, far above the real number.
 const MOST_LIKELY: f64 = 24.0;
 
-/// The number of turns after which no further order is sampled. It also limits the turns of one order. A million turns
-/// take a second.
+/// The number of turns in all runs after which no further order is sampled, and the largest number of turns in one
+/// order. A million turns take a second.
 const MOST_TURNS: u64 = 1 << 20;
 const TURNS_OF_ONE: usize = 1 << 22;
 
@@ -43,7 +45,7 @@ pub struct Run {
 
 enum Next {
     Usual,
-    /// The usual order with the subgroup size of this index.
+    /// The usual order with another subgroup size: the index of this size in [`SUBGROUPS`].
     Size(usize),
     Drawn(u64),
     /// All orders, with stores that take effect either at once or late.
@@ -57,7 +59,7 @@ pub struct Runner<'p> {
     prepared: Result<Prepared<'p>, Option<DispatchError>>,
     next: Next,
     wanted: u64,
-    /// Set if all orders are to be tried when there are few.
+    /// Set if the runner tries all orders when there are only a few.
     explores: bool,
     atomics: Vec<Atomics>,
     known: Known,
@@ -126,14 +128,14 @@ impl<'p> Runner<'p> {
         next
     }
 
-    /// The next run when trying all orders. If all were tried, it chooses another kind of run.
+    /// The next run when trying all orders. After the last of these orders, it chooses another kind of run.
     fn explored(&mut self, mut explorer: Box<Explorer>, stores: Stores) -> Option<Run> {
         loop {
             let spent = self.runs * self.passes.invocations();
             let spent =
                 explorer.is_too_long() || explorer.work() >= MOST_WORK || spent >= MOST_INVOCATIONS;
             if !self.explores || self.runs >= MOST_ORDERS || spent {
-                // If `all` is set, only orders with late stores remain.
+                // If `all` is set, all orders were tried, except for orders in which stores take effect late.
                 self.next = match self.explores && !self.tried.all {
                     true => Next::Drawn(SIMPLE),
                     false => Next::End,
@@ -206,7 +208,7 @@ impl Iterator for Runner<'_> {
             self.atomics = std::mem::take(&mut self.known.atomics);
             self.known.turns = 0;
         }
-        // A run that stopped for another reason than an endless loop shows nothing.
+        // If a run stopped early for another reason than an endless loop, its results say nothing about the order.
         if left.is_none() && examined.endless.is_none() && matches!(self.next, Next::Drawn(_)) {
             self.tried.orders -= 1;
         }

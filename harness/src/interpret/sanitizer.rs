@@ -27,8 +27,8 @@ const WHOLE: u64 = 1 << 16;
 /// the pass's name.
 const SOME: usize = 64;
 
-/// The options for passes over generated resources, in which loops may read any number as their limit. Useful limits
-/// are some hundreds. A million rounds in all invocations together take seconds.
+/// The engine's options for passes over generated resources, which limit the rounds of loops: a loop may read any
+/// number as its limit. Useful limits are some hundreds. A million rounds in all invocations together take seconds.
 pub(super) fn made_up_options() -> Options {
     Options { fuel: 1 << 14, work: 1 << 20, ..options() }
 }
@@ -107,7 +107,7 @@ pub(super) struct Known {
 }
 
 impl Known {
-    /// Checks if an earlier run found the same violation.
+    /// Checks if an earlier run found a violation of the same kind at the same positions.
     fn has(&self, one: &Violation) -> bool {
         // The second access in one order may be the first access in another.
         let places = |one: &Violation| -> BTreeSet<String> {
@@ -121,9 +121,10 @@ impl Known {
 }
 
 pub(super) enum Ways<'w> {
-    /// A given order. `None` stands for the usual order.
+    /// One order that the caller chose. `None` stands for the usual order.
     Ordered(Option<&'w OrderOf>, &'w Options),
-    /// The next order of an explorer. After the run, the explorer knows its turns.
+    /// The next order that an explorer tries. After the run, the function makes an [`OrderOf`] from the turns that the
+    /// explorer recorded.
     Explored(&'w Options, &'w mut Explorer, &'w dyn Fn(&Explorer) -> OrderOf),
 }
 
@@ -206,8 +207,8 @@ fn run(
         }
         if let Some(stop) = &observed.stopped {
             *too_long |= matches!(stop, Stop::Work { .. });
-            // Many invocations together may use up all rounds. An endless loop uses up the rounds in one workgroup,
-            // too.
+            // Many invocations together may use up all rounds. An endless loop also uses up the rounds if a workgroup
+            // runs alone.
             let alone = match stop {
                 Stop::Work { .. } => {
                     let whole = Options { work: u64::MAX, ..options.clone() };
@@ -334,7 +335,8 @@ fn depends_on_blank(
 struct Examining<'p> {
     pass: &'p Pass,
     size: [u32; 3],
-    /// Set if all invocations run one statement before the next. Later statements then run later.
+    /// Set if all invocations finish a statement before any of them begins the next statement. Accesses then happen in
+    /// the order of the statements.
     together: bool,
 }
 
@@ -643,7 +645,7 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
     (Violation { variable, element, ..violation }, diagnostic)
 }
 
-/// The position of an access, the invocation, and its action.
+/// An access for a message: its position, the name of the invocation, and a verb such as `reads`.
 type Action = (Option<Span>, String, String);
 
 fn access((span, invocation, does): Action) -> ViolationAccess {
@@ -651,7 +653,7 @@ fn access((span, invocation, does): Action) -> ViolationAccess {
     ViolationAccess { place, invocation, does }
 }
 
-/// The message with the positions of both accesses.
+/// The message about two conflicting accesses, with the position of each of them.
 fn diagnostic(headline: String, accesses: &[Action; 2]) -> Diagnostic {
     let [first, second] = accesses;
     let says = |(_, invocation, does): &Action| format!("{invocation} {does}");
@@ -695,7 +697,8 @@ mod tests {
             if id.x == 0u || id.x + 1u == arrayLength(&data) { data[7] = id.x; }
         }";
 
-    /// Passes run in order. All workgroups run as long as the limit allows.
+    /// The sanitizer runs passes one after another, each with all its workgroups, as long as their number is below the
+    /// limit.
     #[test]
     fn passes_are_ordered_and_run_whole() {
         let examined = examined(TEXT, &[("fill", 2), ("ends", 1)], 128);
@@ -704,7 +707,8 @@ mod tests {
         assert_eq!(examined.watched, whole);
     }
 
-    /// In a pass that is too large, the first and the last workgroup run. No later pass runs.
+    /// In a pass that is too large, the sanitizer runs only some workgroups, among them the first one and the last one.
+    /// It runs no later pass.
     #[test]
     fn a_large_pass_is_checked_in_part() {
         let groups = 2048;

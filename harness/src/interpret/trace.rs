@@ -71,11 +71,11 @@ struct Values {
     /// Set after an index was outside of its array. WGSL allows any value for later operations.
     lost: AtomicBool,
     case: usize,
-    /// The number of components to keep for each site. `None` stands for one limit for all sites together.
+    /// For each site (operation), the number of values to keep. With `None`, one limit applies to all sites together.
     most: Option<Most>,
 }
 
-/// For each site, the number of components to keep, and the number so far.
+/// For each site (operation), the number of values to keep, and the number of values kept so far.
 type Most = Arc<BTreeMap<usize, (usize, AtomicUsize)>>;
 
 macro_rules! values {
@@ -126,21 +126,21 @@ impl Values {
         Self { all: Mutex::default(), lost: AtomicBool::new(false), case, most }
     }
 
-    /// Checks if no more values of a site are kept.
+    /// Checks if the number of kept values of a site has reached its limit.
     fn has_enough(&self, site: &Site, kept: usize) -> bool {
         let Some(most) = &self.most else { return kept >= 16 * MOST };
         let own = most.get(&std::ptr::from_ref(site).addr());
         own.is_none_or(|(most, seen)| seen.fetch_add(1, Ordering::Relaxed) >= *most)
     }
 
-    /// Groups the components of each operation: the site, the repetition, and the values. `components` returns the
-    /// number of components at a site.
+    /// Groups the recorded values by operation. Each group has the operation's site, the number of its repetition, and
+    /// a value for each component. `components` returns the number of components at a site.
     fn groups(self, components: &dyn Fn(usize) -> usize) -> Vec<((usize, usize), Vec<Seen>)> {
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
         let mut groups: Vec<((usize, usize), Vec<Seen>)> = Vec::new();
         for (site, value) in self.all.into_inner().unwrap_or_else(PoisonError::into_inner) {
             match groups.last_mut() {
-                // If a loop has only one operation, the same operation follows itself.
+                // In a loop with only one operation, this operation's values of several rounds follow each other.
                 Some(((last, _), values)) if *last == site && values.len() < components(site) => {
                     values.push(value);
                 }
@@ -164,7 +164,7 @@ impl Seen {
             Self::Word(word) if signed => Value::Int(i64::from(word.cast_signed())),
             Self::Word(word) => Value::Int(i64::from(word)),
             Self::Bool(x) => Value::Bool(x),
-            // Bounds aren't values.
+            // Interval arithmetic returns bounds instead of values, and a trace shows these separately.
             Self::Interval(_) | Self::Range(_) | Self::Truth(_) | Self::Anything => {
                 Value::Single(f32::NAN)
             }
@@ -183,7 +183,8 @@ impl Seen {
     }
 }
 
-/// The operations of a call in `f32` and in `f64`, with WGSL's bounds. `row` has the lanes of the arguments.
+/// The operations of a call in `f32` and in `f64`, with WGSL's bounds. `row` has the scalars of the arguments, each as
+/// a `u32`.
 ///
 /// ```
 /// use karat::Package;
@@ -252,7 +253,7 @@ fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     for (_, shape) in &probed.function().parameters {
         let scalars = shape.quad().unwrap_or(shape).lanes();
         row.extend(&quad[own][at..at + scalars.len()]);
-        // The indices of both pixels in this row, and of both pixels in this column.
+        // The indices of the two pixels in the row of the pixel `own`, and of the two pixels in its column.
         let sides = shape.quad().map(|_| [[own & 2, own | 1], [own & 1, own | 2]]);
         for [before, behind] in sides.into_iter().flatten() {
             row.extend(scalars.iter().enumerate().map(|(index, scalar)| {
@@ -306,7 +307,7 @@ pub(crate) fn trace_pass(
     Ok(steps(&pass, &[], group * width + local, None)?.0)
 }
 
-/// A pass, with the resources as the earlier passes wrote them.
+/// A pass to trace, with the contents that the earlier passes left in its resources.
 struct OfPass<'p> {
     pass: &'p Pass,
     lowered: Lowered,
@@ -344,8 +345,8 @@ impl Traced for Interpreted {
     }
 }
 
-/// The operations of a call, in the order in which they run. In a quad, they are those of one pixel. Each operation has
-/// at most `runs` runs. The flag says that there were more.
+/// The operations of a call, in the order in which they run. In a quad, they are those of one pixel. Of each operation,
+/// only the first `runs` runs are returned. The flag is set if an operation ran more often.
 fn steps(
     traced: &impl Traced,
     row: &[u32],
@@ -357,7 +358,7 @@ fn steps(
         let limit = |site: &Site| {
             let at = site.expression.map(|at| at.index());
             let components = at.map_or(1, |at| program.components(&site.function, at));
-            // A derivative consists of several operations at one site. The last one has the derivative's value.
+            // The engine computes a derivative by several operations at one site. The last one returns the derivative.
             let is_many = at.is_some_and(|at| program.is_derivative(&site.function, at));
             let limit = if is_many { usize::MAX } else { runs.unwrap_or(0) * components };
             (std::ptr::from_ref(site).addr(), (limit, AtomicUsize::new(0)))

@@ -22,7 +22,7 @@ impl Observer<F32> for Evaluations {
 }
 
 /// The number of operations in the longest of a few calls. The calls run together. In a quad, each pixel is counted
-/// separately. It is `None` if the loops take too many rounds.
+/// separately. Returns `None` if the loops take too many rounds.
 pub fn evaluations(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -40,7 +40,7 @@ pub fn evaluations(
             Err(stop) => Err(called.error(&stop)),
         };
     }
-    // Runs each call on its own.
+    // Runs the calls one by one, so that each call has its own count.
     let count = count.max(1);
     let (width, each) = (rows.len() / count, ROUNDS / count as u64);
     let called = Alone::new(probed, fixtures)?.with_fuel(each);

@@ -4,7 +4,7 @@ use super::dispatch::{in_order, options};
 use crate::dispatch::{DispatchError, Passes};
 use crate::reflect::BindingKind;
 
-/// For each lane of a buffer or texture, in order, `true` if a pass writes the lane.
+/// For each scalar of a buffer or texture, in order, `true` if a pass writes the scalar.
 pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchError> {
     let mut marks: Vec<u8> = Vec::new();
     in_order(passes, &mut |pass, lowered, resources| {
@@ -36,7 +36,7 @@ pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchEr
         let texel = |mark| std::iter::repeat_n(mark != 0, format.channels());
         return Ok(marks.into_iter().flat_map(texel).collect());
     }
-    // A number whose first byte is 1 isn't 0 in any of WGSL's types.
+    // A scalar of any of WGSL's types isn't 0 if its first byte is 1, so each marked scalar differs from 0.
     let words: Vec<u32> = marks
         .chunks(4)
         .map(|bytes| (0..).zip(bytes).fold(0, |word, (k, byte)| word | u32::from(*byte) << (8 * k)))

@@ -15,7 +15,7 @@ pub(crate) const PRINTED: &str = "karat_print_";
 /// value a separate operation.
 pub(crate) const HOLDER: &str = "karat_value_";
 
-/// The texts that begin an assertion or a print.
+/// The texts with which an assertion or a print begins: as a comment, and as a call in WESL.
 const COMMENT: &str = "karat:";
 const CONDITION: &str = "@if(karat)";
 const CONDITION_HEAD: &str = "@if(karat";
@@ -194,8 +194,8 @@ impl Verb {
     }
 }
 
-/// Composes the values of a text after two replacements. The ranges of `inner` refer to the text before the
-/// second replacement.
+/// Combines the lists of replaced ranges from two replacements of a text, one after the other. The ranges of `inner`
+/// refer to the text before the second replacement.
 pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     let (mut all, mut shift, mut outer) = (Vec::new(), 0_isize, outer.into_iter().peekable());
     let moved = |at: usize, shift: isize| at.checked_add_signed(shift).expect("it is in the text");
@@ -211,7 +211,8 @@ pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     all
 }
 
-/// The expression of an assertion or a print. `holder` is a position in the `let` that Karat generated.
+/// The location of the expression of an assertion or a print; `None` if there is no such line. `holder` is a location
+/// in the `let` that Karat generated for the line.
 pub(crate) fn expression_of(holder: &Span) -> Option<Span> {
     let values = &holder.file.values;
     let at = values.iter().position(|value| value.at.contains(&holder.range.start))?;

@@ -57,7 +57,7 @@ pub(super) fn after_attribute(
     at: usize,
 ) -> usize {
     let name = tokens.get(at + 1).map_or("", |token| &text[token.range()]);
-    // These attributes take no arguments, so a bracket behind one of them belongs to the next item.
+    // These attributes take no arguments, so a bracket after such an attribute begins the next item.
     let bare = matches!(
         name,
         "else"
@@ -96,8 +96,8 @@ pub(super) fn end_of(
     None
 }
 
-/// The index of the token that ends a member or a parameter: its comma, or the bracket that closes the list. A
-/// comma between `<` and `>` separates a type's arguments.
+/// The index of the token that ends a structure's member or a function's parameter: the comma after it, or the bracket
+/// that closes the list. A comma between `<` and `>` separates a type's arguments.
 pub(super) fn end_of_item(tokens: &[Token], brackets: &[usize], from: usize) -> Option<usize> {
     let (mut at, mut depth) = (from, 0_usize);
     while at < tokens.len() {

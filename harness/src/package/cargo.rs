@@ -28,15 +28,16 @@ const DEEPEST: usize = 16;
 /// The name of the temporary project for which cargo resolves a version.
 const ASKING: &str = "shaders-of-a-version";
 
-/// The largest number of rounds that add crates without a dependency on them, because shaders import from these
-/// crates.
+/// Shaders may import from crates on which no crate depends. Karat adds these crates to the project, and then asks
+/// cargo again. It asks at most this many times.
 const ROUNDS: usize = 4;
 
 #[derive(Debug, Deserialize, Serialize)]
 pub(super) struct Graph {
     crates: Vec<Crate>,
     others: BTreeSet<String>,
-    /// The manifests of crates beside the project, each with its hash. These manifests may change.
+    /// The manifests of crates beside the project, each with its hash. Unlike the manifests of published crates, these
+    /// manifests may change.
     local: BTreeMap<PathBuf, String>,
 }
 
@@ -63,7 +64,7 @@ pub(super) struct Found {
     roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 
-/// Two crates are equal if they have the same modules and can import from the same crates.
+/// Two of these values are equal if they name the same crate of the same graph, with the same module folders.
 impl PartialEq for Found {
     fn eq(&self, other: &Self) -> bool {
         let is_same = (self.index, &self.roots) == (other.index, &other.roots);
@@ -86,7 +87,8 @@ impl Found {
         self.roots.get(&self.index).unwrap_or(&self.krate().root)
     }
 
-    /// The same crate, with another module folder for this crate or for a crate from which it may import.
+    /// This crate, but the crate `name` has its modules in the folder `root`. `name` is this crate, or a crate from
+    /// which this crate may import.
     pub(super) fn with_root(&self, name: &str, root: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Crate { name: name.to_owned(), reason };
         let plain = name.replace('-', "_");
@@ -146,7 +148,7 @@ struct Graphs;
 impl Kind for Graphs {
     type Key = (PathBuf, String);
     type Value = Result<Arc<Graph>, String>;
-    // More projects than one process opens.
+    // One process opens fewer projects.
     const MOST: usize = 1000;
 }
 
@@ -268,7 +270,7 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
     std::fs::create_dir(folder.join("src")).map_err(failed)?;
     std::fs::write(folder.join("src/lib.rs"), "").map_err(failed)?;
     let manifest = folder.join("Cargo.toml");
-    // The exact requirement in the syntax of a manifest.
+    // Requires exactly this version, in the syntax of `Cargo.toml`.
     let exact = format!("{{ version = \"={version}\", default-features = false }}");
     let mut wanted = BTreeMap::from([(name.to_owned(), exact.clone())]);
     let ask = |wanted: &BTreeMap<String, String>| {
@@ -279,7 +281,7 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
         wanted.iter().for_each(|(name, how)| text += &format!("{name} = {how}\n"));
         std::fs::write(&manifest, text).map_err(failed)?;
         let graph = Metadata::of(base, &manifest, true)?.graph()?;
-        // The project is temporary, and a published version doesn't change.
+        // The manifests needn't be checked later: the project is temporary, and a published version doesn't change.
         Ok::<_, String>(Graph { local: BTreeMap::new(), ..graph })
     };
     let mut graph = ask(&wanted)?;
@@ -292,8 +294,8 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
         wanted.extend(missing.into_iter().map(|name| (name, exact.clone())));
         graph = ask(&wanted)?;
     }
-    // Cargo's graph lacks the dependencies of a crate's examples. If cargo can't fetch one of them, its import
-    // isn't found.
+    // Cargo's graph lacks the dependencies of a crate's examples. If cargo can't fetch such a dependency, an import
+    // from it fails later.
     let of_examples = graph.of_examples(name, version);
     if of_examples.is_empty() {
         return Ok(graph);
@@ -353,7 +355,8 @@ fn hash_of(manifest: &Path) -> Option<String> {
     Some(hasher.finalize().to_hex().to_string())
 }
 
-/// The stored graph if its folders exist and its manifests are unchanged. Otherwise the graph that `ask` returns.
+/// The stored graph if its folders exist and its manifests are unchanged. Otherwise calls `ask`, and stores the graph
+/// that it returns.
 fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Result<Graph, String> {
     let known = std::fs::read(kept).ok();
     let known = known.and_then(|bytes| serde_json::from_slice::<Graph>(&bytes).ok());

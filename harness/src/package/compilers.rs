@@ -8,7 +8,7 @@ use crate::diagnostic::nearest;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Compilers {
-    /// Reports if a shader that Tint rejects is invalid. Then a run without Tint gives no verdict.
+    /// Set if a shader that Tint rejects is invalid. Then a run without Tint ends without a verdict.
     pub(crate) require_tint: bool,
     /// Native features of wgpu that shaders use intentionally, by naga's names of capabilities.
     pub(crate) native: Vec<String>,

@@ -231,8 +231,8 @@ impl Reader<'_> {
                 found.live.extend_from_slice(&self.tokens[attribute.clone()]);
             }
         }
-        // Braces only group declarations and statements. They open no scope: names inside are declared outside,
-        // too.
+        // Braces only group declarations and statements. They open no scope, so names that are declared between these
+        // braces are also visible after them.
         if is_group {
             found.removed.push(self.tokens[at].range());
             closing.push(self.brackets[at]);

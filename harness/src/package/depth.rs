@@ -4,14 +4,14 @@ use std::ops::Range;
 
 use super::lexer::{Kind, lex};
 
-/// The largest number of tokens in nested expressions, and of branches in one `else if` chain, for texts that go
-/// to a compiler. Compilers recurse over terms, members, brackets and branches.
+/// The largest number of tokens in nested expressions, and the largest number of branches in an `else if` chain. Karat
+/// gives no text above this limit to a compiler. Compilers recurse over terms, members, brackets and branches.
 const MOST_NESTED: usize = 6_000;
 
 /// The first range of a text that nests deeper than [`MOST_NESTED`]. Commas and semicolons end an expression, so
 /// a long list isn't deep.
 pub(super) fn deepest(text: &str) -> Option<Range<usize>> {
-    // For each open bracket: the number of tokens since the last separator, and of consecutive branches.
+    // For each open bracket, the numbers of tokens since the last separator, and of `else if` branches in a row.
     let mut levels = vec![(0_usize, 0_usize)];
     let mut sum = 0;
     let tokens = lex(text);

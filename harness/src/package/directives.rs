@@ -54,7 +54,7 @@ const KNOWN: [&str; 9] =
     ["define", "define_import_path", "else", "endif", "if", "ifdef", "ifndef", "import", "include"];
 
 struct Open {
-    /// The range of the directive that opens the condition.
+    /// The range of the `#if`, `#ifdef` or `#ifndef` that opens the condition.
     at: Range<usize>,
     /// Reports if the conditions around this condition are true.
     outer: bool,
@@ -286,7 +286,7 @@ impl Reader<'_> {
             }
             _ if !self.is_live() => return Ok(()),
             "define" => {
-                // Karat already knows the value, except for a guard: see `defined`.
+                // `defined` has already read this definition, unless it belongs to an include guard.
                 let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
                 let value = self.parsed(value.trim(), &whole)?;
                 if self.guards.contains_key(name) {
@@ -328,7 +328,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Reads an `#import`. It ends at the end of its line, or with its braces.
+    /// Reads an `#import`. The `#import` ends at the end of its line, or at its closing brace.
     fn import(
         &mut self,
         at: usize,
@@ -365,8 +365,8 @@ impl Reader<'_> {
                 "an engine's asset server",
             ));
         }
-        // The result is WESL's statement, byte for byte. A blank replaces `#`, and the statement ends with its
-        // line or its braces. The names between the braces may have conditions of their own.
+        // The result is an import statement of WESL with the same length. A blank replaces `#`, and the statement ends
+        // with its line or its braces. The names between the braces may have conditions of their own.
         let (mut depth, mut end, mut ended) = (0_i32, start, false);
         let first = self.tokens.partition_point(|token| token.range().start < start);
         let mut closes = false;

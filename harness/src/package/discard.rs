@@ -1,9 +1,9 @@
 //! Makes functions with `discard` callable.
 //!
 //! A discarded pixel is a result, too. After `discard`, an invocation goes on as a helper, and the GPU drops its
-//! results (WGSL, *Discard Statement*). So Karat replaces the statement by an assignment. A generated function
-//! calls the author's function and also returns the assigned flag. Helpers don't write to memory either. So a
-//! function that writes to memory keeps the statement, and runs in a draw.
+//! results (WGSL, *Discard Statement*). So Karat replaces the statement by an assignment. A generated function calls
+//! the author's function and also returns the assigned flag. Helpers don't write to memory either. So a function that
+//! writes to memory keeps the statement, and Karat calls it in a draw instead of a dispatch.
 
 use super::lexer::lex;
 use super::splice::{DISCARDED, Edit};
@@ -16,9 +16,9 @@ const WRAPPER: &str = "karat_or_discarded";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Discards {
-    /// An assignment replaces the statement.
+    /// An assignment to a flag replaces the statement `discard`.
     Assigned,
-    /// The statement stays, and the invocation goes on as a helper.
+    /// The statement `discard` stays in the text, and the invocation goes on as a helper.
     Kept,
 }
 
@@ -28,9 +28,9 @@ pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<E
     own.map(edit).collect()
 }
 
-/// The name and the text of a function that calls a function with `discard`. It returns the value and
-/// `discarded`. If the statement is kept, `discarded` stays false, because the GPU drops a helper's result.
-/// `None` if the text doesn't have the function.
+/// The name and the text of a function that calls a function with `discard`. The generated function returns a structure
+/// of the function's value and the flag `discarded`. If the statement is kept, `discarded` stays false, because the GPU
+/// drops a helper's result. `None` if the text doesn't have the function.
 pub(super) fn wrapper(
     text: &str,
     function: &str,

@@ -163,9 +163,9 @@ pub enum PackageError {
         unknown: Vec<(String, Option<String>)>,
         /// The package.
         package: String,
-        /// An attribute that looks like a condition with one of these features: `@iff(fast)`.
+        /// An attribute that looks like a misspelt condition with one of the unknown features: `@iff(fast)`.
         misspelt: Option<Box<str>>,
-        /// One of these features that a module uses as an ordinary name.
+        /// One of the unknown features, if a module uses its name as an ordinary name.
         bare: Option<Box<str>>,
         /// The features that the package's conditions use.
         known: Box<str>,

@@ -79,12 +79,12 @@ fn may_have_tests(error: &Diagnostic) -> bool {
 
 #[derive(Default)]
 struct Known {
-    /// Modules with imports that exist. The modules from which they import also have only imports that exist.
+    /// The modules whose imports were checked: each import exists, also in the modules from which they import.
     imports: BTreeSet<ModulePath>,
     modules: BTreeMap<ModulePath, Arc<Module>>,
     numbers: HashMap<Item, usize>,
     nodes: Vec<Node>,
-    /// The number of passes so far.
+    /// The number of times that Karat has computed the package's fingerprints.
     time: u64,
     wholes: HashMap<usize, Whole>,
 }
@@ -94,12 +94,12 @@ struct Node {
     /// The hash of the declaration's own tokens, and the declarations that it needs. `None` if the declaration
     /// isn't described yet, or if its module changed.
     made_of: Option<(Hash, Vec<usize>)>,
-    /// The description before the change of the module.
+    /// The value of `made_of` before the declaration's module changed.
     before: Option<(Hash, Vec<usize>)>,
     since: u64,
 }
 
-/// A declaration with everything that it needs.
+/// The fingerprint of a declaration, with the indices of everything that the declaration needs.
 struct Whole {
     found: String,
     nodes: Vec<usize>,
@@ -109,7 +109,8 @@ struct Whole {
 struct Last {
     package: Package,
     there: Vec<String>,
-    /// The packages that modules of the package reach, in the order of their numbers.
+    /// The packages from which modules of the package import, directly or through others, in the order in which the
+    /// library numbers them.
     packages: Vec<(Package, String)>,
     known: Known,
 }
@@ -120,7 +121,8 @@ impl Kind for Last {
     const MOST: usize = 1;
 }
 
-/// The declarations of a package. Karat describes each declaration once for all modules.
+/// Computes fingerprints of a package's declarations. Karat hashes each declaration once, even if several modules use
+/// it.
 struct Described<'a> {
     package: &'a Package,
     library: &'a Library,
@@ -139,7 +141,8 @@ impl<'a> Described<'a> {
         Self { package, library, linker: None, known: known.unwrap_or_default() }
     }
 
-    /// Stores the facts for the next pass, unless files of other packages may change the facts.
+    /// Stores the known facts for the next computation of fingerprints, unless files of other packages may change these
+    /// facts.
     fn keep(self, there: &[String]) {
         let Some(packages) = self.library.in_memory() else { return };
         let (package, there) = (self.package.clone(), there.to_vec());
@@ -216,8 +219,8 @@ impl<'a> Described<'a> {
 }
 
 impl Known {
-    /// Forgets the descriptions of changed modules. Returns `false` if a changed module declares or imports other
-    /// names than before. Then names in other modules may mean something else.
+    /// Forgets the descriptions of changed modules. Returns `false` if a changed module declares or imports other names
+    /// than before. After such a change, names in other modules may refer to other declarations.
     fn is_updated(&mut self, library: &Library) -> bool {
         let mut changed = BTreeSet::new();
         for (path, known) in &self.modules {
@@ -283,7 +286,7 @@ impl Known {
             }
             Ok(Some(found))
         };
-        // The linker reports a missing name.
+        // A declaration that can't be read has no fingerprint, because the linker reports its error.
         Ok(items.iter().map(|item| one(item).ok().flatten()).collect())
     }
 
@@ -402,7 +405,7 @@ mod tests {
         }
     }
 
-    /// After edits in a folder, the stored facts give the same fingerprints as a new pass.
+    /// After edits in a folder, Karat computes the same fingerprints from stored facts as it would without them.
     #[test]
     fn cached_facts_do_not_change_fingerprints() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -459,7 +462,7 @@ mod tests {
         let package = Package::open(folder.path()).expect("a folder");
         let names = BTreeSet::from(["a::f", "a::other"].map(str::to_owned));
         let mut before = BTreeMap::new();
-        // Another test of this process may evict the stored facts, but not in every round.
+        // Another test may replace the stored facts at any time, but hardly in each of these 16 rounds.
         for round in 0..16 {
             write("a.wgsl", &A.replace("K = 2.0", &format!("K = {round}.5")));
             write("b.wgsl", &B.replace("return -x", &format!("return -{round}.5 * x")));

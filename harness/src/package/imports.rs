@@ -67,7 +67,7 @@ pub(super) fn check_more(
         let module = library.module(&path)?;
         for import in imports(&module)?.into_iter().filter(|import| import.counts_in(&module)) {
             let led = match led(library, &path, &module, &import) {
-                // A use of the name reports this error, because `naga_oil` checks only used names.
+                // The linker reports this error at a use of the name, because `naga_oil` checks only used names.
                 Err(Problem::Item { condition: Some(_), .. }) => continue,
                 led => led,
             };

@@ -97,8 +97,8 @@ pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<Str
     Some((words, open.collect()))
 }
 
-/// For each feature without a value that conditions compare with a value, some values. The first value is the
-/// value in the condition.
+/// Some values for each feature that has no value, although conditions compare it with a value. The first of these
+/// values is the one in the condition.
 #[must_use]
 pub fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     library::values_of(package)

@@ -21,10 +21,10 @@ pub(crate) fn let_statements(text: &str, function: &str) -> Vec<LetStatement> {
     let head = |pair: &[Token]| is_word(&pair[0], "fn") && is_word(&pair[1], function);
     let Some(start) = tokens.windows(2).position(head) else { return Vec::new() };
     let mut open: Vec<u8> = Vec::new();
-    // The number of open brackets around each open loop, and a flag for a loop whose `{` hasn't come yet.
+    // For each open loop, the number of open brackets around it. The flag is set between a loop's keyword and its `{`.
     let (mut loops, mut awaited): (Vec<usize>, bool) = (Vec::new(), false);
     let mut found: Vec<LetStatement> = Vec::new();
-    // The `let` whose initialiser the loop reads now, and the number of brackets around the `let`.
+    // The `let` with the initialiser that this code is reading, and the number of open brackets around the `let`.
     let mut reading: Option<(Range<usize>, usize)> = None;
     for (index, token) in tokens.iter().enumerate().skip(start) {
         match token.kind {

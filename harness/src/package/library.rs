@@ -85,8 +85,8 @@ impl Library {
         Ok(library)
     }
 
-    /// The module of an author's path. It is a module of the linked package, or a module `noise::value` of a
-    /// dependency, whose name is the name in imports.
+    /// The module of an author's path. It is a module of the linked package, or a module of a dependency: in
+    /// `noise::value`, the first word is the dependency's name in imports.
     pub(super) fn root(&self, module: &str) -> ModulePath {
         let own = ModulePath::root(module);
         let Some((name, rest)) = own.components.split_first() else { return own };
@@ -109,7 +109,8 @@ impl Library {
         Ok(file)
     }
 
-    /// All packages that were reached, if all except the first package are texts in memory.
+    /// All packages that imports have reached so far. `None` if one of them, except for the first package, isn't a text
+    /// in memory.
     pub(super) fn in_memory(&self) -> Option<Vec<(Package, String)>> {
         let packages = self.packages.borrow();
         let is_memory = |package: &Package| matches!(package.origin, Origin::Memory { .. });
@@ -117,7 +118,7 @@ impl Library {
         all.then(|| packages.iter().map(|(p, route)| (Package::clone(p), route.clone())).collect())
     }
 
-    /// Numbers the packages like another library of the same package.
+    /// Gives the packages the same numbers as in another library of the same package.
     pub(super) fn number_as(&self, packages: &[(Package, String)]) {
         let others = packages.iter().skip(1);
         let others = others.map(|(package, route)| (Rc::new(package.clone()), route.clone()));
@@ -134,7 +135,8 @@ impl Library {
         Ok(manifest)
     }
 
-    /// The text of the linked module. Its definitions apply to all modules.
+    /// Reads the file of the module to link, and records the names that the file defines, because these definitions
+    /// apply to all modules.
     pub(super) fn begin(&self, root: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
         let file = self.read(root)?;
         *self.defined.borrow_mut() = directives::defined(&file.text);
@@ -262,7 +264,7 @@ impl Library {
         self.package(package).name()
     }
 
-    /// The path of a package from the linked package: `noise`, `textures/noise`.
+    /// The names of the dependencies that lead from the linked package to another package: `noise`, `textures/noise`.
     pub(super) fn route(&self, package: usize) -> String {
         self.packages.borrow()[package].1.clone()
     }
@@ -315,7 +317,7 @@ impl Library {
         Package::from_modules(CONSTANTS, [("", values.collect::<String>())])
     }
 
-    /// All packages that the linked package can reach.
+    /// The indices of all packages that imports of the linked package can reach.
     fn all(&self) -> Vec<usize> {
         let (mut all, mut at) = (vec![0], 0);
         while let Some(package) = all.get(at).copied() {
@@ -347,8 +349,8 @@ impl Library {
         declared.into_iter().flatten().chain(set).chain(defined).collect()
     }
 
-    /// Extends the error about a feature without a value: adds all other features of the package without a value,
-    /// so that you can set them together.
+    /// Extends an error about a feature that needs a value. Adds the package's other features that need a value, so
+    /// that the user can set all of them at once.
     fn with_values(&self, path: &ModulePath, error: PackageError) -> PackageError {
         let PackageError::Shader(diagnostic) = error else { return error };
         if !matches!(diagnostic.mend, Some(Mend::Feature(_))) {
@@ -416,9 +418,9 @@ pub(crate) struct LinkedModule {
 pub(crate) struct Sources {
     packages: Vec<(Manifest, Package)>,
     texts: BTreeMap<ModulePath, Hash>,
-    /// The modules of these texts, for messages and records.
+    /// The modules that these texts contain, as messages and records show them.
     linked: Vec<LinkedModule>,
-    /// The files among these texts, and the files that produced them.
+    /// The files that contain these texts, or from which a program made them.
     files: Vec<FileRead>,
 }
 
@@ -473,7 +475,7 @@ struct Modules;
 impl Kind for Modules {
     type Key = (Hash, Features);
     type Value = Arc<Module>;
-    // More modules than any package has.
+    // Any package has fewer modules.
     const MOST: usize = 10_000;
 }
 
@@ -596,7 +598,7 @@ impl Package {
     }
 }
 
-/// For each feature without a value that conditions compare with a value, some values.
+/// Some values for each feature that has no value, although conditions compare it with a value.
 pub(super) fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     let (Ok(overlay), Ok(manifest)) = (Overlay::of(package), Manifest::of(package)) else {
         return BTreeMap::new();

@@ -52,7 +52,7 @@ pub(crate) struct Limits {
     pub(crate) compatibility: bool,
     /// Values from `karat.toml`, by the names of limits.
     named: BTreeMap<String, u64>,
-    /// Reports if `karat.toml` has the table `[limits]`. Then exceeding a limit is an error.
+    /// Reports if `karat.toml` has the table `[limits]`. With this table, a shader that exceeds a limit is invalid.
     pub(crate) stated: bool,
 }
 

@@ -113,8 +113,8 @@ impl Package {
         if self.is_crate() { Ok(()) } else { imports::check(library, root) }
     }
 
-    /// Links a whole module like [`link_module`](Self::link_module), with a new name for everything that the
-    /// module declares. This is the hardest test of name resolution.
+    /// Links a whole module like [`link_module`](Self::link_module), with a new name for everything that the module
+    /// declares. Tests use this method to check that the linker finds all uses of each name.
     #[cfg(test)]
     pub(crate) fn link_renamed(&self, module: &str) -> Result<Linked, PackageError> {
         let root = ModulePath::root(module);
@@ -151,7 +151,7 @@ impl Package {
     }
 }
 
-/// An unchanged file. Its functions keep their names.
+/// Makes the linked text from a file that needs no change. Its functions keep their names.
 fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Linked {
     let mut spliced = Spliced::default();
     spliced.copy(file, 0..file.text.len(), Vec::new());

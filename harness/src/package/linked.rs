@@ -83,7 +83,7 @@ pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
         } else if is(start, "enable") {
             for at in extensions.into_iter().filter(is_known) {
                 add(at);
-                // One of the commas beside the extension is removed, too.
+                // Also removes the comma after the extension, or else the comma before it.
                 [at + 1, at - 1].into_iter().find(|at| is(*at, ",")).into_iter().for_each(&mut add);
             }
         }
@@ -100,8 +100,8 @@ pub(crate) struct Linked {
     pub(crate) names: BTreeMap<String, String>,
     /// The file of the linked module.
     pub(crate) file: Arc<SourceFile>,
-    /// Reports if the text has everything that the file declares, except tests. Then the file is valid if the text
-    /// is valid.
+    /// Reports if the text has everything that the file declares, except tests. If so, the file is valid if the text is
+    /// valid.
     pub(crate) whole: bool,
     /// The entry point that became a function.
     pub(crate) called: Option<EntryPoint>,
@@ -146,8 +146,8 @@ impl Linked {
         statements.any(|one| one.first() == Some(&"enable") && one.contains(&extension))
     }
 
-    /// The range where the text nests so deeply, or has such a long expression, that compilers would overflow
-    /// their stack. They recurse over both.
+    /// The range where the text nests so deeply, or has such a long expression, that compilers would overflow their
+    /// stack. Compilers recurse over nested blocks and over the terms of an expression.
     pub(crate) fn too_deep(&self) -> Option<Span> {
         let place = deepest(self.text())?;
         let none = || Span { file: Arc::clone(&self.file), range: 0..0 };

@@ -23,14 +23,15 @@ struct Part {
     imports: Vec<Import>,
 }
 
-/// For each reference, by its tokens, the module and the name of its declaration.
+/// The references in a module. The key is the range of the reference's tokens, and the value is the module and the name
+/// of the declaration that it means.
 type Uses = BTreeMap<(usize, usize), (ModulePath, String)>;
 
 pub(super) struct Linker<'a> {
     library: &'a Library,
     root: ModulePath,
     parts: BTreeMap<ModulePath, Part>,
-    /// The references to declarations, by module and tokens.
+    /// The references to declarations in each module.
     uses: BTreeMap<ModulePath, Uses>,
     /// The declarations to which each declaration refers. Contains only the declarations that the linker has
     /// resolved so far.
@@ -74,7 +75,8 @@ impl<'a> Linker<'a> {
         self.add(root)
     }
 
-    /// Reports two declarations of one name in one text. They are an error in the including engine, too.
+    /// Fails if a file and the files that it includes declare a name twice. This is also an error in the engine that
+    /// includes the files.
     fn expect_one_of_each_name<'p>(
         &self,
         space: impl Iterator<Item = &'p ModulePath>,
@@ -171,7 +173,7 @@ impl<'a> Linker<'a> {
         Ok(needs)
     }
 
-    /// A module's assertions. They must be true for each linked part of the module.
+    /// A module's assertions. If Karat links any part of the module, these assertions must be true.
     fn assertions(&self, path: &ModulePath) -> impl Iterator<Item = Item> + use<'_, 'a> {
         let declarations = self.parts[path].module.declarations.iter().enumerate();
         let assertions = declarations.filter(|(_, d)| d.kind == DeclarationKind::Assertion);
@@ -275,7 +277,7 @@ impl<'a> Linker<'a> {
         Ok(linked)
     }
 
-    /// The declarations to which a declaration refers.
+    /// Finds the declarations to which a declaration refers.
     fn resolve(&mut self, path: &ModulePath, index: usize) -> Result<Vec<Item>, PackageError> {
         let item = (path.clone(), index);
         if let Some(known) = self.resolved.get(&item) {
@@ -346,8 +348,8 @@ impl<'a> Linker<'a> {
         Ok(space.find(declares).cloned())
     }
 
-    /// Chooses new names for declarations of other modules than the root. A declaration of the root gets a new
-    /// name if another module uses the same name for WGSL's builtin.
+    /// Chooses new names for declarations of other modules than the root. A declaration of the root gets a new name if
+    /// another module uses this name in its WGSL meaning, as a builtin.
     fn names(&self, items: &BTreeSet<Item>) -> BTreeMap<(ModulePath, String), String> {
         // A new name occurs in no file, so it can't clash with another name.
         let is_taken = |name: &str| {
@@ -388,8 +390,8 @@ impl<'a> Linker<'a> {
         names
     }
 
-    /// Checks if the declaration is an override that a host can set by its name. Every use of this name in the
-    /// linked text must mean the override. Otherwise a local variable of the same name would hide it.
+    /// Checks if the declaration is an override that a host can set by its name. Every use of this name in the linked
+    /// text must mean the override. If a local variable has the same name, the override needs another name.
     fn is_of_host(&self, one: &Item, item: &str, items: &BTreeSet<Item>) -> bool {
         let (path, index) = one;
         let module = &self.parts[path].module;
@@ -411,8 +413,8 @@ impl<'a> Linker<'a> {
         tokens.any(|token| module.text(token) == item && !means_it(token))
     }
 
-    /// Names to which a path or an alias leads, in a declaration that uses the same word for another thing, such
-    /// as a parameter. The parameter would capture the name.
+    /// The names that need a replacement: a declaration refers to them by a path or an alias, and uses the same word
+    /// for another thing, such as a parameter. Without a new name, the reference would mean the parameter.
     fn captured(&self, items: &BTreeSet<Item>) -> BTreeSet<(ModulePath, String)> {
         let mut captured = BTreeSet::new();
         for owner @ (path, index) in items {

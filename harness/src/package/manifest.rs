@@ -62,7 +62,8 @@ struct Dependency {
 const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
 
 impl KnownRows {
-    /// The entry with only the rows of one module, by their names in this module.
+    /// The entry with only its functions of one module, under their names in this module; `None` if it has no such
+    /// function.
     fn of_module(self, module: &str) -> Option<Self> {
         let own = |row: String| match row.contains("::") {
             true => Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned()),
@@ -112,8 +113,8 @@ struct Written {
     limits: Option<BTreeMap<String, toml::Value>>,
 }
 
-/// A path relative to a folder, without `name/..` pairs. So packages that depend on each other get two paths, and
-/// not an endless number of paths.
+/// A path relative to a folder, without `name/..` pairs. So two packages that depend on each other have one path each,
+/// instead of an endless series of longer paths.
 fn joined(folder: &Path, path: &Path) -> PathBuf {
     let mut joined = folder.to_owned();
     for part in path.components() {
@@ -313,7 +314,7 @@ const MOST_BYTES: u64 = 16 << 20;
 impl Kind for Manifest {
     type Key = String;
     type Value = (Origin, Self);
-    // More than the number of packages of one test.
+    // Any test has fewer packages.
     const MOST: usize = 64;
 }
 

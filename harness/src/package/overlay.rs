@@ -26,9 +26,9 @@ pub(super) struct Overlay {
 }
 
 impl Overlay {
-    /// The overlay of the environment, for a package and its dependencies. Each file of the overlay must replace
-    /// a module. Otherwise a misspelt name would look like a tested change. The overlay is empty if no module is
-    /// in a file.
+    /// The overlay of the environment, for a package and its dependencies. Each file of the overlay must replace a
+    /// module. Otherwise the user could misspell a file's name, and believe that Karat tested the changed file. The
+    /// overlay is empty if no module is in a file.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
         let unsaved = package.unsaved.iter().cloned().collect();
         let Some(folder) = settings::overlay() else {

@@ -14,8 +14,8 @@ pub(super) struct Contents {
     pub(super) others: Vec<PathBuf>,
     /// The real paths of folders. Karat enters a folder once, even if several links lead to it.
     entered: BTreeSet<PathBuf>,
-    /// Links to folders, with the names of their modules. A folder that also has a path without links keeps that
-    /// path.
+    /// Links to folders, with the names of their modules. If a folder can also be reached without links, Karat uses the
+    /// path without links.
     links: Vec<(PathBuf, String)>,
 }
 

@@ -42,7 +42,7 @@ struct Walk<'a> {
     brackets: &'a [usize],
     /// The blocks around the current token, with the names that each block declares.
     scopes: Vec<Scope<'a>>,
-    /// For each name, the number of these blocks that declare it.
+    /// For each name, the number of blocks in `scopes` that declare the name.
     visible: HashMap<&'a str, usize>,
     /// Names that become visible at the end of their statement.
     pending: Vec<&'a str>,

@@ -134,7 +134,7 @@ impl Spliced {
                                 .bytes()
                                 .all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
                     }
-                    // The `(` of a call that gets the number of its location.
+                    // The `(` of an expectation's call: behind it, Karat inserts the number of the call's location.
                     Some(told) if author == "(" => {
                         let before = piece.file.text[..edit.from.start].trim_end();
                         now == told && is_place(told) && before.ends_with(belongs)
@@ -206,7 +206,7 @@ fn is_name(text: &str) -> bool {
     starts && text.chars().all(belongs)
 }
 
-/// Checks if a text is the number of a location in a call: `(17u, `.
+/// Checks if a text has the form in which Karat inserts a location's number into a call: `(17u, `.
 fn is_place(text: &str) -> bool {
     let number = text.strip_prefix('(').map(|rest| rest.strip_suffix(", ").unwrap_or(rest));
     let digits = number.and_then(|number| number.strip_suffix('u'));

@@ -61,7 +61,8 @@ pub(super) struct Module {
     pub(super) replaced: Vec<(Range<usize>, String)>,
     pub(super) calls: Vec<(u32, Span)>,
     pub(super) includes: Vec<(Include, Range<usize>)>,
-    /// Reports if paths are the paths that modules declare for themselves.
+    /// Set if imports in this module name other modules by the paths that those modules declare for themselves
+    /// (`#define_import_path`).
     pub(super) composes: bool,
     /// The tokens of each import statement, with attributes and `;`.
     pub(super) imports: Vec<Range<usize>>,

@@ -163,7 +163,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
     for attribute in attributes(module, test) {
         let inside =
             (attribute.tokens.start + 3).min(attribute.tokens.end)..attribute.tokens.end - 1;
-        // A sign and the number after it are one argument.
+        // A sign and the number after the sign are one argument.
         let mut arguments = vec![String::new()];
         let is_value = |at: usize| !matches!(module.tokens[at].kind, Kind::Symbol(_));
         for at in inside.clone() {

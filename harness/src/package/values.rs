@@ -93,7 +93,7 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
             around.start -= 1;
         }
         let is_bare = around.len() == 1;
-        // A declaration hides the value in the whole module, or only in its function.
+        // Doesn't replace a name in the module or in the function that declares the name.
         let is_that =
             |(known, scope): &(&str, Range<usize>)| known == &&**name && scope.contains(&at);
         if is_bare && declared.iter().any(is_that) {
@@ -156,7 +156,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
         let is_last = by_line && depth == 0 && begins_line(at + 1);
         let is_imported = imports && (is_last || matches!(behind, "," | "}" | ";"));
         let is_declared = DECLARES.contains(&before) && matches!(behind, "(" | "{" | "=" | ":");
-        // A parameter follows `(` or `,`. A member of a structure may follow them, too, and isn't a parameter.
+        // A parameter follows `(` or `,`. A structure's member may follow `,` as well, but isn't a parameter.
         let is_parameter =
             matches!(before, "(" | ",") && behind == ":" && !is_member(tokens, text, at);
         if is_imported || is_declared || is_parameter || before == ">" && behind == ":" {

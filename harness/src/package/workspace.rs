@@ -1,8 +1,8 @@
-//! Caches everything that a process reuses when it reads a package again. The key of most entries has all inputs
-//! of the entry, such as a text and features, so an edit finds no outdated entry. Some kinds of entries are
-//! different: cargo's graphs notice changes only in the next process. The code that uses outputs of programs and
-//! `karat.toml` checks the entries that it finds. If a kind reaches its limit, all its entries are cleared.
-//! [`refresh`] forgets entries that may depend on files unknown to Karat.
+//! Caches everything that a process reuses when it reads a package again. The key of most entries has all inputs of the
+//! entry, such as a text and features, so an edit finds no outdated entry. There are two exceptions. The entries for
+//! cargo's graphs stay until the process ends. For `karat.toml` and for outputs of programs, the code that finds an
+//! entry checks if the entry is still right. If a kind reaches its limit, all its entries are cleared. [`refresh`]
+//! forgets entries that may depend on files unknown to Karat.
 
 use std::any::{Any, TypeId};
 use std::collections::HashMap;
@@ -10,7 +10,7 @@ use std::hash::Hash;
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 pub(crate) trait Kind: 'static {
-    /// All inputs of an entry.
+    /// The type of the keys. A key has all inputs from which an entry is computed.
     type Key: Eq + Hash + Send + 'static;
     type Value: Send + 'static;
     /// The largest number of entries.
@@ -21,7 +21,7 @@ pub(crate) trait Kind: 'static {
 
 type Entries<K> = HashMap<<K as Kind>::Key, <K as Kind>::Value>;
 
-/// The entries of a kind. Each kind has its own lock, because cargo may take seconds to answer.
+/// All entries of one kind. Each kind has its own lock, because cargo may take seconds to compute one entry.
 struct Shelf {
     entries: Arc<Mutex<Box<dyn Any + Send>>>,
     clear: Option<fn(&mut (dyn Any + Send))>,

@@ -13,7 +13,7 @@ use super::Path;
 use crate::output::visible;
 use crate::settings;
 
-/// The deadline applies until the guard is dropped.
+/// A running deadline, which ends when this guard is dropped.
 #[must_use]
 pub(crate) struct Guard {
     /// The watching thread stops when this sender is dropped.
@@ -28,7 +28,7 @@ impl Drop for Guard {
     }
 }
 
-/// An event of a guard.
+/// An event in the time between the start of a guarded call and its end.
 pub enum Moment<'a> {
     /// The work begins.
     Begins,
@@ -38,7 +38,7 @@ pub enum Moment<'a> {
     Ends,
 }
 
-/// A function that receives the events of guards.
+/// A function that a guard calls at each of its events.
 pub(crate) type Watcher = Arc<dyn Fn(Path, Moment<'_>) + Send + Sync>;
 
 thread_local! {
@@ -64,7 +64,7 @@ pub(crate) fn guard(path: Path, what: impl FnOnce() -> String + Send + 'static) 
     within(settings::deadline(), path, what)
 }
 
-/// Like [`guard`], for opening a path. Opening runs no shader, so this deadline is separate.
+/// Like [`guard`], for opening a path. Opening runs no shader, so it has a time limit of its own.
 pub(crate) fn guard_opening(path: Path) -> Guard {
     let limit = settings::deadline().max(Duration::from_secs_f64(settings::DEADLINE_SECONDS));
     within(limit, path, move || format!("opening path {path}"))

@@ -35,7 +35,7 @@ pub struct Device {
     color_format: wgpu::TextureFormat,
     multisampled_format: wgpu::TextureFormat,
     pipelines: Mutex<HashMap<blake3::Hash, Arc<Pipeline>>>,
-    /// The lock by which threads take turns, if the driver serves only one thread at a time.
+    /// A lock for calls of the driver, if the driver serves only one thread at a time. Otherwise `None`.
     turns: Option<ReentrantMutex<()>>,
     subgroups: Option<[u32; 2]>,
 }
@@ -68,7 +68,7 @@ impl Pipeline {
     }
 }
 
-/// The lock that a thread has during its turn. See [`Device::turn`].
+/// The right to call the driver, which one thread at a time has. See [`Device::turn`].
 pub(crate) type Turn<'d> = Option<ReentrantMutexGuard<'d, ()>>;
 
 impl Device {
@@ -132,15 +132,15 @@ impl Device {
         let optional = wgpu::Features::SHADER_F16
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
-            // For loop counters in vertex shaders.
+            // Karat counts loop rounds in vertex shaders with this feature.
             | wgpu::Features::VERTEX_WRITABLE_STORAGE
-            // For fixtures.
+            // Fixtures need these features.
             | wgpu::Features::IMMEDIATES
             | wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
-            // For compute passes.
+            // Compute passes need these features.
             | wgpu::Features::SUBGROUP
             | wgpu::Features::SUBGROUP_BARRIER
-            // For frames' targets.
+            // The colour targets of frames need these features.
             | wgpu::Features::RG11B10UFLOAT_RENDERABLE
             | wgpu::Features::DEPTH32FLOAT_STENCIL8
             | wgpu::Features::INDIRECT_FIRST_INSTANCE
@@ -198,8 +198,8 @@ impl Device {
         }
     }
 
-    /// Waits for the thread's turn, if the driver serves one thread at a time. wgpu panics if a thread waits six
-    /// seconds for GL's context. On a busy machine, this happens while another thread compiles.
+    /// Waits until this thread may call the driver (its turn), if the driver serves one thread at a time. wgpu panics
+    /// if a thread waits six seconds for GL's context. On a busy machine, this happens while another thread compiles.
     ///
     /// Take a turn for every call of the driver, including the release of resources. Release the turn before you wait
     /// for other threads. Take the turn before a deadline begins.
@@ -257,7 +257,8 @@ impl Device {
         self.device.features().contains(wgpu::Features::SHADER_F16)
     }
 
-    /// The format for sampled float textures. It has 32 bits if the path can filter such a texture.
+    /// The format for sampled float textures. The format has 32-bit floats if the path can filter them, and 16-bit
+    /// floats otherwise.
     pub(crate) fn float_format(&self) -> wgpu::TextureFormat {
         if self.device.features().contains(wgpu::Features::FLOAT32_FILTERABLE) {
             wgpu::TextureFormat::Rgba32Float
@@ -281,7 +282,8 @@ impl Device {
         self.watched(work).map_err(|error| self.failed(&error))
     }
 
-    /// Makes shader modules and pipelines. An error says that the driver refuses the shader, unless memory ran out.
+    /// Makes shader modules and pipelines. If `make` fails, the error says that the driver refuses the shader, or that
+    /// memory ran out.
     pub(crate) fn made<T>(&self, make: impl FnOnce() -> T) -> Result<T, PathError> {
         self.watched(make).map_err(|error| match error {
             wgpu::Error::OutOfMemory { .. } => self.failed(&error),
@@ -349,7 +351,7 @@ impl Device {
         })
     }
 
-    /// Translates the IR for a frame along the path's route.
+    /// Translates a frame's shader as the path's route does, and returns the IR to draw with.
     pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
         let undrawn = || PathError::Route {
             path: self.path,
@@ -435,7 +437,7 @@ fn driver_of(info: &wgpu::AdapterInfo) -> String {
     format!("{} {}", info.driver, info.driver_info).trim().to_owned()
 }
 
-/// Checks if this platform can have the path.
+/// Checks if the path's API exists on this operating system.
 pub(super) fn exists(path: Path) -> bool {
     let backends = backends(path);
     !backends.is_empty() && wgpu::Instance::enabled_backend_features().contains(backends)

@@ -100,7 +100,8 @@ impl Via {
         Self::Ftz,
     ];
 
-    /// Checks if it is an arithmetic instead of a language. Only `cpu` has arithmetics.
+    /// Checks if this value is an arithmetic (`fma` or `ftz`) instead of a language. Only the path `cpu` has
+    /// arithmetics.
     pub(crate) const fn is_arithmetic(self) -> bool {
         matches!(self, Self::Fma | Self::Ftz)
     }
@@ -171,7 +172,7 @@ impl Path {
         Self { api, via: Via::Direct, driver: None }
     }
 
-    /// This path with another route.
+    /// A path with the same API and driver as this path, but with the route `via`.
     pub(crate) const fn through(self, via: Via) -> Self {
         Self { via, ..self }
     }
@@ -221,7 +222,7 @@ impl Path {
         self.driver
     }
 
-    /// Checks if this platform can have the path.
+    /// Checks if the path's API exists on this operating system.
     ///
     /// ```
     /// use karat::Path;
@@ -274,7 +275,7 @@ impl FromStr for Path {
     }
 }
 
-/// The parts of a name, which may match several paths.
+/// The parts of a path's name. A name with missing parts may match several paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Parts {
     pub(super) api: Option<Api>,
@@ -310,7 +311,7 @@ impl Parts {
         };
         match driver {
             Some(driver) if !is_family(driver) => Err(unknown_driver(name, driver)),
-            // An unknown family is accepted unless it looks like a misspelt known one.
+            // An unknown driver family is accepted, unless its name is similar to a known family.
             Some(driver)
                 if api != Some(Api::Process)
                     && !driver::families().any(|known| known == driver)

@@ -10,7 +10,7 @@ use crate::{panics, settings};
 pub(crate) enum Opened {
     Device(&'static Device),
     Process(&'static Process),
-    /// The engine, with the arithmetic that the path names. It is always available.
+    /// Karat's engine, which needs no driver, with the arithmetic that the path names.
     Cpu(Path),
 }
 
@@ -78,7 +78,7 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     opened.clone()
 }
 
-/// The device of a path. `None` says that the path uses no device of this process.
+/// The device of a path. `None` for the path `cpu` and for programs, because they use no device of this process.
 ///
 /// # Errors
 /// If the path can't be opened.

@@ -23,7 +23,7 @@ pub(super) fn missing(path: Path) -> Option<String> {
     Some(format!("the route {via} needs `{compiler}`: {reason} ({remedy})"))
 }
 
-/// The language that naga writes, for a route that bypasses wgpu.
+/// The language into which naga translates a shader on the path's route.
 fn target(path: Path) -> Target {
     match path.via() {
         Via::Glsl => Target::Glsl,
@@ -57,7 +57,7 @@ pub(super) struct Foreign {
     layout: Vec<wgpu::BindGroupLayoutEntry>,
 }
 
-/// Checks if the route's result goes to wgpu instead of directly to the driver.
+/// Checks if wgpu gets the shader that the route produces. Otherwise the driver gets it directly.
 pub(super) fn takes_wgpu(path: Path) -> bool {
     matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv)
 }
@@ -113,8 +113,8 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
 }
 
 impl Foreign {
-    /// The number in group 0 of a resource, by its group and binding in WGSL. Returns `None` if the kernel doesn't use
-    /// the resource.
+    /// The binding number that a resource has in group 0 of the SPIR-V, by its group and binding in WGSL. Returns
+    /// `None` if the kernel doesn't use the resource.
     pub(super) fn place(&self, group: u32, binding: u32) -> Option<u32> {
         let used = self.bindings.iter().find(|r| r.used && r.wgsl == (group, binding));
         used.map(|resource| resource.translated.1)
@@ -143,7 +143,7 @@ impl Foreign {
     }
 }
 
-/// The layout of an entry point's resources. They have the first numbers, in order.
+/// The layout of an entry point's resources. They get the binding numbers 0, 1, 2 and so on, in order.
 fn layout(via: Via, bindings: &Bindings) -> Result<Vec<wgpu::BindGroupLayoutEntry>, String> {
     bindings.iter().filter(|resource| resource.used).map(|resource| entry(via, resource)).collect()
 }

@@ -76,7 +76,7 @@ pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
     let Settings { paths, require, adapter, .. } = settings::current()?;
     let unasked = [paths, require, adapter].iter().all(|setting| setting.is_none());
     match select(paths.as_deref(), require.as_deref()) {
-        // The user named no driver, and this machine has none.
+        // The user set none of the variables, and no driver opens on this machine.
         Err(PathError::None { .. }) if unasked => open(Path::CPU).map(|engine| vec![engine]),
         chosen => chosen,
     }
@@ -256,8 +256,8 @@ mod tests {
         assert!(select(Some(foreign), None).is_err(), "a path listed by name must open");
     }
 
-    /// A path with a driver's name uses an adapter of that family, even if its API has other adapters. A missing route
-    /// or driver is an error. Karat doesn't replace it by another one.
+    /// A path with a driver's name uses an adapter of that family, even if its API has other adapters. If the route or
+    /// driver is missing, Karat returns an error instead of using another path.
     #[test]
     fn a_path_opens_only_the_driver_that_it_names() {
         let here = Path::ALL.into_iter().filter_map(|path| open(path).ok());

@@ -92,7 +92,7 @@ impl Selector {
     }
 }
 
-/// Values, each with the selector of its paths.
+/// Declared values, such as tolerances. Each has the selector of the paths to which it applies.
 #[derive(Clone, Debug)]
 pub(crate) struct Selected<T>(Vec<(Selector, T)>);
 

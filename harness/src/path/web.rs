@@ -29,7 +29,7 @@ pub const BROWSER_SCRIPTS: &str = concat!(include_str!("jobs.js"), include_str!(
 pub(super) enum Runner {
     /// A command from KARAT_EXECUTORS.
     Given(Vec<String>),
-    /// Dawn for Node, as the program of Node and the folder of the package.
+    /// Dawn for Node: the path of Node's program, and the folder of the npm package `webgpu`.
     Dawn { node: PathBuf, package: PathBuf },
     /// The program of a Chromium.
     Chromium(PathBuf),
@@ -54,7 +54,8 @@ impl fmt::Display for Runner {
 }
 
 impl Runner {
-    /// A program that is part of Karat. Returns the reason if this machine can't run it.
+    /// The program of this name (`dawn` or `chromium`), or the reason why this machine can't run it. `None` for other
+    /// names.
     pub(super) fn of(name: &str) -> Option<Result<Self, String>> {
         match name {
             "dawn" => {

@@ -8,7 +8,8 @@
 
 use crate::path::{Device, PathError};
 
-/// A triangle outside of the target. The driver prepares a draw's resources even if the draw shades no pixel.
+/// A shader that draws a triangle outside of the target. The driver prepares the cube map even if the draw shades no
+/// pixel.
 const NOTHING: &str = "
 @vertex fn vertex() -> @builtin(position) vec4f { return vec4f(2.0, 2.0, 0.0, 1.0); }
 @fragment fn fragment() -> @location(0) vec4f { return vec4f(0.0); }

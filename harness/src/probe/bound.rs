@@ -7,14 +7,14 @@ use super::kernel::{ENTRY_POINT, Kernel};
 use super::{ProbeError, Resource, quads};
 use crate::path::{Device, PathError, Pipeline};
 
-/// The fixtures in each bind group, with their binding numbers. Immediates have a separate group that Karat doesn't
-/// bind.
+/// The fixtures in each bind group, with their binding numbers. Immediates aren't bound, so they are listed under a
+/// separate group number.
 pub(super) type Resources = BTreeMap<u32, Vec<(u32, Resource)>>;
 
 pub(super) struct Bound {
     pub(super) pipeline: Compiled,
     pub(super) groups: Vec<wgpu::BindGroup>,
-    /// The immediates. The commands set them.
+    /// The bytes of the immediates (`var<immediate>`), which the commands of each run set.
     immediates: Option<Vec<u8>>,
 }
 

@@ -34,13 +34,14 @@ pub(super) struct Dispatcher<'d> {
     staging: wgpu::Buffer,
     /// The render target, if the kernel is a fragment function.
     target: Option<Target>,
-    /// Set if cases run separately: a buffer with a batch for each case, and the resources that the function writes.
+    /// `Some` if cases run separately: a buffer with the numbers that describe each case to the kernel, and the
+    /// resources that the function writes.
     alone: Option<(wgpu::Buffer, Vec<Kept>)>,
     capacity: usize,
     words_in: usize,
     evidence: Evidence,
     place: Span,
-    /// The thread's turn on the device. It lasts until the fields above are released.
+    /// The thread's turn to call the driver (see [`Device::turn`]). It ends after the other fields are dropped.
     last: Turn<'d>,
 }
 
@@ -60,7 +61,7 @@ pub(crate) struct Dispatch<'d> {
     canary: u32,
     /// The number of workgroups in a row, and the number of rows.
     groups: (u32, u32),
-    /// The kernel for these arguments, if the arguments are constants.
+    /// The kernel with these arguments as constants. `None` if the kernel reads its arguments from a buffer.
     constants: Option<Bound>,
     _deadline: crate::path::Guard,
 }
@@ -78,7 +79,7 @@ impl Drop for Dispatch<'_> {
 
 impl<'d> Dispatcher<'d> {
     /// Uploads the fixtures, and allocates buffers for `cases` cases in a dispatch. The device's limits may allow
-    /// fewer. Without a pipeline, each dispatch compiles one.
+    /// fewer. If there is no compiled kernel, each dispatch compiles its own.
     pub(super) fn new(
         device: &'d Device,
         probed: &Probed,
@@ -303,7 +304,7 @@ impl<'d> Dispatcher<'d> {
     }
 
     /// Waits for a dispatch, and checks that each canary is right and that each word was written. Then passes the
-    /// results to `read`. They have the words of each case's result, and its canary.
+    /// results to `read`. The results have, for each case, the words of its result and then its canary.
     pub(crate) fn read<T>(
         &self,
         dispatch: Dispatch<'_>,
@@ -317,7 +318,7 @@ impl<'d> Dispatcher<'d> {
             Ok(value) => return Ok(value),
             Err(suspicious) => suspicious,
         };
-        // A result may equal the poison. If one does, the kernel runs again over another poison.
+        // A function may return the poison's value. So the kernel runs again, over another poison.
         let _turn = self.device.turn();
         let words_of_all = dispatch.cases * self.stride_out();
         let poison =

@@ -15,7 +15,8 @@ pub(crate) const WORD: u32 = 0x7fc0_dead;
 /// The second poison, for running a kernel again.
 pub(crate) const OTHER: u32 = 0x7fc1_beef;
 
-/// A number that no earlier call or run of Karat used. It exposes old results from an earlier run.
+/// A number that no earlier call or run of Karat used. With this number, Karat recognises results that an earlier run
+/// left in a buffer.
 pub(crate) fn unheard_of() -> u64 {
     use std::hash::{BuildHasher, RandomState};
     use std::sync::LazyLock;
@@ -26,7 +27,7 @@ pub(crate) fn unheard_of() -> u64 {
     FIRST.wrapping_add(COUNT.fetch_add(1, Ordering::Relaxed)) & ((1 << 53) - 1)
 }
 
-/// A new canary. Another dispatch uses the same one with a probability of 1 in 2^32.
+/// A new canary. The probability that another dispatch has the same canary is 1 in 2^32.
 pub(crate) fn canary() -> u32 {
     Source::new(0, unheard_of()).bits()
 }
@@ -82,7 +83,8 @@ impl Evidence {
         places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
     }
 
-    /// Fails if a word equals the poison, and differs when the kernel runs again over the other poison.
+    /// Fails if a word equals the poison after the first run, but has another value after the second run over the other
+    /// poison. Then the kernel never wrote the word.
     pub(crate) fn expect_written(
         &self,
         words: &[u32],

@@ -44,7 +44,7 @@ impl Inputs {
         }
     }
 
-    /// The text that reports add to a path's name. It is empty for a storage buffer.
+    /// The text that reports add to a path's name to show the source. It is empty for a storage buffer, the default.
     pub(crate) fn remark(self) -> &'static str {
         match self {
             Self::Storage => "",

@@ -16,7 +16,8 @@ pub(crate) struct Kept {
     before: Memory,
     after: wgpu::Buffer,
     staging: wgpu::Buffer,
-    /// The size of one copy in bytes, rounded up to the alignment of copies.
+    /// The distance in the buffer from one copy to the next copy: the size of a copy in bytes, rounded up to the
+    /// required alignment.
     stride: u64,
 }
 
@@ -127,7 +128,7 @@ impl Kept {
         encoder.copy_buffer_to_buffer(&self.after, 0, &self.staging, 0, size);
     }
 
-    /// The contents after each of the first `runs` runs, as lanes.
+    /// The contents after each of the first `runs` runs, as a list of scalars.
     pub(crate) fn lanes(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
         let words = self.words(device, runs)?;
         let lanes = |words: &Vec<u32>| self.program.lanes_of_words(&self.binding, words);

@@ -44,7 +44,8 @@ pub struct Kernel {
     /// The source of the arguments. For constants, `text` has no calls. [`of_constants`](Self::of_constants) writes the
     /// calls for a batch.
     pub(super) inputs: Inputs,
-    /// Set if the batch can say that each case gets its own vector of lanes.
+    /// Set if the kernel can run each case in its own vector of the processor, when the batch asks for this. See
+    /// [`rounds`](super::rounds).
     pub(super) apart: bool,
     /// The number of loop counters, if the kernel returns counters instead of results.
     counted: Option<usize>,
@@ -85,8 +86,8 @@ impl Kernel {
         kernel
     }
 
-    /// A kernel for the same calls that returns the rounds of the function's `loops`. Karat adds the counters to the
-    /// loops in naga's IR of this text.
+    /// A kernel for the same calls that returns how many rounds each of the function's `loops` loops takes. Karat adds
+    /// the counters to the loops in naga's IR of this text.
     pub(super) fn counting(&self, loops: usize) -> Self {
         let mut kernel = Self {
             words_out: loops,
@@ -98,8 +99,8 @@ impl Kernel {
         kernel
     }
 
-    /// A kernel that calls the function once for each pixel of a draw. The pixels are the cases, row by row. It is for
-    /// functions whose cases would otherwise run separately.
+    /// A kernel that calls the function once for each pixel of a draw. The pixels are the cases, row by row. It serves
+    /// functions of which a dispatch could run only one case.
     pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
         kernel.function.form.fragment = true;
@@ -454,7 +455,7 @@ fn constant(scalar: Scalar, word: u32) -> String {
     }
 }
 
-/// The expression that builds a value from its lanes.
+/// The expression that builds a value from its scalars.
 fn compose(shape: &Shape, lane: &mut dyn FnMut(Scalar) -> String) -> String {
     let mut list = |count: usize, element: &Shape| {
         (0..count).map(|_| compose(element, lane)).collect::<Vec<_>>().join(", ")

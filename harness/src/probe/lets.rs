@@ -20,8 +20,8 @@ pub struct Let {
     pub repeats: bool,
     /// The index of the binding among the function's bindings of that name, and the number of these bindings.
     pub of_name: (usize, usize),
-    /// A probe that returns the binding's value. It has the function's arguments. It is `None` for a pointer, for a
-    /// binding in the head of a `for`, and for bindings after the first `MOST`.
+    /// A probe that returns the binding's value. The probe takes the same arguments as the function. It is `None` for a
+    /// pointer, for a binding in the head of a `for`, and for bindings after the first `MOST`.
     pub probed: Option<Probed>,
 }
 
@@ -86,7 +86,8 @@ fn types_of(
     Some(indices.iter().filter_map(ty).collect())
 }
 
-/// A function with another function's parameters that calls that function, and returns one of its bindings.
+/// A probe of a generated function with the same parameters. The generated function calls a copy of the original
+/// function, and returns the value of the binding `one`.
 fn copy_that_returns(probed: &Probed, one: &LetStatement, ty: &str) -> Option<Probed> {
     let (program, text) = (&probed.program, probed.program.text());
     let locals = program.locals(&probed.function().name)?;

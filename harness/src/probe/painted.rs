@@ -1,4 +1,5 @@
-//! Fills textures with draws: depth textures and multisampled textures. Other commands can't fill them.
+//! Fills textures with draws: depth textures and multisampled textures. No other commands of WebGPU can fill such
+//! textures.
 
 use crate::path::{Device, PathError};
 
@@ -15,7 +16,7 @@ pub(super) struct Layer<'t> {
     pub(super) level: u32,
     pub(super) layer: u32,
     pub(super) width: u32,
-    /// The samples of a texel are next to each other.
+    /// The values of all samples. The samples of one texel are next to each other.
     pub(super) words: &'t [[u32; 4]],
 }
 

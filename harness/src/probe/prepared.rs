@@ -20,10 +20,10 @@ pub trait Prepared: Sync {
     /// The largest number of cases in a batch. It is at least 1.
     fn capacity(&self) -> usize;
 
-    /// Starts a batch of cases. `arguments` has the lanes of all cases' arguments. Each lane is a 32-bit word.
+    /// Starts a batch of cases. `arguments` has the scalars of all cases' arguments, each as a 32-bit word.
     ///
-    /// Call the returned function to wait for the results. It calls its reader once with the results. The executor
-    /// guarantees that each case wrote its own words, or returns an error.
+    /// Call the returned function to wait for the results. The returned function calls its reader once, with the
+    /// results. The executor guarantees that each case wrote its own words, or returns an error.
     ///
     /// # Errors
     /// If the executor can't start the batch.

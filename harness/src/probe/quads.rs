@@ -39,7 +39,7 @@ impl Target {
         Ok(Self { view, grid: [columns, rows] })
     }
 
-    /// A render pass that draws only the target's first pixel.
+    /// Begins a render pass whose draws change only the first pixel of the target.
     pub(super) fn pass_of_one<'e>(
         &self,
         encoder: &'e mut wgpu::CommandEncoder,

@@ -1,7 +1,7 @@
 //! Counts the rounds of loops, for drivers that stop long loops without an error.
 //!
 //! Mesa's llvmpipe runs several invocations as the lanes of one vector. It counts the rounds of all loops in a vector
-//! together, because all lanes run the same round. A loop that no lane enters counts as one round. After
+//! together, because all lanes run the same round. llvmpipe counts one round even for a loop that no lane enters. After
 //! [`MOST_ROUNDS`] rounds, llvmpipe stops every loop without a message, and the results are wrong.
 //!
 //! If naga's IR shows no bound for a loop, Karat first runs a copy of the kernel that counts the rounds. No single case
@@ -60,8 +60,8 @@ impl<'d> Rounds<'d> {
     ) -> Result<bool, ProbeError> {
         let rounds = self.count(cases, arguments, canary, 1)?;
         let stride = self.loops.len();
-        // In each round of a vector, at least one lane runs a round. So a vector stays below the limit if the sum over
-        // its lanes does.
+        // In each round of a vector, at least one lane runs a round. So a vector never runs more rounds than its lanes
+        // together.
         let together = |rounds: &[u64]| rounds.iter().sum::<u64>();
         let vector = stride * VECTOR as usize;
         if rounds.chunks(vector).all(|lanes| together(lanes) < MOST_ROUNDS) {
@@ -73,7 +73,7 @@ impl<'d> Rounds<'d> {
                 return Err(self.too_many(case, counts));
             }
         }
-        // In one loop, a vector takes as many rounds as its busiest lane. Lanes may run nested loops one after another.
+        // A vector runs a loop as often as its busiest lane. But lanes may run nested loops one after another.
         let at_most = |lanes: &[u64]| -> u64 {
             let of_loop = |(index, counted): (usize, &CountedLoop)| {
                 let counts = lanes.iter().skip(index).step_by(stride).copied();

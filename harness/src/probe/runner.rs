@@ -8,7 +8,8 @@ use super::{Inputs, Prepared, ProbeError, Probed, Started};
 use crate::fixture::Fixtures;
 use crate::path::{Device, guard};
 
-/// The number of cases in one dispatch. They fill a GPU, and a function with many words still needs only 20 MB.
+/// The number of cases in one dispatch. So many cases keep a GPU busy, and even a function with many words needs only
+/// 20 MB for them.
 pub(crate) const BATCH: usize = 65_536;
 
 pub(crate) struct Runner<'d> {

@@ -6,7 +6,7 @@ use half::f16;
 enum Number {
     Float,
     Unorm,
-    /// Red, green and blue use sRGB's transfer function. Alpha is linear.
+    /// Red, green and blue are stored with sRGB's transfer function, and alpha is stored as a linear number.
     Srgb,
     Snorm,
     Uint,

@@ -38,8 +38,8 @@ pub(crate) fn upload(
     upload_shared(device, program, &[binding], fixture)
 }
 
-/// Uploads a fixture that several variables share. The first variable is the program's. The fixture must fit the kind
-/// of each variable.
+/// Uploads a fixture that several variables share. The first binding is the one that `program` declares. The fixture
+/// must fit the kind of each variable.
 pub(crate) fn upload_shared(
     device: &Device,
     program: &Program,
@@ -271,7 +271,7 @@ fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<
     }
 }
 
-/// Fails if the format would change texels by more than rounding.
+/// Fails if the texture's format can't store the texels of the fixture, except for rounding.
 fn expect_kept(
     device: &Device,
     binding: &Binding,
@@ -303,7 +303,7 @@ fn expect_kept(
         codec.encode(*texel, &mut bytes);
         let kept = codec.decode(&bytes);
         let changed = texel.iter().zip(kept).position(|(given, kept)| *given != kept);
-        // The format may drop channels.
+        // A format with fewer than four channels drops the other channels of a texel, which isn't an error.
         if let Some(channel) = changed.filter(|channel| *channel < codec.channels()) {
             let value = texel[channel];
             let reason = format!("a texel is {value}, which the format {format:?} can't store");

@@ -128,7 +128,7 @@ fn adapter(module: &mut Module, callee: Handle<Function>, state: &[&str]) -> Fun
 }
 
 fn structure(module: &mut Module, types: impl Iterator<Item = Handle<Type>>) -> Handle<Type> {
-    /// Larger than any alignment in WGSL, so every multiple of it is a valid offset.
+    /// The offsets of members are multiples of this number. No alignment in WGSL is larger, so such offsets are valid.
     const APART: u32 = 16;
     let mut members = Vec::new();
     let mut end = 0;

@@ -6,8 +6,8 @@ use naga::{Binding, Interpolation, ShaderStage, Type, TypeInner};
 use super::{NAMED, Program};
 
 impl Program {
-    /// The attributes of an entry point's inputs and outputs by their paths (`in.uv`, `result`), and the size of
-    /// its workgroup. The list is empty if there is no such entry point.
+    /// The attributes of an entry point's inputs and outputs, each with the path of its input or output (`in.uv`,
+    /// `result`), and the size of its workgroup. The list is empty if there is no such entry point.
     pub fn attributes(&self, name: &str) -> Vec<(String, String)> {
         let name = self.entry_point_name(name);
         let module = &self.checked.module;
@@ -45,8 +45,8 @@ impl Program {
     }
 
     /// The components of an invocation's or workgroup's position in the dispatch that an entry point reads. Each
-    /// element is `true` if the entry point reads this component. An element is `None` if the entry point uses
-    /// such a vector as a whole, and so may read each component.
+    /// element is `true` if the entry point reads this component. An element is `None` if the entry point uses a whole
+    /// position vector, and so may read each of its components.
     pub fn asks_for_places(&self, name: &str) -> [Option<bool>; 3] {
         use naga::{BuiltIn, Expression};
         let name = self.entry_point_name(name);
@@ -78,7 +78,7 @@ impl Program {
             },
             _ => false,
         };
-        // The entry point may also use a structure with such a vector as a whole.
+        // The entry point may also use a whole structure that contains a position vector.
         let holds_place = |handle: naga::Handle<Expression>| match function.expressions[handle] {
             Expression::FunctionArgument(at) => {
                 members(at).iter().any(|member| is_place(member.binding.as_ref()))
@@ -87,7 +87,7 @@ impl Program {
         };
         let is_either = |handle| is_place_of(handle) || holds_place(handle);
         let mut asks = [false; 3];
-        // The number of uses of a vector as a whole: all its uses, minus the uses of its components.
+        // The number of uses of whole position vectors: all uses, minus the uses of single components.
         let info = self.checked.info.get_entry_point(at);
         let mut whole = 0;
         for (handle, expression) in function.expressions.iter() {

@@ -1,4 +1,4 @@
-//! Records which programs a test uses, for commands that run tests again after an edit.
+//! Records which programs a test uses, so that commands can run the right tests again after an edit.
 //!
 //! A recorded process writes each program that it links, with the name of the test, into a file beside its
 //! records. From these files, a command finds the tests that an edit of a shader affects.
@@ -42,7 +42,7 @@ pub(super) enum Of {
     Validity,
 }
 
-/// Reports if nobody needs the programs that this process links.
+/// Set if this process must not record the programs that it links.
 static UNWANTED: AtomicBool = AtomicBool::new(false);
 
 impl Dependence {
@@ -89,7 +89,8 @@ impl Dependence {
         self.package().is_some_and(|package| self.is_same(&package))
     }
 
-    /// The same check, as if `file` had this text; `None` if only the test's own process can open the package.
+    /// Checks the same, but as if the contents of `file` were `text`. `None` if only the test's own process can open
+    /// the package.
     #[must_use]
     pub fn is_current_with(&self, file: &Path, text: &str) -> Option<bool> {
         Some(self.is_same(&self.package()?.unsaved(file, text)))
@@ -108,7 +109,7 @@ impl Dependence {
     }
 }
 
-/// A hash of the text that identifies a program, or of the program's error.
+/// A hash of the program's normalized text, or of its error. For `Of::Validity`, all valid programs have the same hash.
 fn normalized_text(program: &Result<Arc<Program>, ReflectError>, of: Of) -> String {
     let text = match (program, of) {
         (Ok(program), Of::Text) => program.normalized_text(),

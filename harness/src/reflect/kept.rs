@@ -9,13 +9,14 @@ use super::{Program, ReflectError};
 use crate::package::workspace::{self, Kind};
 use crate::package::{Discards, Package};
 
-/// The cached programs by the names of their contents. Several packages may have contents with equal names.
+/// The cached programs, by the names of the functions or modules that they contain. For one name, there may be programs
+/// of several packages.
 struct Programs;
 
 impl Kind for Programs {
     type Key = Wanted;
     type Value = Vec<(Package, Arc<Program>)>;
-    // More than the number of functions and tests in any project.
+    // Any project has fewer functions and tests.
     const MOST: usize = 4096;
 }
 

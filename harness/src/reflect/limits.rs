@@ -12,7 +12,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::output::counted;
 use crate::package::{Limit, Limits};
 
-/// The use of a resource that a limit bounds.
+/// The amount of a limited resource that an entry point or a variable uses.
 struct Used {
     limit: Limit,
     amount: u64,
@@ -122,7 +122,7 @@ impl Program {
             }
             let (inputs, outputs) = self.locations(entry);
             let count = |all: &[u32], others: u64| {
-                // WebGPU limits both the number of locations and the highest location.
+                // WebGPU limits the number of locations, and also the largest number of a location.
                 let highest = all.iter().max().map_or(0, |highest| highest + 1);
                 u64::from(highest).max(all.len() as u64 + others)
             };

@@ -6,7 +6,8 @@ use naga::common::wgsl::TypeContext;
 
 use super::Program;
 
-/// The names and types for a generated text that calls a function and stores the function's variables.
+/// The names and types of a function's parameters and variables, for a generated text that calls the function and
+/// stores these variables.
 pub(crate) struct Locals<'p> {
     pub(crate) function: &'p str,
     pub(crate) parameters: Vec<String>,

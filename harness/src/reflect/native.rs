@@ -47,7 +47,7 @@ impl Program {
         if Frontend::new_with_options(options).parse(&as_naga_takes(self.text())).is_err() {
             return true;
         }
-        // naga accepts these texels without the feature. wgpu requires the feature when it creates the shader
+        // naga accepts these texels without the feature. But wgpu requires the feature when it creates the shader
         // module.
         let is_wide = |inner: &TypeInner| {
             matches!(

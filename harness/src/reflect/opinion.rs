@@ -19,7 +19,7 @@ pub struct Opinion {
     pub accepted: usize,
     /// Modules that Tint rejects.
     pub refused: Vec<Refused>,
-    /// Modules that Tint accepts and naga rejects.
+    /// The names of the modules that Tint accepts and naga rejects.
     pub tint_alone: Vec<String>,
     /// Modules without a verdict because Tint crashed, hung or printed something unreadable; each with the reason.
     pub broke: Vec<(String, String)>,
@@ -72,8 +72,8 @@ impl std::fmt::Display for Opinion {
 }
 
 impl Opinion {
-    /// The objections to the package in one line: rejections, limits, and modules without a verdict. `None` if
-    /// there are no objections.
+    /// One line with the objections to the package: the numbers of rejected modules, of exceeded limits, and of modules
+    /// without a verdict. `None` if there are no objections.
     #[must_use]
     pub fn remark(&self) -> Option<String> {
         let Self { refused, broke, unasked, limits, .. } = self.clone();
@@ -157,7 +157,8 @@ impl Opinion {
     }
 }
 
-/// The warning for a module that wgpu and Firefox reject. They give naga the unchanged text, and Karat doesn't.
+/// The warning for a module that wgpu and Firefox reject. wgpu and Firefox give naga the module's text unchanged. Karat
+/// first removes the tokens that naga doesn't know.
 fn not_for_wgpu(program: &Program) -> Option<Diagnostic> {
     let first = unknown_to_naga(program.text()).into_iter().next()?;
     let message =

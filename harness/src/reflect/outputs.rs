@@ -4,7 +4,7 @@ use naga::{Binding, ShaderStage, TypeInner};
 
 use super::{Program, Texels};
 
-/// An output of a fragment function that has a location.
+/// An output with `@location` of a fragment function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Output {
     pub(crate) location: u32,

@@ -223,7 +223,7 @@ fn last(path: &str) -> &str {
     path.rsplit("::").next().unwrap_or(path)
 }
 
-/// Replaces the initialisers of overrides by these values. The keys are the names in the text.
+/// Replaces the initialisers of overrides by the given values. The keys are the names in the text.
 pub(super) fn set(
     module: &mut Module,
     values: &Overrides,
@@ -296,7 +296,7 @@ fn moved_to(mut expression: Expression, moved: &[Handle<Expression>]) -> Express
             to(arg);
             [arg1, arg2, arg3].into_iter().flatten().for_each(to);
         }
-        // Literals and expressions without operands. All other expressions occur only in functions.
+        // Literals and expressions without operands. No other kinds occur in initialisers of overrides.
         _ => {}
     }
     expression

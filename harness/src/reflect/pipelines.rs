@@ -105,8 +105,8 @@ impl Program {
         formats.get(count - 1).copied()
     }
 
-    /// A texture format for an output. A format with one component suffices: a stage may write more components
-    /// than the format has.
+    /// A texture format for an output. All formats have one component, because a stage may write more components than
+    /// the format has.
     fn target_format(&self, ty: Handle<Type>) -> Option<&'static str> {
         match self.scalars_of(ty)?.0.kind {
             ScalarKind::Float => Some("r8unorm"),

@@ -133,7 +133,8 @@ impl Format {
         if let [one] = &*all { one.clone() } else { format!("({})", all.join(", ")) }
     }
 
-    /// The step between two numbers in a normalized format, which stores fractions as integers; 0 for other formats.
+    /// The distance between two neighbouring numbers in a normalized format, which stores fractions as integers. It is
+    /// 0 for other formats.
     pub fn step(self) -> f32 {
         let name = self.name();
         let most = match () {

@@ -87,8 +87,8 @@ enum Around {
 
 /// For each loop, the loops around it, by their numbers.
 ///
-/// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`, and runs
-/// each loop in a branch once, even if no lane is active there. So a loop that no case enters still takes one
+/// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`. It also runs
+/// each loop in a branch at least once, even if no case takes the branch. So a loop that no case enters still takes one
 /// round whenever the code around it runs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nesting {
@@ -133,8 +133,8 @@ impl Nesting {
         }
     }
 
-    /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is
-    /// one, and one more for each inner loop. It doesn't contain the rounds of inner loops that a case enters.
+    /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is 1, plus
+    /// 1 for each inner loop. It doesn't contain the rounds of inner loops that a case enters.
     fn weights(&self) -> Vec<u32> {
         // For each function, the number of its loops that are in no other loop of the function, plus the numbers
         // of the functions that it calls outside of loops.

@@ -45,7 +45,7 @@ pub struct Form {
     /// The texture and sampler parameters, which become variables. Each has its position among all parameters,
     /// its name and its type.
     pub taken: Vec<(usize, String, String)>,
-    /// Reports if Karat must run each case alone, because other cases would see its writes.
+    /// Set if Karat must run the cases one by one, because a case could otherwise see the writes of another case.
     pub alone: bool,
     /// Reports if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
     /// quad if cases run alone. The quad's other pixels are helpers. A discarded pixel becomes a helper, too.
@@ -73,13 +73,14 @@ pub struct Variable {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Passed {
-    /// As a value.
+    /// The kernel passes the parameter's value.
     Value,
-    /// By a pointer to a variable of the calling function.
+    /// The kernel passes a pointer to a variable of its own function.
     Function,
-    /// By a pointer to a private variable.
+    /// The kernel passes a pointer to a private variable.
     Private,
-    /// In the private variable of this name, which the function uses. The function has no such parameter.
+    /// The kernel stores the value in the private variable of this name, which the function uses. It isn't a parameter
+    /// of the author's function.
     State(String),
 }
 
@@ -205,7 +206,7 @@ impl Program {
     }
 
     /// The private variables that pass values into or out of a function: variables that the function writes, and
-    /// variables without an initial value. All other private variables have their initial values.
+    /// variables without an initial value. The other private variables keep their initial values in each call.
     pub fn state_of(&self, path: &str) -> State {
         // Each run of an entry point begins with new private variables.
         let declared = self.declared(self.called_name(self.name_of(path)));
@@ -240,7 +241,7 @@ impl Program {
         Some(self.checked.module.to_ctx().type_to_string(one.ty))
     }
 
-    /// The same program, with a declaration of each of these variables that it doesn't declare.
+    /// This program, with added declarations of those variables in `state` that it doesn't declare yet.
     pub fn with_state(self: Arc<Self>, state: &State) -> Result<Arc<Self>, ReflectError> {
         let lacks = |(path, _): &(&String, _)| self.private(self.name_of(path)).is_none();
         let text = state
@@ -402,7 +403,7 @@ impl Program {
         }
     }
 
-    /// Checks if a function may discard and also writes memory that other invocations see.
+    /// Checks if a function may execute `discard`, and also writes memory that other invocations see.
     pub(super) fn discards_and_writes(&self, path: &str) -> bool {
         let name = self.name_of(path);
         let called = self.called_name(name);
@@ -601,7 +602,8 @@ impl Program {
         self.linked.names.get(linked).map(String::as_str)
     }
 
-    /// The state that a function shares with other invocations; `None` if it shares no state.
+    /// A phrase about a function whose invocations share memory or wait for each other, such as ``uses the workgroup
+    /// variable `sums` ``; `None` for other functions.
     fn shared_state(&self, info: &naga::valid::FunctionInfo) -> Option<String> {
         use naga::AddressSpace;
         use naga::valid::UniformityRequirements;

@@ -22,7 +22,7 @@ use crate::package::asserts::{ASSERTED, HOLDER, PRINTED, is_in_a_line};
 use crate::package::let_statements;
 use crate::value::Shape;
 
-/// The number of `u32` words of a tap in one colour target.
+/// The number of `u32` words that one colour target of a changed program returns.
 pub(crate) const WORDS: usize = 4;
 
 #[derive(Clone, Debug)]
@@ -39,8 +39,8 @@ pub(crate) struct Valued {
 }
 
 impl Valued {
-    /// The number of `u32` words for the value: its scalars, and one word for the number of rounds plus 1. `None`
-    /// if Karat can't read the value.
+    /// The number of `u32` words that return the value: one for each scalar, and one for the number of rounds plus 1.
+    /// `None` if Karat can't read the value.
     pub(crate) fn words(&self) -> Option<usize> {
         Some(self.shape.as_ref().ok()?.lanes().len() + 1)
     }
@@ -64,16 +64,17 @@ impl From<Option<u32>> for When {
     }
 }
 
-/// The words of a tapped program, and their targets.
+/// The values that a changed program returns, and the locations at which it returns them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
     /// The values to return. Without values, the program returns the number of the fragment function, from 1.
     pub(crate) values: &'t [(&'t Valued, When)],
-    /// The index of the first word to return. Each value has its own words, and then one word for its rounds plus 1.
+    /// The index of the first word to return. The words of a value are its scalars, followed by the number of its
+    /// rounds plus 1.
     pub(crate) first: usize,
     /// The locations of the words. Each location has [`WORDS`] words.
     pub(crate) locations: &'t [u32],
-    /// Removes the other locations.
+    /// Set if the program returns only these words, and no longer the outputs of the author's function.
     pub(crate) alone: bool,
 }
 
@@ -224,7 +225,8 @@ impl Program {
         Some(start..end - 1)
     }
 
-    /// A program in which these fragment functions return values, or the number of the fragment function.
+    /// A copy of this program in which the given fragment functions return the wanted values or, without wanted values,
+    /// their own number.
     ///
     /// # Errors
     /// If naga rejects the program.
@@ -250,9 +252,9 @@ impl Program {
         Ok(Self { overrides: self.overrides.clone(), ..program })
     }
 
-    /// A program whose compute entry point writes a value of each invocation into a buffer. The buffer has the
-    /// words of the value, and then one word for the rounds plus 1. The buffer's path is [`TOLD`]. `counts` has
-    /// the number of invocations in each direction.
+    /// A program whose compute entry point writes a value of each invocation into a buffer. For each invocation, the
+    /// buffer has the words of the value, and then the number of rounds plus 1. The buffer's path is [`TOLD`]. `counts`
+    /// has the number of invocations in each direction.
     ///
     /// # Errors
     /// If naga rejects the program, or if the entry point has `global_invocation_id` in a structure.
@@ -633,7 +635,7 @@ fn tell(
     rewrite(&mut body, &mut |statement| {
         let Statement::Return { value: returned } = statement else { return Rewritten::AsIs };
         let mut first = None;
-        // Expressions that need no `Emit` come before the other expressions.
+        // Appends an expression that needs no `Emit` statement. These come before all other new expressions.
         let mut before = |expression| function.expressions.append(expression, NOWHERE);
         let zero = before(Expression::Literal(Literal::U32(0)));
         let one = before(Expression::Literal(Literal::U32(1)));
@@ -693,7 +695,7 @@ fn tell(
 
 enum Rewritten {
     AsIs,
-    /// The statement stays, and this block follows it.
+    /// The original statement stays, and this block comes after it.
     Before(Block),
     Instead(Block),
 }

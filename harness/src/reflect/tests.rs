@@ -19,7 +19,7 @@ fn ir(text: &str) -> String {
 fn renamed_modules_are_the_same_programs() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut renamed = 0;
-    // The published package has no library beside it, and fewer shaders.
+    // In the published crate, the folder `../shaders` doesn't exist, so the test reads fewer shaders.
     let published = root.join(".cargo_vcs_info.json").exists();
     let (many, least) =
         if published { ("tests/strangers/shaders", 10) } else { ("../shaders", 400) };

@@ -19,7 +19,8 @@ pub struct Validated {
     pub functions: usize,
     /// The number of entry points.
     pub entry_points: usize,
-    /// The number of functions with `@test`. Validation only counts these functions, and a run validates them.
+    /// The number of functions with `@test`. Validation only counts these functions. They are validated when the tests
+    /// run.
     pub tests: usize,
     /// The verdicts of Tint and of WebGPU's limits. The package meets every requirement of `karat.toml`.
     pub opinion: Opinion,
@@ -165,7 +166,7 @@ impl Package {
         errors.extend(found.opinion.faults(&compilers));
         let missing = found.opinion.no_verdict().filter(|_| compilers.require_tint);
         if let (false, Some((reason, remedy))) = (errors.is_empty(), &missing) {
-            // If there are other errors, the missing verdict is one more error of the first module.
+            // If modules have errors, Tint's missing verdict becomes one more error of the first module with errors.
             let message = format!("Tint's verdict is required, and there is none: {reason}");
             let diagnostic = Box::new(Diagnostic::new(message).note(remedy.as_str()));
             errors.push((errors[0].0.clone(), ReflectError::Refused(diagnostic)));

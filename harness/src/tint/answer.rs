@@ -64,7 +64,7 @@ struct Written {
 struct WrittenMessage {
     severity: Severity,
     text: String,
-    /// The start in UTF-16 code units, as in WebGPU's GPUCompilationMessage.
+    /// The position at which the message's range starts, in UTF-16 code units, as in WebGPU's GPUCompilationMessage.
     offset: usize,
     length: usize,
     /// The line from 1, or 0 if the message has no position.

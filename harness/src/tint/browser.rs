@@ -23,8 +23,8 @@ const SHELL: &str = "d=$(mktemp -d) && : > \"$d/page.html\" && \
 const LOADING: Duration = Duration::from_secs(5);
 const POLL: Duration = Duration::from_millis(20);
 
-/// The script of the page. It checks texts one after another, because concurrent checks would share the device's error
-/// scopes.
+/// The script of the page. The script checks texts one after another, because concurrent checks would share the
+/// device's error scopes.
 pub(super) const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu, false) \
     : Promise.reject('this browser has no WebGPU'); \
     const ask = (question) => last = last.then(() => judge(navigator.gpu, question)).then(JSON.stringify); \

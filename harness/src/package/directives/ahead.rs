@@ -44,7 +44,7 @@ fn valued((name, value, _): (&str, &str, bool)) -> Option<(String, Feature)> {
 
 /// Each `#define` of a text: its name, its value, and a flag that is true for a guard.
 fn defines(text: &str) -> impl Iterator<Item = (&str, &str, bool)> {
-    // For each condition around a line, the name that must be undefined, if there is such a name.
+    // For each open condition, the name of its `#ifndef`, or `None` for other conditions.
     let mut open: Vec<Option<&str>> = Vec::new();
     lines(text).filter_map(move |(word, rest)| {
         match word {
@@ -80,8 +80,8 @@ pub(super) fn value_of(value: &str) -> Option<Feature> {
     }
 }
 
-/// The values with which a text compares features, each with its two neighbours, for which other branches are
-/// active. If a text uses a feature as a number, the values are usual numbers.
+/// The values with which a text compares features, each with the two neighbouring numbers, because these select other
+/// branches. If a text uses a feature as a number, the values are usual numbers.
 pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
     // Three isn't a power of two, so shifting by 3 and dividing by 3 give different results.
     const USUAL: [Feature; 2] = [Feature::Number(4), Feature::Number(3)];
@@ -123,7 +123,7 @@ pub(in crate::package) fn asked(text: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for index in 0..tokens.len() {
         let (first, second, third) = (word(index), word(index + 1), word(index + 2));
-        // The token before the names, and the tokens that end the list of names.
+        // The index of the token before the list of names, and the tokens that end this list.
         let (before, ends): (usize, &[&str]) = match (first, second, third) {
             ("@", "if" | "elif", "(") => (index + 2, &[")"]),
             ("#", "{", _) => (index + 1, &["}"]),

@@ -15,9 +15,9 @@ use crate::package::{Origin, Package, PackageError, directives};
 type Composed = Vec<(String, Vec<String>)>;
 
 impl Library {
-    /// The module with the longest path that begins with these words, and the number of the path's words. If one
-    /// package has several such modules, the module in the nearest folder is chosen. If several are in that
-    /// folder, the module that declares the next word is chosen.
+    /// The module with the longest path that begins with these words, and the number of the path's words. If a package
+    /// has several such modules, the function chooses the one in the nearest folder. Among several modules in that
+    /// folder, it chooses the one that declares the next word.
     pub(in crate::package) fn composed(
         &self,
         from: &ModulePath,
@@ -86,7 +86,7 @@ struct OfCrates;
 impl Kind for OfCrates {
     type Key = PathBuf;
     type Value = Arc<Composed>;
-    // More crates with shaders than any project has.
+    // Any project has fewer crates with shaders.
     const MOST: usize = 1000;
 }
 

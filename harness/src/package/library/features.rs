@@ -16,11 +16,12 @@ struct Asked;
 impl Kind for Asked {
     type Key = (PathBuf, String);
     type Value = ();
-    // More features than any package has.
+    // Any package has fewer features.
     const MOST: usize = 10_000;
 }
 
-/// An attribute with one of these features in its brackets, and a name that is almost the name of a condition.
+/// Finds an attribute that has one of the features in its brackets, and that differs from `@if` or another condition by
+/// one letter.
 fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
     const CONDITIONS: [&str; 2] = ["if", "elif"];
     /// Attributes that differ from a condition by one letter (WGSL, 12; WESL).
@@ -84,7 +85,7 @@ impl Library {
             };
             let misspelt = texts.iter().find_map(|text| misspelt(text, &unknown));
             let mut plain = unknown.iter().filter(|name| !manifest.stands_for(name));
-            // A misspelt attribute contains the name, too.
+            // If an attribute is misspelt, the name in its brackets isn't an ordinary use of the name.
             let bare = match &misspelt {
                 Some(_) => None,
                 None => plain.find(is_bare).map(|name| name.as_str().into()),

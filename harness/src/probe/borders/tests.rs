@@ -10,7 +10,7 @@ const EDGE: &str = "
 }
 ";
 
-/// Each face has 4 x 4 texels.
+/// The size of the cube map: six faces of 4 x 4 texels.
 const SIZE: wgpu::Extent3d = wgpu::Extent3d { width: 4, height: 4, depth_or_array_layers: 6 };
 
 /// A cube map of one colour, and a kernel that samples the cube map across an edge.

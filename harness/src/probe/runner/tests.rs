@@ -36,7 +36,7 @@ fn each_case_of_a_batch_is_computed_at_any_size() {
     }
 }
 
-/// The kernel returns before it writes, so the results are poison. This is an error and not a verdict.
+/// The kernel returns before it writes, so the results are poison. Karat must report an error instead of a verdict.
 // Lesson 6
 #[test]
 fn a_kernel_that_never_writes_is_an_error() {

@@ -30,7 +30,8 @@ impl Program {
 }
 
 impl Program {
-    /// The ranges of loops that have the same constant number of rounds in each call, and no other exit.
+    /// The ranges in the text of all loops that run a constant number of rounds in each call, and that nothing else
+    /// ends early.
     pub(crate) fn fixed_loops(&self) -> Vec<Range<usize>> {
         let module = &self.checked.module;
         let entries = module.entry_points.iter().map(|entry| &entry.function);
@@ -255,7 +256,7 @@ fn leaves(block: &Block) -> bool {
     matches!(block.first(), Some(Statement::Break)) && block.len() == 1
 }
 
-/// The operator for swapped operands.
+/// The comparison operator with the same meaning if its operands are swapped.
 fn flipped(op: BinaryOperator) -> Option<BinaryOperator> {
     Some(match op {
         BinaryOperator::Less => BinaryOperator::Greater,
