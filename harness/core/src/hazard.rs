@@ -113,7 +113,7 @@ impl Kind {
         self != Self::Unwritten
     }
 
-    /// Checks if an index selects another element than the intended one.
+    /// Checks if this kind of hazard is an index that selects another element than the intended one.
     #[must_use]
     pub fn is_of_index(self) -> bool {
         matches!(self, Self::OutOfRange | Self::Wrapped)

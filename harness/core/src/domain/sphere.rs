@@ -107,7 +107,7 @@ impl<V> Sphere<V> {
             0 => 0.0,
             1 => 1.0,
             2 => source.log_distance(),
-            // The vectors are uniform over the volume.
+            // With this length, the vectors are uniform over the volume of the disk or ball.
             #[expect(clippy::cast_precision_loss, reason = "at most four components")]
             _ => source.unit().powf(1.0 / size as f64),
         };

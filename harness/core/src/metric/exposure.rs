@@ -92,15 +92,15 @@ impl ExposureRange {
         count
     }
 
-    /// The exposures below this range, in whole stops, down to the first that shows a luminance. `None` if the range
-    /// already shows the luminance.
+    /// The exposures below this range, in whole stops, down to the first exposure that shows the given luminance.
+    /// `None` if the range already shows the luminance.
     pub(super) fn below(&self, luminance: f32) -> Option<Self> {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
         (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
     /// The exposures above this range, up to the first that shows a dark luminance as brightly as this range shows the
-    /// median. `None` if the range already does.
+    /// median. `None` if this range already shows it as brightly.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })

@@ -1,4 +1,4 @@
-//! The gate: a metric of the difference of each channel of each pixel, without outliers.
+//! The gate: a metric of the difference of each channel of each pixel. It allows no outliers.
 
 use glam::{BVec4A, Vec4};
 

@@ -33,8 +33,8 @@ pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
 }
 
 /// The probability that a non-central chi-square variable is at least `x`. Its distribution is a mixture of central
-/// ones with `dof + 2 j` degrees of freedom, where j has a Poisson distribution with the mean `lambda / 2`. Abramowitz
-/// and Stegun 26.4.25.
+/// chi-square distributions with `dof + 2 j` degrees of freedom, where j has a Poisson distribution with the mean
+/// `lambda / 2`. Abramowitz and Stegun 26.4.25.
 #[must_use]
 pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     if lambda == 0.0 {

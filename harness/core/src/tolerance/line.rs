@@ -19,8 +19,9 @@ pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {
     (!a.is_nan() && !b.is_nan()).then(|| ordered(a).abs_diff(ordered(b)))
 }
 
-/// The position of a real number on the ordered line of `f32`: the index of the `f32` at or below its magnitude, plus
-/// the fraction of the step to the next `f32`. Beyond `f32::MAX`, the line continues with the last step's size.
+/// The position of a real number on the ordered line of `f32`. It is the index of the `f32` at or below the number's
+/// magnitude, plus the number's fraction of the step to the next `f32`. Beyond `f32::MAX`, the line continues with the
+/// last step's size.
 pub(super) fn ordinal(value: f64) -> f64 {
     let magnitude = value.abs();
     #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32, by design")]
