@@ -123,7 +123,8 @@ impl Function {
     }
 }
 
-/// The largest measured errors for a sign and an exponent of the argument. The error of each result is within both.
+/// The largest measured errors, absolute and in ulps, for arguments with one sign and exponent. The error of each
+/// result is within both bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Error {
     ulps: f32,
@@ -225,8 +226,8 @@ impl Accuracy {
             .collect()
     }
 
-    /// Takes the results for [`arguments`](Self::arguments), one for each row. An unknown function, or a wrong number
-    /// of results, is ignored.
+    /// Measures the errors of an adapter's results for [`arguments`](Self::arguments), one result for each row. Ignores
+    /// an unknown function, or a wrong number of results.
     pub fn take(&mut self, function: &str, results: &[f32]) {
         let arguments = Self::arguments(function);
         if function == POWER && arguments.len() == 2 * results.len() {
@@ -352,7 +353,8 @@ fn bucket(x: f32) -> usize {
     (x.to_bits() >> 23) as usize
 }
 
-/// Multiple `nth` of `of` in a bucket; there are at most [`NEAR_ZEROS`]. `None` if the bucket has fewer multiples.
+/// Selects a multiple of `of` among the arguments of a bucket. `nth` numbers the selected multiples, which are at most
+/// [`NEAR_ZEROS`]. `None` if the bucket has fewer multiples.
 fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     let least = f32::from_bits(bucket << 23);
     let size = f64::from(least.abs());
@@ -493,7 +495,7 @@ mod tests {
         let mut nan = measured("", 0.0);
         nan.take("exp(a)", &vec![f32::NAN; Accuracy::arguments("exp(a)").len()]);
         assert!(!nan.narrow(rule, &[x], Interval::UNBOUNDED).is_bounded());
-        // The errors of these powers are larger than those of the logarithm and `exp2` explain.
+        // The errors of these powers are too large to follow from the errors of the logarithm and of `exp2`.
         let rows = Accuracy::arguments(POWER).len() / 2;
         nan.take(POWER, &vec![0.5; rows]);
         assert!(!nan.powers && !nan.powers_of_zero);

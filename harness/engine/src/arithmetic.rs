@@ -184,7 +184,7 @@ pub(crate) mod sealed {
         fn normalized(x: f32) -> Self::Float {
             Self::float(x)
         }
-        /// The coordinate that filters use.
+        /// Converts a texture coordinate to the number that filters use.
         fn coordinate(x: Self::Float) -> f64;
     }
 }

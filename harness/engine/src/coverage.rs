@@ -19,7 +19,7 @@ use crate::lower::STACK;
 pub struct Statement {
     /// The function that contains the statement.
     pub function: String,
-    /// The number of the call that is replaced by the function's statements.
+    /// The number of the call that lowering has replaced by the function's statements.
     pub call: usize,
     /// The statement's bytes in the source.
     pub span: Span,

@@ -50,8 +50,8 @@ impl Access {
     }
 }
 
-/// The accesses of shared words in an actor's next turn. There are none if the actor begins, or has just passed a
-/// barrier.
+/// The accesses of shared words in the next turn of an [`Actor`]. There are none if the actor begins, or has just
+/// passed a barrier.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Step {
     atomic: bool,
@@ -92,8 +92,8 @@ fn join(to: &mut Clock, from: &[u32]) {
 struct Taken {
     actor: Actor,
     step: Step,
-    /// The number of the turn's actor, the turn's number among the actor's turns, and a clock. The clock has the turn
-    /// itself and all turns that come before it.
+    /// The number of the turn's actor, the turn's number among the actor's turns, and a clock. The clock counts the
+    /// turn itself and all turns that come before the turn.
     own: usize,
     number: u32,
     clock: Clock,
@@ -166,7 +166,7 @@ impl Explorer {
         true
     }
 
-    /// Begins a dispatch. It comes after all turns of earlier dispatches.
+    /// Begins a dispatch. All turns of earlier dispatches come before the turns of this dispatch.
     pub(crate) fn begin_dispatch(&mut self) {
         let clocks = std::mem::take(&mut self.clocks);
         clocks.values().for_each(|clock| join(&mut self.base, clock));
@@ -251,7 +251,7 @@ impl Explorer {
             if one.actor == actor || one.step.commutes(step) || one.is_before(before) {
                 continue;
             }
-            // It is a race if no turn between the two orders them.
+            // The two turns race if no turn between them orders them.
             if !dependent.iter().any(|between| one.is_before(&self.taken[*between].clock)) {
                 racing.push(at);
             }

@@ -463,7 +463,7 @@ fn upper_sum(a: f64, b: f64) -> f64 {
     if lost(a, b, sum) > 0.0 { sum.next_up() } else { sum }
 }
 
-/// The float that is `by` floats away from `x`. Both zeros count.
+/// The float that is `by` floats away from `x`. -0 and +0 count as two floats.
 fn stepped(x: f32, by: i32) -> f32 {
     // The bits of negative floats count downwards. `turned` makes all bits count upwards.
     let turned = |bits: i32| bits ^ ((bits >> 31) & i32::MAX);

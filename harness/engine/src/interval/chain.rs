@@ -318,7 +318,8 @@ pub(super) struct Product {
     /// `least` and `most` are bounds of the magnitudes of all partial products.
     least: f32,
     most: f32,
-    /// The largest magnitude of a partial product of divisors. The next field has that of the other factors.
+    /// The largest magnitude of a partial product of divisors. The next field has the largest magnitude of a partial
+    /// product of the other factors.
     divisor: f32,
     dividend: f32,
     divisors: u16,
@@ -402,8 +403,8 @@ impl Product {
     }
 
     /// The bounds for all orders. `count` factors need `count - 1` operations. The error of a multiplication is less
-    /// than an ulp of its result, that of a division 2.5 ulp. A multiplication by a power of two is exact. `None` if a
-    /// product may overflow.
+    /// than an ulp of the result. The error of a division is at most 2.5 ulp. A multiplication by a power of two is
+    /// exact. `None` if a product may overflow.
     fn in_any_order(self, format: &Format) -> Option<Ends> {
         // The largest ulp relative to a result. It occurs just above a power of two.
         let ulp = power(1 - format.digits);

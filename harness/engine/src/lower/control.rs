@@ -192,7 +192,7 @@ impl<'m> Lower<'m> {
                 self.site = site;
                 self.span = span;
                 let end = self.close(Op::EndLoop)?;
-                // The jump of the loop's end goes back to the round's beginning. The way out is after it.
+                // At the loop's end, control jumps back to the beginning of a round. The loop's exit comes after it.
                 self.code.instructions[end].target = round as u32;
                 if let Some(outer) = self.open.last_mut() {
                     outer.skips.pop();
@@ -316,7 +316,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// The number of frames above the innermost frame that `is` accepts.
+    /// The number of open frames inside of the innermost frame that `is` accepts.
     fn depth(&self, is: impl Fn(Frame) -> bool) -> Lowered<u32> {
         match self.open.iter().rev().position(|open| is(open.frame)) {
             Some(depth) => Ok(depth as u32),

@@ -35,7 +35,7 @@ impl<'m> Lower<'m> {
                 }
                 [*x, *y]
             }
-            // A shift by a constant is a product. A shift by a variable moves bits.
+            // A shift by a constant counts as a product. Other shifts aren't checked: they move bits.
             (I::ShiftLeftI | I::ShiftLeftU, [x, y]) if self.words.contains_key(y) => [*x, *y],
             _ => return,
         };

@@ -13,7 +13,7 @@ use crate::races::{Accessed, Detector, Place};
 use crate::rules::Half;
 use crate::scalar::{File, Scalar};
 
-/// The kind of an access: `true` if it reads, and `true` if it writes.
+/// The kind of an access, as two flags: the first is `true` if the access reads, and the second if the access writes.
 const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
@@ -214,7 +214,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         })
     }
 
-    /// The variable that an operation indexes, and `true` if the array is only a part of it.
+    /// The variable that an operation indexes, and `true` if the indexed array is only a part of the variable.
     pub(super) fn array_of(&self, op: Op) -> (Option<&'p str>, bool) {
         let code = self.code;
         let (slot, nested) = match op {
@@ -485,7 +485,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 continue;
             }
             let (at, strays) = place_of(self, lane);
-            // An access outside of the array may go anywhere. It is reported as such, and not as a race.
+            // An access outside of the array may go anywhere. It is reported as an index outside, and not as a race.
             if strays {
                 continue;
             }

@@ -38,7 +38,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Adds a lane's variables. They are joined with those that are already there.
+    /// Adds a lane's variables. If the state already has variables for this lane, joins both.
     fn add(&mut self, files: &Files<'_, A>, mutable: &[Vec<u32>; 3], lane: usize) {
         let joins = std::mem::replace(&mut self.here[lane], true);
         for (kept, &register) in self.floats.iter_mut().zip(&mutable[0]) {
@@ -55,7 +55,8 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Writes a lane's variables back. If `joins` is set, joins them with the registers.
+    /// Writes a lane's variables back to the registers. If `joins` is set, joins the variables with the values that the
+    /// registers have.
     fn take(
         &mut self,
         files: &mut Files<'_, A>,
@@ -222,7 +223,8 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.any
     }
 
-    /// Begins a case. The first case begins with the variables at the entry. Each later case restores them.
+    /// Begins a case of a `switch`. The first case begins with the variables at the entry of the `switch`. Each later
+    /// case restores these variables.
     pub(crate) fn enter_case(
         &mut self,
         files: &mut Files<'_, A>,
@@ -319,8 +321,8 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Active lanes jump to the end of a frame, which is below the `depth` innermost frames. If `continues` is set,
-    /// they jump to the end of its body.
+    /// Makes the active lanes jump to the end of the frame around the `depth` innermost frames. If `continues` is set,
+    /// the lanes jump to the end of that loop's body.
     pub(crate) fn exit(&mut self, files: &Files<'_, A>, depth: u32, continues: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for lane in (0..self.width).filter(|&lane| self.current[lane]) {

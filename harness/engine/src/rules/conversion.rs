@@ -282,7 +282,8 @@ impl Scale {
 }
 
 impl ToInt {
-    /// The least and the greatest number of the integer type, for conversions of values.
+    /// The least and the greatest number of the integer type, if the rule converts a value. `None` for all other rules,
+    /// such as those that return bits.
     pub(crate) fn holds(self) -> Option<(f64, f64)> {
         match self {
             Self::Signed => Some((f64::from(i32::MIN), f64::from(i32::MAX))),

@@ -53,7 +53,7 @@ pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
 #[derive(Clone, Copy, Default)]
 struct Edge {
     face: usize,
-    /// `true` if the neighbouring texels are a column of the neighbour, `false` if they are a row.
+    /// `true` if the neighbouring texels are a column of the neighbouring face, `false` if they are a row.
     column: bool,
     /// `true` if they are the last column or row.
     last: bool,

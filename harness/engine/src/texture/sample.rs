@@ -123,8 +123,8 @@ impl Texture {
         is_flat && is_linear && matches!(*self.levels, [Texels::Float(_)])
     }
 
-    /// The sums of the four channels for samples at these coordinates. Also the samples for which there is no sum,
-    /// because a texel is beyond an edge, or there are fewer than four texels.
+    /// The sums of the four channels for samples at these coordinates. Also returns the samples for which there is no
+    /// sum, because a texel is beyond an edge, or there are fewer than four texels.
     pub(crate) fn bilinear_of(
         &self,
         [x, y, z]: &[Many; 3],
