@@ -272,8 +272,8 @@ fn without_made_up(text: &str) -> String {
     text
 }
 
-/// The name in `known` that is most likely meant by `unknown`. A name is close if its last `::` part equals that of
-/// `unknown`, or if at most a third of the letters differ. `None` if no name is close.
+/// The name in `known` that the author of `unknown` most likely meant. A name is close if its last `::` part equals the
+/// last part of `unknown`, or if at most a third of the letters differ. `None` if no name is close.
 pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
     known

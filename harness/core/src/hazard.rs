@@ -37,7 +37,7 @@ pub enum Kind {
     /// The engine stopped a loop after too many rounds.
     Endless,
     /// An invocation reads workgroup memory that no invocation has written. WGSL (7.3) says that this memory is zero,
-    /// but hosts may turn that off.
+    /// but hosts may turn this initialization off.
     Unwritten,
 }
 

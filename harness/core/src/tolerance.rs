@@ -222,8 +222,8 @@ impl LaneError {
 }
 
 impl LaneError {
-    /// Checks if this error has a larger ratio than `other`, or the same ratio and a larger absolute error. NaN is the
-    /// largest.
+    /// Checks if this error has a larger ratio than `other`, or the same ratio and a larger absolute error. NaN counts
+    /// as the largest ratio.
     #[doc(hidden)]
     #[must_use]
     pub fn is_worse_than(&self, other: &Self) -> bool {

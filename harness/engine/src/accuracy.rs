@@ -8,8 +8,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use crate::interval::{Interval, ulp};
 use crate::rules::{Exponential, FloatRule, Trigonometry};
 
-/// The allowed error divided by the measured error. Between two measured arguments the error may be larger than at
-/// both.
+/// The allowed error divided by the measured error. Between two measured arguments the error may be larger than at both
+/// of them.
 const SAFETY: f64 = 2.0;
 
 /// The number of measured arguments for each sign and exponent.

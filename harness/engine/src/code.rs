@@ -107,7 +107,7 @@ pub(crate) enum Op {
     Case(bool),
     EndSwitch,
     Loop,
-    /// Begins a round (an iteration) of a loop, and takes one round from the fuel.
+    /// Begins a round (an iteration) of a loop, and reduces the number of rounds that the lanes may still run.
     Round,
     Continuing,
     /// Register: the condition.
@@ -118,7 +118,7 @@ pub(crate) enum Op {
     Skip,
     Call,
     EndCall,
-    /// The argument is the number of frames that the jump leaves, without the target's frame.
+    /// The argument is the number of open constructs that the jump leaves, without the construct to whose end it jumps.
     Break(u32),
     Continue(u32),
     Return(u32),

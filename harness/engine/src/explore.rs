@@ -259,7 +259,7 @@ impl Explorer {
         }
         for at in racing {
             let one = &self.taken[at];
-            // All turns after `one` that don't depend on it, and then this turn.
+            // The actors that may go first among the turns after `one` that don't depend on `one`, and this turn.
             let mut firsts: Vec<Actor> = Vec::new();
             let mut seen: Vec<&Taken> = Vec::new();
             let free = self.taken[at + 1..].iter().filter(|other| !one.is_before(&other.clock));

@@ -83,7 +83,7 @@ pub(crate) struct Scope<'m> {
     /// The registers to which returns store the result. `None` if the function returns only at its end.
     result: Option<Rc<[Reg]>>,
     returned: Option<Value>,
-    /// `true` if the function also returns before its end. Then its call needs a frame.
+    /// `true` if the function also returns before its end. Then its call is a construct that a return leaves.
     early: bool,
 }
 

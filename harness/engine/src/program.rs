@@ -124,7 +124,7 @@ impl Program {
     }
 
     /// The sites of the operations that [`Observer::reached`](crate::Observer::reached) may report. A site may occur
-    /// twice. All other sites are those of constants.
+    /// twice. All other sites belong to constants.
     pub fn operations(&self) -> impl Iterator<Item = &Site> {
         let all = self.code.instructions.iter().filter(|one| !one.op.is_an_end());
         all.map(|one| &self.code.sites[one.site as usize])

@@ -257,7 +257,7 @@ pub(super) fn directions(value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3
         let mut flat = wide;
         flat[axis] = 0.0;
         found.push(flat.normalize_or_zero().as_vec3());
-        // Vectors with a short decimal on this axis and about the same azimuth, and vectors in a coordinate plane.
+        // Vectors with a short decimal on this axis and `value`'s azimuth, and vectors in a coordinate plane.
         let (left, right) = ((axis + 1) % 3, (axis + 2) % 3);
         let rest = (wide[left] * wide[left] + wide[right] * wide[right]).sqrt();
         for short in floats(value[axis], &[], |short| short.abs() <= 1.0) {

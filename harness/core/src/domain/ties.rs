@@ -265,7 +265,8 @@ mod tests {
         assert!(count(&|v, l| v.distance(l) > 0.2 && v.distance(-l) > 0.2) > 40_000);
     }
 
-    /// There are three directions, one from a narrower domain. In some cases two are equal, and in some all three.
+    /// The test has three directions, one of them from a narrower domain. In some cases two directions are equal, and
+    /// in other cases all three are.
     // Lesson 64
     #[test]
     fn three_drawn_directions_are_sometimes_equal() {
@@ -299,7 +300,7 @@ mod tests {
         assert!(colours.iter().filter(|(a, b)| a == b && a.x != a.y).count() > 1000);
     }
 
-    /// A mapped domain can't check if it has a value, so it samples an equal value from the same stream.
+    /// A mapped domain can't check if it has a value, so it samples an equal value from the same random numbers.
     // Lesson 64
     #[test]
     fn mapped_components_are_equal_in_some_cases() {

@@ -14,7 +14,7 @@ const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// The largest distance that a matrix moves along each axis.
 const DISTANCE: f64 = 8.0;
 
-/// Matrices such as hosts supply: they rotate, scale, move and mirror, and have an inverse.
+/// Matrices like those that hosts pass to shaders: they rotate, scale, move and mirror, and have an inverse.
 pub(super) struct Transform {
     columns: usize,
     rows: usize,

@@ -43,8 +43,8 @@ const NEAR_WHITE: f64 = {
 /// The widest range. 32 stops cover a half float from its smallest normal number to its largest.
 const WIDEST: f64 = 32.0;
 
-/// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. An exposure that is
-/// further from 0 would also overflow a float.
+/// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. An exposure further
+/// from 0 than this number would also overflow a float.
 const MOST: usize = flip_rs::MAX_EXPOSURES;
 
 impl ExposureRange {

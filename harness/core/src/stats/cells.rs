@@ -23,8 +23,9 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Makes at most `rows` rows of at most `columns` columns from the coordinates of pilot samples. A line has one
-    /// column. If samples are equal, there may be up to twice as many rows and columns.
+    /// Makes at most `rows` rows of at most `columns` columns from the coordinates of pilot samples. If the support has
+    /// only one coordinate, each row has one column. If samples are equal, there may be up to twice as many rows and
+    /// columns.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };

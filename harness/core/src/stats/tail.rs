@@ -105,7 +105,7 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     let odds = probability / (1.0 - probability);
     let upwards = k >= mean;
     let mut tail = 0.0;
-    // Away from the mean, each term is smaller than the one before, by a ratio that falls from term to term.
+    // Away from the mean, each term is smaller than the previous term, by a ratio that falls from term to term.
     while term > tail * 1e-17 && term > 0.0 {
         tail += term;
         if upwards {

@@ -78,7 +78,7 @@ impl<'m> Lower<'m> {
         };
         self.terms(x, terms, ins);
         let term = match rule {
-            // A conversion keeps the number, if both types have it.
+            // A conversion between `i32` and `u32` keeps the number, if both types have this number.
             I::ToI | I::ToU => return,
             I::NegateI => Term::Negate,
             I::AddI | I::AddU => Term::Add,

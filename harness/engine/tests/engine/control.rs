@@ -184,8 +184,8 @@ fn a_call_in_a_loop_starts_anew_each_time() {
     assert_eq!(words(source, &(0..9).collect::<Vec<_>>()), expected);
 }
 
-/// A case that runs too many rounds is removed, whatever construct it is in. The other cases have the same results as
-/// without it.
+/// A case that runs too many rounds is removed, whatever construct the loop is in. The other cases have the same
+/// results as without this case.
 #[test]
 fn cases_with_long_loops_are_left_out() {
     let source = "

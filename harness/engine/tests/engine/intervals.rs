@@ -240,11 +240,11 @@ fn results_lie_within_their_bounds() {
                 bound.contains(f64::from(single)),
                 "{expression} of {x} {y}: {single} not in {bound:?}"
             );
-            // In the shadow, the result of a builtin that isn't continuous may be on the other side of a jump.
+            // In `f64`, the result of a builtin that isn't continuous may be on the other side of a jump.
             let steps =
                 ["step", "floor", "ceil", "round", "trunc", "fract", "%", "quantize", "modf"];
             if !steps.iter().any(|step| expression.contains(step)) {
-                // The shadow doesn't round to `f32`, but the bounds are those of `f32` results.
+                // `f64` results aren't rounded to `f32`, but the bounds are the bounds of `f32` results.
                 let slack = f64::from(f32::EPSILON) * double.abs();
                 assert!(
                     bound.contains(double)

@@ -177,7 +177,8 @@ impl Random {
         }
     }
 
-    /// Joins two parts at a time until one part is left. A part may be inverted: it is then subtracted, or a divisor.
+    /// Joins two parts at a time until one part is left. A part may be inverted: an inverted part is subtracted, or is
+    /// a divisor.
     fn joined(
         &mut self,
         mut parts: Vec<(Tree, bool)>,
