@@ -6,7 +6,7 @@
 //! [`Grid`], [`OneOf`] and products of them) is enumerated completely.
 //!
 //! In one of eight sampled tuples, two components of the same type are tied: one component becomes equal to the other,
-//! opposite to it, or close to one of these. Functions of two directions often fail there.
+//! opposite to it, or close to one of these. Functions of two directions often fail for tied directions.
 //!
 //! Karat simplifies a case that fails, within its domain. See [`Domain::shrink`].
 

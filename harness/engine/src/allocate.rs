@@ -333,7 +333,7 @@ fn assign(code: &mut Code) {
         counts[file as usize] += 1;
         counts[file as usize] - 1
     };
-    // Constants, and registers that are selected by an index, have a register of their own.
+    // Constants, and registers that are selected by an index, don't share a register with other values.
     for &(file, base, count) in &code.pinned {
         for register in base..base + count {
             assigned[file as usize][register as usize] = Some(fresh(file));

@@ -79,7 +79,7 @@ pub(crate) enum Op {
     Pick(File, u32, bool),
     /// Registers: the result, the index into a table of constants.
     Table(File, u32),
-    /// Registers: the result, indices. The walk leads to bytes of a buffer.
+    /// Registers: the result, indices. The `u32` is the index of a [`Walk`], which leads to bytes of a buffer.
     Load(Scalar, u32),
     /// Registers: the value, indices.
     Write(Scalar, u32),
@@ -359,7 +359,7 @@ pub(crate) enum ImageKind {
     Store(naga::StorageFormat),
 }
 
-/// An operation of a subgroup on a scalar in each lane.
+/// A subgroup operation. Its operand is one scalar in each lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SubgroupOp {
     pub(crate) kind: SubgroupKind,

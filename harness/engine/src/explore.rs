@@ -184,8 +184,8 @@ impl Explorer {
         self.cut
     }
 
-    /// Checks if an invocation waited for others in a loop. In orders that weren't tried, the invocation may have gone
-    /// on.
+    /// Checks if an invocation waited for other invocations in a loop. In an order that wasn't tried, this invocation
+    /// might have left the loop.
     #[must_use]
     pub fn has_waited(&self) -> bool {
         self.has_waited

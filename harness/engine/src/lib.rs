@@ -54,8 +54,8 @@
 //! sample goes from slightly below the least texel to slightly above the greatest texel, and contains each weighted
 //! mean.
 //!
-//! **Accuracy** (`accuracy`). The specification allows large errors for some built-in functions, or any error. There,
-//! [`Options::accuracy`] narrows the bounds to twice the error that was measured on an adapter.
+//! **Accuracy** (`accuracy`). For some built-in functions, the specification allows large errors, or any error. For
+//! these functions, [`Options::accuracy`] narrows the bounds to twice the error that was measured on an adapter.
 //!
 //! # Adding a builtin
 //!

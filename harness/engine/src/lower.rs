@@ -240,7 +240,7 @@ impl<'m> Lower<'m> {
         let result = self.inline(function, info, name, arguments)?;
         if let (Some(Value::Flat(registers)), Some(result)) = (result, &function.result) {
             let scalars = self.scalars(self.layouts.inner(result.ty))?;
-            // Results have registers of their own, so each is written by an operation.
+            // Each result gets a register of its own, so an operation writes each result.
             for (register, scalar) in registers.iter().zip(scalars) {
                 let own = self.fresh(register.file);
                 self.emit(Op::Move(register.file), &[own], &[*register])?;

@@ -97,11 +97,11 @@ impl Race {
 pub struct Divergence {
     /// The barrier or the operation.
     pub site: Site,
-    /// An invocation that reached it.
+    /// An invocation that reached the barrier or the operation.
     pub reached: usize,
-    /// The first invocation that didn't reach it.
+    /// The first invocation that didn't reach the barrier or the operation.
     pub missing: usize,
-    /// The number of invocations that didn't reach it.
+    /// The number of invocations that didn't reach the barrier or the operation.
     pub count: usize,
     /// `true` for a subgroup operation.
     pub subgroup: bool,

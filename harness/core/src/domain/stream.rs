@@ -52,8 +52,8 @@ pub trait Stream: Send + Sync {
     /// A value with its row, and its simpler values.
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>>;
 
-    /// Returns `Some(true)` if the domain has a value with this row, and `Some(false)` if not. `None` if it can't
-    /// decide.
+    /// Returns `Some(true)` if the domain has a value with this row, and `Some(false)` if not. `None` if the domain
+    /// can't decide.
     fn admits(&self, row: &[u32]) -> Option<bool>;
 
     /// Two rows that bound all values: each lane of a value lies between the same lanes of the two rows. `None` if the

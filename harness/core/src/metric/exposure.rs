@@ -147,7 +147,7 @@ mod tests {
         let black = ExposureRange::of(&white_with(10_000, 0.0));
         assert_eq!(black.start, black.stop);
         assert!(black.start.is_finite());
-        // More than half of the pixels are black, and the other pixels still decide the range.
+        // More than half of the pixels are black, but only the other pixels decide the range.
         let half = ExposureRange::of(&white_with(6_000, 0.0));
         assert_eq!(half, ExposureRange::of(&white_with(0, 0.0)));
     }

@@ -35,8 +35,8 @@ const CLEAR: f32 = 0.01;
 pub struct Gate {
     /// The largest difference relative to the golden's value.
     pub relative: f32,
-    /// The difference that is always allowed, even for a dark golden. If `None`, it is `relative` times 1e-4 of the
-    /// golden's key. For alpha, which isn't light, it is then `relative` times 0.01.
+    /// The difference that is always allowed, even for a dark golden. If this is `None`, Karat allows `relative` times
+    /// 1e-4 of the golden's key, and for alpha, which isn't light, `relative` times 0.01.
     pub absolute: Option<f32>,
 }
 

@@ -8,9 +8,9 @@ use super::{Rectangle, Support};
 /// If all cells had the same size, a single cell could contain a narrow lobe. So the quantiles of a pilot run decide
 /// the bounds of the cells. The pilot's samples aren't tested, so the cells don't depend on the tested samples.
 ///
-/// Many samples may be equal, for example if a sampler has lost a dimension. Then the cell around them is narrower than
-/// the distance to its neighbours. The density predicts fewer samples in this cell, and some samples in the empty cells
-/// beside it, so the test rejects the sampler.
+/// Many samples may be equal, for example if a sampler has lost a dimension. Then the cell around the equal samples is
+/// narrower than the distance to the neighbouring samples. The density predicts fewer samples in this cell, and some
+/// samples in the empty cells beside it, so the test rejects the sampler.
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,

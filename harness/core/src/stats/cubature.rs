@@ -169,7 +169,8 @@ fn add(sum: &mut [f64], values: &[f64]) {
     }
 }
 
-/// The nodes in the unit square, with their weights. On a line, the second coordinate is 1/2.
+/// The nodes in the unit square, with their weights. If `line` is set, the support has only one coordinate, and the
+/// second coordinate of each node is 1/2.
 fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     let second = if line { &[(0.5, 1.0)] } else { nodes };
     let row = |(a, weight): &(f64, f64)| {

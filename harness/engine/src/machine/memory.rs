@@ -203,7 +203,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         };
         let walk = &self.code.walks[walk as usize];
         let bytes = memory.buffers[walk.buffer as usize].bytes.len();
-        // The registers of the indices come last.
+        // In the operation's list of registers, those of the indices come last.
         let shape = self.code.shape(instruction.op);
         let all = shape.outs.iter().chain(&shape.ins).sum::<u32>() as usize;
         let indices = &registers[..all][all - walk.steps.len()..];
@@ -586,7 +586,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
         for lane in 0..self.width {
             if self.is_helper(lane) && atomic.result {
-                // WGSL allows any result for a helper. A success ends a loop that waits for a success.
+                // WGSL allows any result for a helper. Returning a success here ends a loop that waits for a success.
                 let seen = if compared {
                     self.ints.get(registers[outs + 1])[lane]
                 } else {

@@ -23,7 +23,7 @@ pub(super) fn face([x, y, z]: [f64; 3]) -> (f64, f64, f64) {
     (face, 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
 }
 
-/// The movement on the face that belongs to a step of the direction: Vulkan's *Cube Map Derivative Transformation*.
+/// Converts a step of a direction to a step of the position on the face: Vulkan's *Cube Map Derivative Transformation*.
 pub(super) fn step(at: [f64; 3], step: [f64; 3]) -> [f64; 3] {
     let (face, u, v) = face(at);
     let (axis, negative) = (face as usize / 2, face as usize % 2 == 1);
@@ -49,7 +49,7 @@ pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
     }
 }
 
-/// The neighbouring texels at an edge of a face.
+/// The texels of the neighbouring face that are next to an edge of a face.
 #[derive(Clone, Copy, Default)]
 struct Edge {
     face: usize,

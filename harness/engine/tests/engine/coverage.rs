@@ -19,7 +19,7 @@ fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     let usual = plain.call::<F32>(x.len(), &rows, &Resources::new(), &Options::default(), &());
     assert_eq!(own.expect("it runs").words(), usual.expect("it runs").words());
     let text_of = |span: naga::Span| text[span.to_range().expect("it is written")].to_owned();
-    // The module lists each statement that runs.
+    // `statements` lists each statement that runs.
     let there = karat_engine::statements(&module);
     let known = |one: &karat_engine::Statement| {
         there.iter().any(|own| (own.span, own.kind) == (one.span, one.kind))
