@@ -179,7 +179,7 @@ struct Room<'p, 'm, A: Arithmetic> {
 }
 
 impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
-    /// Allocates the state for a workgroup of `invocations`. Each machine runs `lanes` of them.
+    /// Allocates the state for a workgroup of `invocations`. Each machine runs `lanes` invocations.
     fn new(code: &'p Code, options: &'p Options, invocations: usize, lanes: usize) -> Self {
         let machine =
             |first: usize| Machine::<A>::new(code, options, lanes.min(invocations - first));

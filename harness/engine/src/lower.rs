@@ -48,8 +48,8 @@ pub struct Settings {
     pub overrides: Overrides,
     /// `true` if `a * b + c` is rounded only once, as on many GPUs.
     pub contract: bool,
-    /// Prefixes of names. Let-bindings whose names begin with one of these are shown to observers. Tests see their
-    /// values as they see results.
+    /// Prefixes of names. Let-bindings whose names begin with one of these are shown to observers. A test sees the
+    /// values of these let-bindings as it sees results.
     pub named: &'static [&'static str],
     /// `true` if four successive cases are a quad of pixels: the upper left pixel, the pixel on its right, and the two
     /// pixels below. Derivatives need this.

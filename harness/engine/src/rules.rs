@@ -61,7 +61,7 @@ macro_rules! float_rules {
                 match self { $(Self::$name => ($i, $o),)* }
             }
 
-            /// The rule that a builtin applies to each component.
+            /// The rule that a builtin applies to each component. `None` if this family has no such rule.
             pub(crate) fn builtin(function: naga::MathFunction) -> Option<Self> {
                 $($(if function == naga::MathFunction::$math { return Some(Self::$name); })?)*
                 let _ = function;
@@ -120,7 +120,7 @@ macro_rules! integer_rules {
                 match self { $(Self::$name => $i,)* }
             }
 
-            /// The rule that a builtin applies to each component.
+            /// The rule that a builtin applies to each component. `None` if this family has no such rule.
             pub(crate) fn builtin(function: naga::MathFunction, signed: bool) -> Option<Self> {
                 $($(if function == naga::MathFunction::$math && signed == $signed {
                     return Some(Self::$name);
@@ -184,7 +184,7 @@ impl FloatRule {
         }
     }
 
-    /// The rule that a builtin applies to each component.
+    /// The rule that a builtin applies to each component. `None` if this family has no such rule.
     pub(crate) fn builtin(function: MathFunction) -> Option<Self> {
         Basic::builtin(function)
             .map(Self::Basic)

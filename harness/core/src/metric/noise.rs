@@ -15,8 +15,8 @@
 //! pixels that contribute most of the sum.
 //!
 //! Measured with a scene of three decades of light, with 640 x 360 pixels and 64 samples per pixel: if 2 % of the frame
-//! is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 fails. Without the weights and the
-//! overlap, only 43 % of the faulty renderings would fail. If each pixel were tested separately, with 0.25 % of
+//! is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 renderings fails. Without the weights
+//! and the overlap, only 43 % of the faulty renderings would fail. If each pixel were tested separately, with 0.25 % of
 //! outliers allowed, no faulty rendering would fail.
 //!
 //! The test assumes that the noise of different pixels is independent. Each channel is tested separately, because a

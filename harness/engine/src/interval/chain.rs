@@ -260,8 +260,8 @@ impl Sum {
 
     /// The bounds for all orders. `count` terms need `count - 1` additions. The last addition rounds the result. Each
     /// other addition rounds a partial sum to a neighbour, so its error is less than the distance of floats at the
-    /// largest partial sum. All results are multiples of 2^`step`. There are `more` terms that were rounded themselves,
-    /// and each has the same error. `None` if a sum may overflow.
+    /// largest partial sum. All results are multiples of 2^`step`. In addition, `more` terms were rounded themselves,
+    /// each with the same error as a rounded partial sum. `None` if a sum may overflow.
     fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);

@@ -73,7 +73,7 @@ static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
     std::array::from_fn(|face| std::array::from_fn(|number| edge(face, number)))
 });
 
-/// The texel of the neighbouring face for a texel that is at most one texel beyond an edge.
+/// The texel of the neighbouring face at a position that is at most one texel beyond an edge.
 pub(super) fn beyond(face: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let last = i64::from(size) - 1;
     let (edge, along) = match () {
