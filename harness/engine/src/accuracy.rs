@@ -1,4 +1,4 @@
-//! The accuracy of the built-in functions of one adapter, measured.
+//! The measured accuracy of one adapter's built-in functions.
 //!
 //! The specification allows large errors for some built-in functions: 2^-11 for the sine, and only between -pi and pi.
 //! Karat measures an adapter once, and allows twice the measured error.

@@ -202,7 +202,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
         }
     }
 
-    /// Exchanges the kept memory and detector state with the current ones.
+    /// Exchanges the memory and the detector state that are kept in this room with those of the running workgroup.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
         for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);

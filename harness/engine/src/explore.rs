@@ -110,7 +110,7 @@ impl Taken {
 struct Node {
     ready: BTreeMap<Actor, Step>,
     chosen: Actor,
-    /// The actors that must go next at this point in some order.
+    /// The actors to try at this point: for each of them, one explored order gives the actor the next turn.
     wanted: BTreeSet<Actor>,
     /// The actors that needn't get a turn at this point: the turn leads to an order that has already run.
     asleep: BTreeMap<Actor, Step>,

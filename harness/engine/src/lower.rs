@@ -490,7 +490,7 @@ impl<'m> Lower<'m> {
         self.constant(Scalar::F32, x.to_bits())
     }
 
-    /// Appends an operation. The registers are in the order of files, as in `Code::shape`.
+    /// Appends an operation. The registers are in the order of files (floats, integers, booleans), as in `Code::shape`.
     fn emit(&mut self, op: Op, outs: &[Reg], ins: &[Reg]) -> Lowered<usize> {
         if self.code.instructions.len() >= MOST_OPERATIONS {
             return Err(self.refuse(format!(

@@ -453,7 +453,7 @@ impl Detector {
         self.invocation(self.first + self.base + lane as u32)
     }
 
-    /// Continues the lanes of the workgroup that begin with lane `base`.
+    /// Continues with the lanes of the workgroup from lane `base` on.
     pub(crate) fn goes_on(&mut self, base: usize) {
         self.base = base as u32;
     }
@@ -793,7 +793,7 @@ impl Detector {
 }
 
 impl Shadow {
-    /// The state of an element. `None` if too many elements are remembered.
+    /// The state of an element. `None` if the detector already remembers as many elements as it may.
     fn cell(&mut self, plane: usize, index: usize, cells: &mut usize) -> Option<&mut Cell> {
         let pages = &mut self.pages[plane];
         let page = index / PAGE;

@@ -133,8 +133,8 @@ impl Flip {
 
     /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops. The exposure is low
     /// for a difference in highlights, and high for a difference in shadows. If several exposures have the largest
-    /// error, the darkest one is taken. The exposures are those of [`Pair::exposures`], one for each stop, and those
-    /// that `map` adds.
+    /// error, the darkest one is taken. The possible exposures are the exposures of [`Pair::exposures`], one for each
+    /// stop, and the exposures that `map` adds.
     ///
     /// ```
     /// use karat::Image;

@@ -3,8 +3,8 @@
 //! A lane whose condition is undecided forks into two *worlds*. Each is a copy of the lane's variables for one branch.
 //! The world of the first branch runs first. Then the lane's variables get back their values from before the branch,
 //! and the world of the other branch runs. The worlds are joined where control meets again: at the end of a branch, of
-//! a loop's body, of a loop, or of a call. So a store can simply overwrite a variable, and a loop ends in a branch that
-//! may not be taken.
+//! a loop's body, of a loop, or of a call. So a store can simply overwrite a variable, and a `break` may be in a branch
+//! with an undecided condition.
 //!
 //! If a world jumps out of a construct, and another world of its lane goes on, the first world waits at the jump's
 //! target, in `waiting`. Otherwise its variables stay in the registers.

@@ -93,7 +93,7 @@ impl Random {
             return match self.below(4) {
                 0 => {
                     let number = CONSTANTS[self.below(CONSTANTS.len())];
-                    // A product that has only constants must have a value.
+                    // A product of only constants must not overflow in half precision.
                     let number =
                         if self.format == Format::Half { number.min(17.0) } else { number };
                     Tree::Constant(self.format.around(f64::from(number))[1])
