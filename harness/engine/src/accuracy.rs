@@ -87,8 +87,9 @@ const LOG2: usize = 3;
 const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
 
 impl Function {
-    /// The distance between arguments at which the function is 0. For a sine and a cosine, arguments at which it is 1
-    /// or -1 are included. For a tangent, every second quarter turn is a pole, and isn't included.
+    /// All zeros of the function are multiples of this number. For a sine and a cosine, the multiples include arguments
+    /// at which the function is 1 or -1. For a tangent, the multiples don't include the poles. `None` for all other
+    /// functions.
     fn between_zeros(&self) -> Option<f64> {
         match self.shape {
             Shape::Wave(_) => Some(FRAC_PI_2),
@@ -97,8 +98,8 @@ impl Function {
         }
     }
 
-    /// The least and the greatest value between two arguments. `None` if the function isn't defined for all arguments
-    /// between them, or has a pole there.
+    /// The least and the greatest value of the function between two arguments. `None` if the function isn't defined for
+    /// all arguments between them, or has a pole there.
     fn image(&self, lo: f64, hi: f64) -> Option<(f64, f64)> {
         if !(self.domain.0 <= lo && lo <= hi && hi <= self.domain.1) {
             return None;

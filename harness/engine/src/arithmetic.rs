@@ -99,7 +99,8 @@ pub(crate) mod sealed {
         /// A boolean. Masks consist of these, too.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
 
-        /// `true` if a boolean may be undecided. Then the masks inside a loop are relative to the mask at its entry.
+        /// `true` if a boolean may be undecided. Then the masks inside a loop are relative to the mask at the loop's
+        /// entry.
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;

@@ -155,9 +155,9 @@ impl Op {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instruction {
     pub(crate) op: Op,
-    /// The index of its first register in the pool.
+    /// The index of the operation's first register in the pool.
     pub(crate) at: u32,
-    /// The number of its registers in the pool. It is set after registers are assigned.
+    /// The number of the operation's registers in the pool. It is set after registers are assigned.
     pub(crate) count: u32,
     pub(crate) target: u32,
     pub(crate) site: u32,

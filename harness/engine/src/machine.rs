@@ -108,7 +108,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
     /// The numbers of the stores that the machine has reached since the last request. `numbered` is the number of all
-    /// its stores.
+    /// stores of the machine.
     pub(crate) issued: Vec<u32>,
     numbered: u32,
     pub(crate) turn: usize,

@@ -13,7 +13,7 @@ use crate::tolerance::power;
 /// format of goldens.
 pub const DEFAULT_RELATIVE: f32 = 1e-3;
 
-/// A smaller alpha is compared as if it were this value. An opacity of one per cent is invisible, and `1 -
+/// An alpha below this value is compared as if it were this value. An opacity of one per cent is invisible, and `1 -
 /// transmittance` has rounding errors there.
 const CLEAR: f32 = 0.01;
 

@@ -299,7 +299,8 @@ pub(super) fn power(exponent: i16) -> f64 {
     }
 }
 
-/// The exponent of an `f32`, which is a normal number in `f64` unless it is 0. For 0, an exponent below all others.
+/// The exponent of an `f32`, which is a normal number in `f64` unless it is 0. For 0, the result is an exponent below
+/// all other exponents.
 pub(super) fn exponent(x: f64) -> i16 {
     (x.to_bits() >> 52 & 0x7FF) as i16 - 1023
 }

@@ -183,7 +183,8 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 
     /// The index of a lane that is outside of an array in a buffer, or a coordinate outside of a texture, and the
-    /// number of elements there. For an index that wraps: its value without wrapping, and its value with wrapping.
+    /// number of elements in the array, or of texels in this direction. For an index that wraps: its value without
+    /// wrapping, and its value with wrapping.
     pub(super) fn beyond(
         &self,
         instruction: &Instruction,

@@ -107,7 +107,7 @@ fn a_wrapping_index_is_reported() {
         ("(i * 1664525u + 1013904223u) & 7u", &[]),
         ("(i * 4u) % 8u", &[]),
         ("min(i * 4u, 7u)", &[]),
-        // The index is outside, so the access reports it.
+        // The index is outside of the array, so the access reports it.
         ("i + 8u", &[]),
         ("i * 4u + 8u", &[]),
         // Only even strides are checked if they are large. A shift by a variable moves bits.
