@@ -427,7 +427,7 @@ impl Detector {
         }
     }
 
-    /// Exchanges the state with that of another workgroup, which then continues.
+    /// Exchanges the detector's state with the kept state of another workgroup, which then continues.
     pub(crate) fn exchange(&mut self, of: &mut OfGroup) {
         std::mem::swap(&mut self.first, &mut of.first);
         std::mem::swap(&mut self.epochs, &mut of.epochs);

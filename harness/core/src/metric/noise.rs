@@ -80,7 +80,7 @@ struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// The sum of the squares of each pixel's difference beyond the slack.
+    /// The sum of the squares of the pixels' differences. Only the part of a difference beyond the slack counts.
     squares: DVec3,
     variances: DVec3,
     pixels: u32,

@@ -94,8 +94,8 @@ impl Random {
     }
 }
 
-/// The end of a block. In a switch, `break` would leave the switch. So there, `break` stands inside of an `if`, and
-/// leaves the innermost loop or switch.
+/// The end of a block. A plain `break` at the end of a clause would only leave the switch. So in a switch, the
+/// generated `break` stands inside of an `if`. It leaves the innermost loop or switch.
 enum End {
     Next,
     Break,
