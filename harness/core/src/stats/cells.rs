@@ -166,7 +166,7 @@ fn bounds(inner: &[f64], part: usize, ends: (f64, f64)) -> (f64, f64) {
 /// The bounds of the parts into which `low..high` is divided. One part is `start..end`. From there outwards, each part
 /// is twice as wide as the previous part.
 fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
-    // One sample has the width 0. At most 30 doublings of the smallest width reach the end of any support.
+    // The range of one sample has the width 0. At most 30 doublings of the least width reach any support's end.
     let width = (end - start).max(1e-9 * (high - low));
     let steps = |gap: f64| {
         let mut step = width;

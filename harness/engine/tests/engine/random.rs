@@ -94,8 +94,8 @@ impl Random {
     }
 }
 
-/// The end of a block. A plain `break` at the end of a clause would only leave the switch. So in a switch, the
-/// generated `break` stands inside of an `if`. It leaves the innermost loop or switch.
+/// The way in which the interpreter left a block: at the block's end, or by a jump. `Break` leaves the innermost loop
+/// or switch. Each generated jump stands inside of an `if`.
 enum End {
     Next,
     Break,
