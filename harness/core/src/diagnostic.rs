@@ -26,9 +26,10 @@ pub use blame::{At, Blame, Blamed};
 pub struct SourceFile {
     /// The path as messages show it: relative to the working directory, if that is shorter.
     pub name: String,
-    /// The whole text.
+    /// The file's text, with values in place of the author's placeholders.
     pub text: String,
-    /// The values that replace the author's placeholders, in the order of the text. No value contains a line break.
+    /// The values that replace the author's placeholders, in the order in which they occur in the text. No value
+    /// contains a line break.
     pub values: Vec<Value>,
 }
 
@@ -73,8 +74,8 @@ impl SourceFile {
         Cow::Owned(written)
     }
 
-    /// Converts a byte offset in this text to one in the author's text. An offset inside a value becomes the start of
-    /// its placeholder.
+    /// Converts a byte offset in `text` to a byte offset in the author's text. An offset inside a value becomes the
+    /// start of its placeholder.
     #[must_use]
     pub fn written_at(&self, offset: usize) -> usize {
         let (mut text, mut written) = (0, 0);
@@ -92,7 +93,8 @@ impl SourceFile {
         written + (offset - text)
     }
 
-    /// The file with its hash. `None` for a text in memory: its name begins with `<`.
+    /// The file's path, with the hash of the file's contents. `None` for a text in memory, which has a name that begins
+    /// with `<`.
     #[doc(hidden)]
     pub fn read(&self) -> Option<FileRead> {
         let file = Path::new(&self.name);
@@ -257,7 +259,7 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
-/// Replaces the names that Karat generated for an author's line, such as `karat_value_12`.
+/// Replaces names that Karat generated, such as `karat_value_12`, by words that describe the author's line.
 fn without_made_up(text: &str) -> String {
     const MADE_UP: [&str; 3] = ["karat_value_", "karat_assert_", "karat_print_"];
     let mut text = text.to_owned();
@@ -270,8 +272,8 @@ fn without_made_up(text: &str) -> String {
     text
 }
 
-/// The name in `known` that is most likely meant by `unknown`. A name is close if its last `::` part equals that of
-/// `unknown`, or if at most a third of the letters differ. `None` if no name is close.
+/// The name in `known` that the author of `unknown` most likely meant. A name is close if its last `::` part equals the
+/// last part of `unknown`, or if at most a third of the letters differ. `None` if no name is close.
 pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
     known
@@ -313,7 +315,7 @@ pub struct FileRead {
 }
 
 impl FileRead {
-    /// A file with these bytes.
+    /// Makes the record of a file that has the contents `bytes`.
     #[must_use]
     pub fn of(file: &Path, bytes: &[u8]) -> Self {
         Self { hash: blake3::hash(bytes).to_hex().to_string(), ..Self::missing(file) }
@@ -326,7 +328,7 @@ impl FileRead {
         Self { file, hash: String::new() }
     }
 
-    /// A file with its current hash.
+    /// Reads a file, and makes the record of its current contents.
     #[must_use]
     pub fn now(file: &Path) -> Self {
         read_file(file).map_or_else(|_| Self::missing(file), |bytes| Self::of(file, &bytes))

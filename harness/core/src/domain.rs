@@ -6,7 +6,7 @@
 //! [`Grid`], [`OneOf`] and products of them) is enumerated completely.
 //!
 //! In one of eight sampled tuples, two components of the same type are tied: one component becomes equal to the other,
-//! opposite to it, or close to one of these. Functions of two directions often fail there.
+//! opposite to it, or close to one of these. Functions of two directions often fail for tied directions.
 //!
 //! Karat simplifies a case that fails, within its domain. See [`Domain::shrink`].
 
@@ -135,9 +135,10 @@ pub trait Domain: Send + Sync {
         None
     }
 
-    /// Two values such that each component of every value lies between theirs; `None` if there are none. `stays_within`
-    /// proves its statement for everything between these two values. The interval may contain values that the domain
-    /// doesn't have. But a value of the domain outside of the interval would make the proof false.
+    /// Two values that bound the domain: each component of every value lies between the same components of these two.
+    /// `None` if the domain has no such bounds. `stays_within` proves its claim for everything between the bounds. The
+    /// interval may contain values that the domain doesn't have. But a value of the domain outside of the interval
+    /// would make the proof false.
     ///
     /// ```
     /// use karat::{Domain, UnitRgb};
@@ -336,7 +337,8 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for OneOf<T> {
     fn nth(&self, index: u64) -> Option<T> {
         usize::try_from(index).ok().and_then(|index| self.0.get(index)).cloned()
     }
-    /// Simplifies numbers and booleans towards the most readable one, and other values towards the front of the list.
+    /// Simplifies a number or a boolean to more readable values of the list, and any other value to values nearer to
+    /// the front of the list.
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, T>> {
         let index = match origin {
             Origin::Nth(index) => usize::try_from(index).ok()?,

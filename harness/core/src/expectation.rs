@@ -32,7 +32,7 @@ pub enum Wanted {
     Near,
     /// The values differ by at most the bound times the expected value.
     Relative,
-    /// The values are at most this many `f32` steps apart.
+    /// The values differ by at most as many `f32` steps as the bound says.
     Ulp,
     /// The values differ by at most the larger of an absolute and a relative bound.
     Within,
@@ -188,7 +188,7 @@ fn are_near(actual: vec4f, expected: vec4f, absolute: f32, relative: f32) -> boo
         && all((abs(actual - expected) <= 0.999 * bound) | (abs(actual - expected) < vec4f(absolute)));
 }}
 
-// The steps from the smallest to the largest number. A larger bound passes everything.
+// The number of `f32` steps from the smallest to the largest number. With a larger bound, every value would pass.
 const MOST_STEPS: f32 = 4278190080.0;
 
 fn place(x: f32) -> u32 {{

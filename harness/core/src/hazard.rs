@@ -26,7 +26,7 @@ pub enum Kind {
     Infinite,
     /// A float is outside the range of the integer type that it is converted to.
     Saturated,
-    /// The low edge of `clamp` or `smoothstep` isn't below the high one.
+    /// The low edge of `clamp` or `smoothstep` isn't below the high edge.
     EdgesReversed,
     /// More than half of a value's digits are rounding errors.
     LostDigits,
@@ -37,7 +37,7 @@ pub enum Kind {
     /// The engine stopped a loop after too many rounds.
     Endless,
     /// An invocation reads workgroup memory that no invocation has written. WGSL (7.3) says that this memory is zero,
-    /// but hosts may turn that off.
+    /// but hosts may turn this initialization off.
     Unwritten,
 }
 
@@ -113,7 +113,7 @@ impl Kind {
         self != Self::Unwritten
     }
 
-    /// Checks if an index selects another element than the intended one.
+    /// Checks if this kind of hazard is an index that selects another element than the intended one.
     #[must_use]
     pub fn is_of_index(self) -> bool {
         matches!(self, Self::OutOfRange | Self::Wrapped)

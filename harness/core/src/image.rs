@@ -149,7 +149,7 @@ impl Image {
         &mut self.pixels
     }
 
-    /// The image that results from writing it to a file of this precision and reading it again.
+    /// Rounds the pixels in the same way as writing the image to a file of this precision and reading the file.
     ///
     /// ```
     /// use karat::Image;
@@ -222,8 +222,9 @@ impl Image {
         census
     }
 
-    /// The logarithmic mean of the pixels' luminance: the brightness that an exposure would map to grey. Black and
-    /// non-finite pixels don't count. If all pixels are black or non-finite, the key is 1.
+    /// The image's key: the logarithmic mean of the pixels' luminance. A photographer's exposure would map this
+    /// brightness to middle grey. Black and non-finite pixels don't count. If all pixels are black or non-finite, the
+    /// key is 1.
     ///
     /// ```
     /// use karat::Image;

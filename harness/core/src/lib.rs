@@ -1,4 +1,4 @@
-//! //! The parts of [Karat](https://docs.rs/karat) that work without shaders: values, domains, tolerances, statistics,
+//! The parts of [Karat](https://docs.rs/karat) that work without shaders: values, domains, tolerances, statistics,
 //! images and messages.
 //!
 //! Test authors use these parts through the crate `karat`, which exports them. They are a separate crate so that cargo

@@ -4,8 +4,8 @@
 //! equal in both images. A [`Metric`] measures one number for the pair, and the frame's tolerance decides if the number
 //! is small enough. NaN fails.
 //!
-//! [`Gate`] measures the difference of each channel, without outliers. [`Flip`] measures the difference that a person
-//! would see. [`Noise`] measures the difference that the noise of the two images doesn't explain.
+//! [`Gate`] measures the difference of each channel, and allows no outliers. [`Flip`] measures the difference that a
+//! person would see. [`Noise`] measures the difference that the noise of the two images doesn't explain.
 
 mod exposure;
 mod exposure_map;
@@ -61,8 +61,8 @@ pub trait Metric: fmt::Debug + Send + Sync {
     /// Measures the pair. Pixels outside the mask are equal in both images, and aren't [compared](Pair::is_compared).
     fn measure(&self, pair: &Pair<'_>) -> Measured;
 
-    /// The largest possible difference. Every frame passes with a bound of at least this. Infinite, unless the metric
-    /// overrides this method.
+    /// The largest difference that the metric can measure. If the bound is at least this large, every frame passes. The
+    /// default is infinity.
     fn most(&self) -> f64 {
         f64::INFINITY
     }

@@ -125,8 +125,8 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
 /// KiB.
 const LONGEST_NAME: usize = 1000;
 
-/// A name in a form that every format accepts: [`one_line`]. A name of more than 1000 bytes is cut and ends with the
-/// beginning of a hash, so that two long names stay different.
+/// A name in a form that every output format accepts: on one line, see [`one_line`]. A name of more than 1000 bytes is
+/// cut and ends with the beginning of a hash, so that two long names stay different.
 #[must_use]
 pub fn name(text: &str) -> Cow<'_, str> {
     name_within(text, LONGEST_NAME)
@@ -153,7 +153,8 @@ pub fn markdown(text: &str) -> String {
     visible(&text.replace(['\n', '\r'], " ")).into_owned()
 }
 
-/// [`visible`] for JSON. There, terminal commands occur only in strings, and become `\u001b`.
+/// Escapes terminal commands in JSON, as [`visible`] does in other text. In JSON, such commands occur only in strings,
+/// and become `\u001b`.
 #[must_use]
 pub fn visible_json(json: &str) -> Cow<'_, str> {
     escaped(json, |character| format!("\\u{:04x}", u32::from(character)))

@@ -76,7 +76,7 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
         Ok(value) => return Ok(value),
         Err(payload) => payload,
     };
-    // The panic of a helper thread.
+    // This panic came from a helper thread, which has already caught it.
     let payload = match payload.downcast::<Panicked>() {
         Ok(panicked) => return Err(*panicked),
         Err(payload) => payload,

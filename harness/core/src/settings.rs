@@ -80,11 +80,11 @@ const COVERAGE: &str = "KARAT_COVERAGE";
 const TINT: &str = "KARAT_TINT";
 const BROWSER: &str = "KARAT_BROWSER";
 
-/// The largest number of orders. Each order runs all passes, so this many take hours.
+/// The largest number of orders. Karat runs all passes in each order, so a run with this many orders takes hours.
 const MOST_SCHEDULES: u64 = 1 << 16;
 
-/// The default number of rounds: far more than a fast pixel makes. The engine runs them in some seconds at most, so it
-/// finds endless loops.
+/// The default limit for the iterations (rounds) of a case's loops: far more than a fast pixel runs. The engine runs
+/// this many in a few seconds at most, so it detects endless loops.
 const FUEL_ROUNDS: u64 = 1 << 20;
 
 /// The default time limit of a shader: long enough for any test's shader on a software rasteriser.
@@ -104,14 +104,14 @@ pub struct Settings {
     /// Programs that run jobs. Each has a name, a program, and the program's arguments.
     #[doc(hidden)]
     pub executors: Vec<(String, Vec<String>)>,
-    /// A part of the adapter's name.
+    /// A part of the name of the adapter to use.
     #[doc(hidden)]
     pub adapter: Option<String>,
     /// The time limit of a shader.
     #[doc(hidden)]
     pub deadline: Duration,
-    /// The largest number of rounds of all loops that a case may make in the engine. Loops whose bound the IR shows
-    /// don't count.
+    /// The largest number of iterations of all loops together that a case may run in the engine. Iterations of loops
+    /// with a bound that the IR shows don't count.
     #[doc(hidden)]
     pub fuel: u64,
     /// The number of orders of invocations in which the engine runs compute passes.
@@ -144,7 +144,7 @@ pub struct SelectedCase {
     /// own value.
     #[doc(hidden)]
     pub steps: Vec<usize>,
-    /// The lanes of the arguments that replace the case's own arguments.
+    /// The lanes (32-bit words) of the arguments that replace the case's own arguments.
     #[doc(hidden)]
     pub input: Option<Vec<u32>>,
 }
@@ -217,7 +217,7 @@ fn set(name: &str) -> Option<OsString> {
     std::env::var_os(name).filter(|value| !value.is_empty())
 }
 
-/// The folder with the files that replace modules.
+/// The folder with files that Karat uses instead of the package's modules.
 #[doc(hidden)]
 pub fn overlay() -> Option<PathBuf> {
     set(OVERLAY).map(PathBuf::from)
@@ -241,8 +241,8 @@ pub fn coverage() -> Option<PathBuf> {
     set(COVERAGE).map(PathBuf::from)
 }
 
-/// The largest number of rounds that a case may make in the engine. The default if a setting is invalid, because other
-/// callers report the error.
+/// The largest number of loop iterations that a case may run in the engine. If a setting is invalid, this returns the
+/// default, because other callers report the error.
 #[doc(hidden)]
 pub fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
@@ -261,7 +261,7 @@ pub fn deadline() -> Duration {
     current().map_or(usual, |settings| settings.deadline)
 }
 
-/// Checks if Karat skips frames. `false` if a setting is invalid, because other callers report the error.
+/// Checks if Karat skips frames. Returns `false` if a setting is invalid, because other callers report the error.
 #[doc(hidden)]
 pub fn leaves_frames_out() -> bool {
     current().is_ok_and(|settings| !settings.frames)
@@ -391,13 +391,13 @@ impl SelectedCase {
     }
 }
 
-/// Reads lanes as written in environment variables and files: `3f800000,00000000`.
+/// Reads lanes (32-bit words in hexadecimal) as written in environment variables and files: `3f800000,00000000`.
 #[doc(hidden)]
 pub fn read_words(text: &str) -> Option<Vec<u32>> {
     text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
 }
 
-/// Reads steps as written in environment variables and files: `3.0`.
+/// Reads simplification steps as written in environment variables and files: `3.0`.
 #[doc(hidden)]
 pub fn read_steps(text: &str) -> Option<Vec<usize>> {
     text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()

@@ -76,7 +76,8 @@ pub struct Abs(pub f64);
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub enum Tolerance {
-    /// The distance in `f32` steps. No step counts as smaller than a step at `band`.
+    /// Limits the distance in `f32` steps. Steps that are smaller than a step at `band` count as large as a step at
+    /// `band`.
     Ulp {
         /// The largest distance that passes.
         bound: f64,
@@ -166,7 +167,7 @@ impl Unit {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaneError {
-    /// Error / bound. Infinite for NaN and infinities.
+    /// Error / bound. Infinite if the result is NaN or an infinity.
     pub ratio: f64,
     /// The error in `unit`.
     pub error: f64,
@@ -182,7 +183,7 @@ impl LaneError {
 
     #[doc(hidden)]
     pub fn new(error: f64, bound: f64, unit: Unit) -> Self {
-        // 0/0 is an exact match under a bound of 0. NaN fails.
+        // The error 0 with the bound 0 is an exact match, so its ratio is 0. NaN fails.
         let ratio = if error == 0.0 { 0.0 } else { error / bound };
         let ratio = if ratio >= 0.0 { ratio } else { f64::INFINITY };
         Self { ratio, error, bound, unit }
@@ -193,7 +194,7 @@ impl LaneError {
         Self::new(if equal { 0.0 } else { 1.0 }, 0.0, Unit::Exact)
     }
 
-    /// The error of a `value` that must not be larger than `bound`. An excess up to `slack` passes.
+    /// Measures by how much `value` exceeds `bound`. An excess up to `slack` passes.
     #[doc(hidden)]
     pub fn excess(value: f64, bound: f64, slack: f64) -> Self {
         Self::new(if value <= bound { 0.0 } else { value - bound }, slack, Unit::Abs)
@@ -221,8 +222,8 @@ impl LaneError {
 }
 
 impl LaneError {
-    /// Checks if this error has a larger ratio than `other`, or the same ratio and a larger absolute error. NaN is the
-    /// largest.
+    /// Checks if this error has a larger ratio than `other`, or the same ratio and a larger absolute error. NaN counts
+    /// as the largest ratio.
     #[doc(hidden)]
     #[must_use]
     pub fn is_worse_than(&self, other: &Self) -> bool {
@@ -250,13 +251,13 @@ impl fmt::Display for LaneError {
 #[doc(hidden)]
 pub fn times_allowed(ratio: f64) -> String {
     match ratio.is_infinite() {
-        // The bound 0 has no multiples.
+        // No ratio can be given for the bound 0.
         true => "and nothing is allowed".to_owned(),
         false => format!("{} times what is allowed", significant(ratio)),
     }
 }
 
-/// [`times_allowed`], with the error itself if the bound is 0.
+/// Describes an error as [`times_allowed`] does, and adds the error itself if the bound is 0.
 #[doc(hidden)]
 pub fn beyond(error: f64, ratio: f64) -> String {
     let times = times_allowed(ratio);
@@ -290,7 +291,7 @@ pub fn power(value: impl fmt::LowerExp) -> String {
     text.strip_suffix("e0").unwrap_or(&text).to_owned()
 }
 
-/// A bound as its author would write it. A computed bound has three digits.
+/// A bound in the notation that an author would use. A computed bound is shown with three digits.
 fn exponent(bound: f64) -> String {
     let exact = power(bound);
     if exact.len() <= 7 { exact } else { format!("{bound:.2e}") }
@@ -429,7 +430,7 @@ impl Tolerance {
     }
 
     /// Measures a value in 32-bit lanes. Returns the index of the component with the largest error, and that error.
-    /// Integer components are equal or wrong.
+    /// Integer components pass only if they are equal.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -481,8 +482,8 @@ impl Tolerance {
         }
         match self {
             Self::Ulp { bound, band } => {
-                // Below `band`, the step size is that at `band`. Values that a flush to zero could make equal count as
-                // equal.
+                // Below `band`, the steps have the same size as at `band`. Values that a flush to zero could make equal
+                // count as equal.
                 let distance = if value.abs().max(expected.abs()) <= *band {
                     error / spacing(*band)
                 } else {

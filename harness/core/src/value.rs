@@ -1,9 +1,10 @@
 //! The values that travel between the CPU and the GPU.
 //!
 //! A value travels as *lanes*: the value's scalars in the order of their declaration, each in one 32-bit word. The
-//! probe kernel assembles the value from its lanes, so WGSL's memory layout (padding, alignment, strides) can't cause
-//! errors. A [`Shape`] describes a WGSL type. A host type ([`Shareable`]), its `f64` twin ([`Mirror`]) and the
-//! signature that naga reflects each have a shape. Karat compares the three shapes before it dispatches anything.
+//! shader that Karat generates to call a function assembles the value from its lanes, so WGSL's memory layout (padding,
+//! alignment, strides) can't cause errors. A [`Shape`] describes a WGSL type. A host type ([`Shareable`]), its `f64`
+//! twin ([`Mirror`]) and the signature that naga reflects each have a shape. Karat compares the three shapes before it
+//! dispatches anything.
 
 mod differing;
 mod glams;
@@ -130,7 +131,7 @@ impl Scalar {
     }
 }
 
-/// A WGSL type that a probe can pass or read.
+/// A WGSL type of values that Karat can pass to a function, or read from its results.
 ///
 /// ```
 /// use karat::unstable::value::{Scalar, Shape};

@@ -1,4 +1,4 @@
-//! The accuracy of the built-in functions of one adapter, measured.
+//! The measured accuracy of one adapter's built-in functions.
 //!
 //! The specification allows large errors for some built-in functions: 2^-11 for the sine, and only between -pi and pi.
 //! Karat measures an adapter once, and allows twice the measured error.
@@ -8,8 +8,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use crate::interval::{Interval, ulp};
 use crate::rules::{Exponential, FloatRule, Trigonometry};
 
-/// The allowed error divided by the measured error. Between two measured arguments the error may be larger than at
-/// both.
+/// The allowed error divided by the measured error. Between two measured arguments the error may be larger than at both
+/// of them.
 const SAFETY: f64 = 2.0;
 
 /// The number of measured arguments for each sign and exponent.
@@ -87,8 +87,9 @@ const LOG2: usize = 3;
 const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
 
 impl Function {
-    /// The distance between arguments at which the function is 0. For a sine and a cosine, arguments at which it is 1
-    /// or -1 are included. For a tangent, every second quarter turn is a pole, and isn't included.
+    /// All zeros of the function are multiples of this number. For a sine and a cosine, the multiples include arguments
+    /// at which the function is 1 or -1. For a tangent, the multiples don't include the poles. `None` for all other
+    /// functions.
     fn between_zeros(&self) -> Option<f64> {
         match self.shape {
             Shape::Wave(_) => Some(FRAC_PI_2),
@@ -97,8 +98,8 @@ impl Function {
         }
     }
 
-    /// The least and the greatest value between two arguments. `None` if the function isn't defined for all arguments
-    /// between them, or has a pole there.
+    /// The least and the greatest value of the function between two arguments. `None` if the function isn't defined for
+    /// all arguments between them, or has a pole there.
     fn image(&self, lo: f64, hi: f64) -> Option<(f64, f64)> {
         if !(self.domain.0 <= lo && lo <= hi && hi <= self.domain.1) {
             return None;
@@ -123,7 +124,8 @@ impl Function {
     }
 }
 
-/// The largest measured errors for a sign and an exponent of the argument. The error of each result is within both.
+/// The largest measured errors, absolute and in ulps, for arguments with one sign and exponent. The error of each
+/// result is within both bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Error {
     ulps: f32,
@@ -225,8 +227,8 @@ impl Accuracy {
             .collect()
     }
 
-    /// Takes the results for [`arguments`](Self::arguments), one for each row. An unknown function, or a wrong number
-    /// of results, is ignored.
+    /// Measures the errors of an adapter's results for [`arguments`](Self::arguments), one result for each row. Ignores
+    /// an unknown function, or a wrong number of results.
     pub fn take(&mut self, function: &str, results: &[f32]) {
         let arguments = Self::arguments(function);
         if function == POWER && arguments.len() == 2 * results.len() {
@@ -352,7 +354,8 @@ fn bucket(x: f32) -> usize {
     (x.to_bits() >> 23) as usize
 }
 
-/// Multiple `nth` of `of` in a bucket; there are at most [`NEAR_ZEROS`]. `None` if the bucket has fewer multiples.
+/// Selects a multiple of `of` among the arguments of a bucket. `nth` numbers the selected multiples, which are at most
+/// [`NEAR_ZEROS`]. `None` if the bucket has fewer multiples.
 fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     let least = f32::from_bits(bucket << 23);
     let size = f64::from(least.abs());
@@ -493,7 +496,7 @@ mod tests {
         let mut nan = measured("", 0.0);
         nan.take("exp(a)", &vec![f32::NAN; Accuracy::arguments("exp(a)").len()]);
         assert!(!nan.narrow(rule, &[x], Interval::UNBOUNDED).is_bounded());
-        // The errors of these powers are larger than those of the logarithm and `exp2` explain.
+        // The errors of these powers are too large to follow from the errors of the logarithm and of `exp2`.
         let rows = Accuracy::arguments(POWER).len() / 2;
         nan.take(POWER, &vec![0.5; rows]);
         assert!(!nan.powers && !nan.powers_of_zero);

@@ -18,7 +18,8 @@ struct Life {
 
 const NEVER: Life = Life { first: u32::MAX, last: 0, writes: 0, reads: 0 };
 
-/// A register of an operation: its file, its index in the pool, and `true` if the operation writes it.
+/// A register of an operation: its file (floats, integers or booleans), its index in the pool, and `true` if the
+/// operation writes the register.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Operand {
     pub(crate) file: File,
@@ -58,7 +59,7 @@ pub(crate) fn allocated(mut code: Code) -> Code {
     code
 }
 
-/// A value for each register of each file.
+/// A table with a value for each register of each file.
 type Table<T> = [Vec<T>; 3];
 
 fn table<T: Clone>(code: &Code, value: &T) -> Table<T> {
@@ -332,7 +333,7 @@ fn assign(code: &mut Code) {
         counts[file as usize] += 1;
         counts[file as usize] - 1
     };
-    // Constants, and registers that are selected by an index, have a register of their own.
+    // Constants, and registers that are selected by an index, don't share a register with other values.
     for &(file, base, count) in &code.pinned {
         for register in base..base + count {
             assigned[file as usize][register as usize] = Some(fresh(file));

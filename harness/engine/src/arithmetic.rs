@@ -15,7 +15,8 @@ pub trait Arithmetic: Rules {}
 #[derive(Clone, Copy, Debug)]
 pub struct F32;
 
-/// The shadow: it runs the same program with floats of double precision. Integers are exact, as in [`F32`].
+/// Double precision: runs the same program with `f64` floats. The difference from [`F32`] shows how large rounding
+/// errors are. Integers are exact, as in [`F32`].
 #[derive(Clone, Copy, Debug)]
 pub struct F64;
 
@@ -98,7 +99,8 @@ pub(crate) mod sealed {
         /// A boolean. Masks consist of these, too.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
 
-        /// `true` if a boolean may be undecided. Then the masks inside a loop are relative to the mask at its entry.
+        /// `true` if a boolean may be undecided. Then the masks inside a loop are relative to the mask at the loop's
+        /// entry.
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;
@@ -146,7 +148,7 @@ pub(crate) mod sealed {
         /// The values that an index may have. `signed` says if its bits are an `i32`.
         fn bounds(i: Self::Int, signed: bool) -> Bounds;
 
-        /// Rounds a value to half precision. The shadow doesn't round. In intervals, the result has each value that may
+        /// Rounds a value to half precision. `F64` doesn't round. In intervals, the result has each value that may
         /// result from rounding with this exactness.
         fn to_half(x: Self::Float, half: Half) -> Self::Float;
         /// Flushes subnormal values to zero.
@@ -184,7 +186,7 @@ pub(crate) mod sealed {
         fn normalized(x: f32) -> Self::Float {
             Self::float(x)
         }
-        /// The coordinate that filters use.
+        /// Converts a texture coordinate to the number that filters use.
         fn coordinate(x: Self::Float) -> f64;
     }
 }

@@ -6,7 +6,7 @@ use crate::coverage::Statement;
 use crate::rules::{FloatRule, FromInt, Half, Integer, Scale, ToInt};
 use crate::scalar::{File, Scalar};
 
-/// A register: a column of lanes in one of the three files.
+/// A register: a column with one value for each lane. Its file is floats, integers or booleans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Reg {
     pub(crate) file: File,
@@ -79,7 +79,7 @@ pub(crate) enum Op {
     Pick(File, u32, bool),
     /// Registers: the result, the index into a table of constants.
     Table(File, u32),
-    /// Registers: the result, indices. The walk leads to bytes of a buffer.
+    /// Registers: the result, indices. The `u32` is the index of a [`Walk`], which leads to bytes of a buffer.
     Load(Scalar, u32),
     /// Registers: the value, indices.
     Write(Scalar, u32),
@@ -107,7 +107,7 @@ pub(crate) enum Op {
     Case(bool),
     EndSwitch,
     Loop,
-    /// Begins a round of a loop, and uses up a round of fuel.
+    /// Begins a round (an iteration) of a loop, and reduces the number of rounds that the lanes may still run.
     Round,
     Continuing,
     /// Register: the condition.
@@ -118,7 +118,7 @@ pub(crate) enum Op {
     Skip,
     Call,
     EndCall,
-    /// The argument is the number of frames that the jump leaves, without the target's frame.
+    /// The argument is the number of open constructs that the jump leaves, without the construct to whose end it jumps.
     Break(u32),
     Continue(u32),
     Return(u32),
@@ -134,8 +134,8 @@ pub(crate) enum Op {
 }
 
 impl Op {
-    /// Checks if an operation is an end in a branch, a loop or a call. Ends run even if the operation before them
-    /// didn't run. They have that operation's position in the source.
+    /// Checks if an operation ends a branch, a loop or a call, or a part of these. Such an operation runs even if the
+    /// operation before it didn't run, and has the source position of that operation.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,
@@ -155,9 +155,9 @@ impl Op {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instruction {
     pub(crate) op: Op,
-    /// The index of its first register in the pool.
+    /// The index of the operation's first register in the pool.
     pub(crate) at: u32,
-    /// The number of its registers in the pool. It is set after registers are assigned.
+    /// The number of the operation's registers in the pool. It is set after registers are assigned.
     pub(crate) count: u32,
     pub(crate) target: u32,
     pub(crate) site: u32,
@@ -194,7 +194,7 @@ pub(crate) struct Wrap {
 /// A term of an integer that is computed without wrapping.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Term {
-    /// The value of the next register.
+    /// The value of a register. Each such term uses the next register of the operation.
     Register,
     Negate,
     Add,
@@ -223,7 +223,7 @@ pub(crate) struct AtomicOp {
     pub(crate) used: bool,
 }
 
-/// The origin of an operation.
+/// The place in the source from which an operation was lowered.
 #[derive(Clone, Debug)]
 pub struct Site {
     /// The site's number in the program.
@@ -258,7 +258,7 @@ pub(crate) struct BufferSlot {
     pub(crate) binding: Binding,
     pub(crate) name: String,
     pub(crate) span: Span,
-    /// The least size of its type, in bytes. For an array with a length known only at run time, it is 0.
+    /// The least size of the buffer's type, in bytes. For an array with a length known only at run time, it is 0.
     pub(crate) least: u32,
     pub(crate) written: bool,
 }
@@ -302,7 +302,8 @@ pub(crate) struct Code {
     pub(crate) marks: Vec<[u32; 3]>,
     /// The source position of the first operation in half precision for which WGSL doesn't limit the error.
     pub(crate) half: Option<Span>,
-    /// Registers that operations store to. Only these can differ between the worlds of a lane.
+    /// Registers that operations store to. If a lane takes both ways of a condition, only these registers can differ
+    /// between the two ways.
     pub(crate) mutable: [Vec<u32>; 3],
     pub(crate) statements: Vec<Statement>,
     /// Ranges of registers that are selected by an index, so they must stay together.
@@ -358,7 +359,7 @@ pub(crate) enum ImageKind {
     Store(naga::StorageFormat),
 }
 
-/// An operation of a subgroup on a scalar in each lane.
+/// A subgroup operation. Its operand is one scalar in each lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SubgroupOp {
     pub(crate) kind: SubgroupKind,

@@ -19,7 +19,7 @@ use crate::lower::STACK;
 pub struct Statement {
     /// The function that contains the statement.
     pub function: String,
-    /// The number of the call that is replaced by the function's statements.
+    /// The number of the call that lowering has replaced by the function's statements.
     pub call: usize,
     /// The statement's bytes in the source.
     pub span: Span,
@@ -285,8 +285,8 @@ impl StatementKind {
 }
 
 /// Finds the operations that can affect something that a test sees. A test sees results, values that are shown to
-/// observers, buffers that outlive the program, and if the program ends. In a pass it also sees what the sanitizer
-/// checks. A branch, a loop or a jump is needed if it decides if a needed operation runs.
+/// observers, buffers that outlive the program, and if the program ends. A test of a pass also sees the findings of the
+/// sanitizer. A branch, a loop or a jump is needed if it decides if a needed operation runs.
 pub(crate) fn needed(code: &Code) -> Vec<bool> {
     let mut frames: Vec<(Option<usize>, bool)> = Vec::new();
     let mut frame_of: Vec<Option<usize>> = Vec::with_capacity(code.instructions.len());

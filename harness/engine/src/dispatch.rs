@@ -156,10 +156,11 @@ impl Entry {
     }
 }
 
-/// The state of a running workgroup. The next workgroup reuses its allocations.
+/// The state of a running workgroup. After the workgroup ends, another workgroup reuses the allocated memory.
 struct Room<'p, 'm, A: Arithmetic> {
     machines: Vec<Machine<'p, A>>,
-    /// The number of the workgroup's first unit, and of its first invocation.
+    /// The number of the workgroup's first unit, and the number of its first invocation. A unit consists of the
+    /// invocations that one machine runs side by side.
     unit: u32,
     first: usize,
     /// The number of machines that haven't ended, and the machines that wait at a barrier, each with the barrier's
@@ -178,7 +179,7 @@ struct Room<'p, 'm, A: Arithmetic> {
 }
 
 impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
-    /// Allocates the state for a workgroup of `invocations`. Each machine runs `lanes` of them.
+    /// Allocates the state for a workgroup of `invocations`. Each machine runs `lanes` invocations.
     fn new(code: &'p Code, options: &'p Options, invocations: usize, lanes: usize) -> Self {
         let machine =
             |first: usize| Machine::<A>::new(code, options, lanes.min(invocations - first));
@@ -201,7 +202,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
         }
     }
 
-    /// Exchanges the kept memory and detector state with the current ones.
+    /// Exchanges the memory and the detector state that are kept in this room with those of the running workgroup.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
         for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);
@@ -277,7 +278,8 @@ impl Order {
     }
 }
 
-/// The smallest number of rooms, and the largest number of invocations that all rooms have together.
+/// The smallest number of workgroups that may run at the same time (each needs a [`Room`]), and the largest number of
+/// invocations that these workgroups have together.
 const LEAST_ROOMS: usize = 4;
 const ROOMY: usize = 4096;
 
@@ -494,7 +496,7 @@ impl Program {
             let for_ever = if lanes > 1 { WAITS_TOGETHER } else { WAITS };
             let for_ever = for_ever.max(2 * rooms.len() * units);
             let mut room_of: HashMap<u32, usize> = HashMap::new();
-            // The next turn of a machine, if `turns` uses it.
+            // A machine's next accesses to shared words, if `turns` asks for them.
             let step = |machine: &Machine<'_, A>, memory: &Memory<'_, A>, group, asks| match asks {
                 true => machine.next_step(memory, group),
                 false => Step::atomic(Vec::new()),
@@ -655,7 +657,7 @@ impl Program {
                 let turns = count as u64;
                 observed = Observed { stopped, rounds, turns, order, ..detector.end(code) };
                 if entry.drawn {
-                    // The last tiles have helpers.
+                    // The last tiles contain helpers, which don't count.
                     let pixels = pixels.iter().map(|count| *count as usize).product();
                     observed.invocations = observed.invocations.min(pixels);
                 }

@@ -50,8 +50,8 @@ impl Access {
     }
 }
 
-/// The accesses of shared words in an actor's next turn. There are none if the actor begins, or has just passed a
-/// barrier.
+/// The accesses of shared words in the next turn of an [`Actor`]. There are none if the actor begins, or has just
+/// passed a barrier.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Step {
     atomic: bool,
@@ -92,8 +92,8 @@ fn join(to: &mut Clock, from: &[u32]) {
 struct Taken {
     actor: Actor,
     step: Step,
-    /// The number of the turn's actor, the turn's number among the actor's turns, and a clock. The clock has the turn
-    /// itself and all turns that come before it.
+    /// The number of the turn's actor, the turn's number among the actor's turns, and a clock. The clock counts the
+    /// turn itself and all turns that come before the turn.
     own: usize,
     number: u32,
     clock: Clock,
@@ -110,7 +110,7 @@ impl Taken {
 struct Node {
     ready: BTreeMap<Actor, Step>,
     chosen: Actor,
-    /// The actors that must go next at this point in some order.
+    /// The actors to try at this point: for each of them, one explored order gives the actor the next turn.
     wanted: BTreeSet<Actor>,
     /// The actors that needn't get a turn at this point: the turn leads to an order that has already run.
     asleep: BTreeMap<Actor, Step>,
@@ -166,7 +166,7 @@ impl Explorer {
         true
     }
 
-    /// Begins a dispatch. It comes after all turns of earlier dispatches.
+    /// Begins a dispatch. All turns of earlier dispatches come before the turns of this dispatch.
     pub(crate) fn begin_dispatch(&mut self) {
         let clocks = std::mem::take(&mut self.clocks);
         clocks.values().for_each(|clock| join(&mut self.base, clock));
@@ -184,8 +184,8 @@ impl Explorer {
         self.cut
     }
 
-    /// Checks if an invocation waited for others in a loop. In orders that weren't tried, the invocation may have gone
-    /// on.
+    /// Checks if an invocation waited for other invocations in a loop. In an order that wasn't tried, this invocation
+    /// might have left the loop.
     #[must_use]
     pub fn has_waited(&self) -> bool {
         self.has_waited
@@ -251,7 +251,7 @@ impl Explorer {
             if one.actor == actor || one.step.commutes(step) || one.is_before(before) {
                 continue;
             }
-            // It is a race if no turn between the two orders them.
+            // The two turns race if no turn between them orders them.
             if !dependent.iter().any(|between| one.is_before(&self.taken[*between].clock)) {
                 racing.push(at);
             }
@@ -259,7 +259,7 @@ impl Explorer {
         }
         for at in racing {
             let one = &self.taken[at];
-            // All turns after `one` that don't depend on it, and then this turn.
+            // The actors that may go first among the turns after `one` that don't depend on `one`, and this turn.
             let mut firsts: Vec<Actor> = Vec::new();
             let mut seen: Vec<&Taken> = Vec::new();
             let free = self.taken[at + 1..].iter().filter(|other| !one.is_before(&other.clock));

@@ -421,7 +421,7 @@ enum End {
 ///
 /// The error that reaches furthest isn't always at an end. An ulp doubles at a power of two. So just beyond the first
 /// power of two in the range, the error may reach further than at the end nearer to zero. The other parts of an error
-/// change by less than 2^-20 between the end and such a power.
+/// change by less than 2^-20 between the end and that power of two.
 fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
     const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
     let mut below = least - error(End::Least, least);
@@ -463,7 +463,7 @@ fn upper_sum(a: f64, b: f64) -> f64 {
     if lost(a, b, sum) > 0.0 { sum.next_up() } else { sum }
 }
 
-/// The float that is `by` floats away from `x`. Both zeros count.
+/// The float that is `by` floats away from `x`. -0 and +0 count as two floats.
 fn stepped(x: f32, by: i32) -> f32 {
     // The bits of negative floats count downwards. `turned` makes all bits count upwards.
     let turned = |bits: i32| bits ^ ((bits >> 31) & i32::MAX);

@@ -2,8 +2,8 @@
 //!
 //! A [`Program`] is a function, a compute entry point or a fragment entry point of a valid [`naga::Module`]. It is
 //! lowered once, and can then run many times without a driver or an adapter. In [`F32`] it computes as a conforming
-//! GPU. [`F64`] is the shadow, which shows how large rounding errors are. [`Intervals`] contain all results that the
-//! WGSL specification allows.
+//! GPU. [`F64`] computes in double precision, which shows how large the rounding errors of [`F32`] are. [`Intervals`]
+//! contain all results that the WGSL specification allows.
 //!
 //! ```
 //! use karat_engine::{F32, Options, Program, Resources, Settings};
@@ -54,8 +54,8 @@
 //! sample goes from slightly below the least texel to slightly above the greatest texel, and contains each weighted
 //! mean.
 //!
-//! **Accuracy** (`accuracy`). The specification allows large errors for some built-in functions, or any error. There,
-//! [`Options::accuracy`] narrows the bounds to twice the error that was measured on an adapter.
+//! **Accuracy** (`accuracy`). For some built-in functions, the specification allows large errors, or any error. For
+//! these functions, [`Options::accuracy`] narrows the bounds to twice the error that was measured on an adapter.
 //!
 //! # Adding a builtin
 //!
@@ -66,9 +66,9 @@
 //!
 //! # Properties of the numbers
 //!
-//! - naga rounds literals to `f32` and folds constants before the engine sees them. So the shadow computes with rounded
+//! - naga rounds literals to `f32` and folds constants before the engine sees them. So [`F64`] computes with rounded
 //!   literals: `0.1` is the nearest `f32` in each arithmetic.
-//! - In the shadow, a bitcast of a float first rounds it to `f32`, and half precision isn't rounded.
+//! - In [`F64`], a bitcast of a float first rounds it to `f32`, and half precision isn't rounded.
 //! - `pow(x, y)` is NaN for each x below zero, like `exp2(y * log2(x))`.
 //! - Integers wrap. Division by zero returns the dividend, and the remainder is then 0. Shifts count modulo 32.
 //!   Conversions from floats to integers saturate. naga's back ends do the same.

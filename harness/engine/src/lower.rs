@@ -48,8 +48,8 @@ pub struct Settings {
     pub overrides: Overrides,
     /// `true` if `a * b + c` is rounded only once, as on many GPUs.
     pub contract: bool,
-    /// Prefixes of names. Let-bindings whose names begin with one of these are shown to observers. Tests see their
-    /// values as they see results.
+    /// Prefixes of names. Let-bindings whose names begin with one of these are shown to observers. A test sees the
+    /// values of these let-bindings as it sees results.
     pub named: &'static [&'static str],
     /// `true` if four successive cases are a quad of pixels: the upper left pixel, the pixel on its right, and the two
     /// pixels below. Derivatives need this.
@@ -83,7 +83,7 @@ pub(crate) struct Scope<'m> {
     /// The registers to which returns store the result. `None` if the function returns only at its end.
     result: Option<Rc<[Reg]>>,
     returned: Option<Value>,
-    /// `true` if the function also returns before its end. Then its call needs a frame.
+    /// `true` if the function also returns before its end. Then its call is a construct that a return leaves.
     early: bool,
 }
 
@@ -240,7 +240,7 @@ impl<'m> Lower<'m> {
         let result = self.inline(function, info, name, arguments)?;
         if let (Some(Value::Flat(registers)), Some(result)) = (result, &function.result) {
             let scalars = self.scalars(self.layouts.inner(result.ty))?;
-            // Results have registers of their own, so each is written by an operation.
+            // Each result gets a register of its own, so an operation writes each result.
             for (register, scalar) in registers.iter().zip(scalars) {
                 let own = self.fresh(register.file);
                 self.emit(Op::Move(register.file), &[own], &[*register])?;
@@ -490,7 +490,7 @@ impl<'m> Lower<'m> {
         self.constant(Scalar::F32, x.to_bits())
     }
 
-    /// Appends an operation. The registers are in the order of files, as in `Code::shape`.
+    /// Appends an operation. The registers are in the order of files (floats, integers, booleans), as in `Code::shape`.
     fn emit(&mut self, op: Op, outs: &[Reg], ins: &[Reg]) -> Lowered<usize> {
         if self.code.instructions.len() >= MOST_OPERATIONS {
             return Err(self.refuse(format!(

@@ -38,7 +38,7 @@ pub(crate) struct Spent {
     pub(crate) span: Span,
     pub(crate) lane: usize,
     pub(crate) by: Limit,
-    /// The rounds of the open loop that has run the most rounds.
+    /// The number of rounds (iterations) of the open loop that has run the most rounds.
     pub(crate) own: u64,
 }
 
@@ -87,7 +87,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) long: Vec<(usize, Span)>,
     /// The number of rounds of each open loop, the outermost loop first.
     open: Vec<u64>,
-    /// If an index wraps: its value without wrapping, in the first lane in which it wraps.
+    /// The value that a wrapping index would have without wrapping, in the first lane in which the index wraps.
     meant: i64,
     at: usize,
     site: u32,
@@ -108,7 +108,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
     /// The numbers of the stores that the machine has reached since the last request. `numbered` is the number of all
-    /// its stores.
+    /// stores of the machine.
     pub(crate) issued: Vec<u32>,
     numbered: u32,
     pub(crate) turn: usize,
@@ -122,9 +122,9 @@ pub(crate) struct Machine<'p, A: Rules> {
 /// The reasons why a machine stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pause {
-    /// It is before an atomic, and stops at atomics.
+    /// The next operation is an atomic, and the machine is set to stop before atomics.
     Atomic,
-    /// It is at a barrier, with this site.
+    /// The machine is at the barrier with this site.
     Barrier(u32),
     End,
 }

@@ -39,7 +39,7 @@ impl Elsewhere {
 pub struct Choice {
     /// The effect of a read.
     pub reads: Elsewhere,
-    /// `true` if such a write has no effect. Otherwise it goes to the nearest element.
+    /// `true` if a write outside of the array has no effect. Otherwise the write changes the nearest element.
     pub drops: bool,
 }
 
@@ -47,7 +47,7 @@ pub struct Choice {
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The number of rounds that all loops of a case may run in total. The default is 2^20, which is far more than a
-    /// fast pixel runs. An endless loop reaches it within seconds.
+    /// fast pixel runs. An endless loop reaches this number within seconds.
     pub fuel: u64,
     /// `true` if a call removes a case that runs too many rounds, and the results list this case. Otherwise the call
     /// stops. In intervals a call always stops.
@@ -57,7 +57,7 @@ pub struct Options {
     /// The time at which a run ends if it is still in a loop. `None` if there is no limit.
     pub deadline: Option<Instant>,
     /// In intervals, the number of rounds for which the exit of a loop may stay undecided before the results become
-    /// unbounded. The default is 256. Bounds that haven't converged by then rarely do.
+    /// unbounded. The default is 256. Bounds that haven't converged by then rarely converge later.
     pub undecided: u64,
     /// In `f32`, `true` to flush subnormals to zero: the operands and results of each operation for which WGSL allows
     /// it (15.7.2). Values that are only moved aren't flushed.

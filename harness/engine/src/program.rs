@@ -105,13 +105,13 @@ impl Program {
         Ok(Self { code, entry })
     }
 
-    /// The scalars of a row of arguments.
+    /// The type of each scalar in a row of arguments.
     #[must_use]
     pub fn parameters(&self) -> Vec<Scalar> {
         self.code.parameters.iter().map(|(_, scalar)| *scalar).collect()
     }
 
-    /// The scalars of a row of results.
+    /// The type of each scalar in a row of results.
     #[must_use]
     pub fn results(&self) -> Vec<Scalar> {
         self.code.results.iter().map(|(_, scalar)| *scalar).collect()
@@ -124,7 +124,7 @@ impl Program {
     }
 
     /// The sites of the operations that [`Observer::reached`](crate::Observer::reached) may report. A site may occur
-    /// twice. All other sites are those of constants.
+    /// twice. All other sites belong to constants.
     pub fn operations(&self) -> impl Iterator<Item = &Site> {
         let all = self.code.instructions.iter().filter(|one| !one.op.is_an_end());
         all.map(|one| &self.code.sites[one.site as usize])
@@ -368,7 +368,7 @@ impl Program {
 pub struct Call<'c> {
     pub(crate) cases: usize,
     pub(crate) rows: &'c [u32],
-    /// The other ends of the intervals that begin at `rows`.
+    /// If the call is in intervals: the ends of the intervals that begin at `rows`.
     pub(crate) to: Option<&'c [u32]>,
     pub(crate) resources: &'c Resources,
     pub(crate) options: &'c Options,

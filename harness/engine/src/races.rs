@@ -32,8 +32,9 @@ const PAGE: usize = 1024;
 const MOST_CELLS: usize = 1 << 20;
 const _: () = assert!(size_of::<Cell>() == 116);
 
-/// The largest number of races that are kept for a variable. Each has another pair of lines. Equal writes and other
-/// races are counted separately. A loop over a buffer may have a race for each element, all with the same lines.
+/// The largest number of races that are kept for a variable. Each of these races has a different pair of source lines.
+/// Equal writes and other races are counted separately. A loop over a buffer may have a race for each element, all with
+/// the same lines.
 const MOST_RACES: usize = 64;
 
 const NONE: u32 = u32::MAX;
@@ -96,11 +97,11 @@ impl Race {
 pub struct Divergence {
     /// The barrier or the operation.
     pub site: Site,
-    /// An invocation that reached it.
+    /// An invocation that reached the barrier or the operation.
     pub reached: usize,
-    /// The first invocation that didn't reach it.
+    /// The first invocation that didn't reach the barrier or the operation.
     pub missing: usize,
-    /// The number of invocations that didn't reach it.
+    /// The number of invocations that didn't reach the barrier or the operation.
     pub count: usize,
     /// `true` for a subgroup operation.
     pub subgroup: bool,
@@ -264,16 +265,16 @@ const NONE_YET: Who = Who { invocation: NONE, epoch: 0, site: 0, word: 0 };
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     write: Who,
-    /// The last write by an invocation other than that of `write`.
+    /// The last write by an invocation that didn't make `write`.
     other: Who,
-    /// The last write of a word other than that of `write`.
+    /// The last write of a word that differs from the word of `write`.
     unequal: Who,
-    /// The last write by a workgroup before that of `write`.
+    /// The last write by a workgroup that ran before the workgroup of `write`.
     earlier_write: Who,
     /// Reads by two invocations since the last barrier.
     reads: [Who; 2],
     earlier_read: Who,
-    /// The number of reads in `reads` since the last write that didn't race with a write.
+    /// The number of `reads` that came after the last write, and didn't race with a write.
     clean: u8,
 }
 
@@ -343,7 +344,8 @@ pub(crate) struct Detector {
     first: u32,
     /// The number of barriers that the workgroup has passed: for workgroup memory, for storage and for textures.
     epochs: [u32; 3],
-    /// The first current lane. `waiting` has the address spaces of the barriers at which other invocations wait.
+    /// The number, in its workgroup, of the first lane that runs at the moment. `waiting` has the address spaces of the
+    /// barriers at which other invocations wait.
     base: u32,
     waiting: [bool; 3],
     buffers: Vec<Shadow>,
@@ -425,7 +427,7 @@ impl Detector {
         }
     }
 
-    /// Exchanges the state with that of another workgroup, which then continues.
+    /// Exchanges the detector's state with the kept state of another workgroup, which then continues.
     pub(crate) fn exchange(&mut self, of: &mut OfGroup) {
         std::mem::swap(&mut self.first, &mut of.first);
         std::mem::swap(&mut self.epochs, &mut of.epochs);
@@ -440,7 +442,8 @@ impl Detector {
         }
     }
 
-    /// The number in the whole dispatch of an invocation that is numbered among those that run.
+    /// Converts the number of an invocation, counted among the invocations that run, to its number in the whole
+    /// dispatch.
     fn invocation(&self, number: u32) -> usize {
         let (group, lane) = (number / self.width, number % self.width);
         self.starts[group as usize] + lane as usize
@@ -450,7 +453,7 @@ impl Detector {
         self.invocation(self.first + self.base + lane as u32)
     }
 
-    /// Continues the lanes of the workgroup that begin with lane `base`.
+    /// Continues with the lanes of the workgroup from lane `base` on.
     pub(crate) fn goes_on(&mut self, base: usize) {
         self.base = base as u32;
     }
@@ -790,7 +793,7 @@ impl Detector {
 }
 
 impl Shadow {
-    /// The state of an element. `None` if too many elements are remembered.
+    /// The state of an element. `None` if the detector already remembers as many elements as it may.
     fn cell(&mut self, plane: usize, index: usize, cells: &mut usize) -> Option<&mut Cell> {
         let pages = &mut self.pages[plane];
         let page = index / PAGE;

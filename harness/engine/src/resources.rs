@@ -48,7 +48,7 @@ impl Resources {
         self.buffers.insert((group, binding), bytes.into());
     }
 
-    /// The bytes of a buffer. A dispatch may have changed them.
+    /// The bytes of a buffer, which a dispatch may have changed. `None` if no buffer has this group and binding.
     #[must_use]
     pub fn buffer(&self, group: u32, binding: u32) -> Option<&[u8]> {
         self.buffers.get(&(group, binding)).map(Vec::as_slice)
@@ -77,7 +77,7 @@ impl Resources {
         self.textures.insert((group, binding), texture);
     }
 
-    /// A texture. A dispatch may have changed it.
+    /// A texture, which a dispatch may have changed. `None` if no texture has this group and binding.
     #[must_use]
     pub fn texture(&self, group: u32, binding: u32) -> Option<&Texture> {
         self.textures.get(&(group, binding))

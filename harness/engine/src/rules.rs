@@ -61,7 +61,7 @@ macro_rules! float_rules {
                 match self { $(Self::$name => ($i, $o),)* }
             }
 
-            /// The rule that a builtin applies to each component.
+            /// The rule that a builtin applies to each component. `None` if this family has no such rule.
             pub(crate) fn builtin(function: naga::MathFunction) -> Option<Self> {
                 $($(if function == naga::MathFunction::$math { return Some(Self::$name); })?)*
                 let _ = function;
@@ -82,8 +82,8 @@ macro_rules! float_rules {
 }
 pub(crate) use float_rules;
 
-/// A family of rules from integers to an integer. The sign in a rule's name is that of the result. If a range depends
-/// on the sign of the arguments, they have the same sign.
+/// A family of rules from integers to an integer. The last letter of a rule's name says if the result is signed (`I`)
+/// or unsigned (`U`). If a range depends on the type of the arguments, the arguments have the same type as the result.
 macro_rules! integer_rules {
     ($(#[$meta:meta])* $family:ident {
         $($(#[$doc:meta])* $name:ident [$i:literal] $signed:literal $(= $math:ident)? {
@@ -120,7 +120,7 @@ macro_rules! integer_rules {
                 match self { $(Self::$name => $i,)* }
             }
 
-            /// The rule that a builtin applies to each component.
+            /// The rule that a builtin applies to each component. `None` if this family has no such rule.
             pub(crate) fn builtin(function: naga::MathFunction, signed: bool) -> Option<Self> {
                 $($(if function == naga::MathFunction::$math && signed == $signed {
                     return Some(Self::$name);
@@ -164,7 +164,8 @@ pub(crate) struct Edges {
 impl FloatRule {
     /// The operands of an operation that must be in order, if it has such operands. WGSL 17.5 lets `clamp` of floats be
     /// "either min(max(e, low), high), or the median of the three values". The two differ if low is above high.
-    /// `smoothstep` divides by high - low, and the languages below WGSL define it only if low is below high.
+    /// `smoothstep` divides by high - low, and the languages into which WGSL is translated define `smoothstep` only if
+    /// low is below high.
     pub(crate) fn edges(self) -> Option<Edges> {
         match self {
             Self::Basic(Basic::Clamp) => Some(Edges { low: 1, high: 2, distinct: false }),
@@ -183,7 +184,7 @@ impl FloatRule {
         }
     }
 
-    /// The rule that a builtin applies to each component.
+    /// The rule that a builtin applies to each component. `None` if this family has no such rule.
     pub(crate) fn builtin(function: MathFunction) -> Option<Self> {
         Basic::builtin(function)
             .map(Self::Basic)

@@ -58,10 +58,10 @@ impl Scalar {
     }
 }
 
-/// The number of registers of each file that a type needs.
+/// The numbers of registers that a type needs: for floats, for integers and for booleans.
 pub(crate) type Counts = [u32; 3];
 
-/// The number of registers of each file, before it is checked to be small enough.
+/// The same numbers as [`Counts`], before Karat checks that they are small enough.
 type Wide = Result<[u64; 3], String>;
 
 /// The largest number of scalars in a value or a variable. For 2^14 columns of 256 lanes, a thread needs 16 MiB. WGSL

@@ -5,7 +5,8 @@ use std::collections::{BTreeSet, BinaryHeap, HashMap};
 
 use crate::explore::Step;
 
-/// Invocations of a workgroup that run side by side, operation by operation, or one of their pending stores.
+/// An actor takes turns. It is a unit (invocations of a workgroup that run side by side, operation by operation), or
+/// one pending store of a unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Actor {
     /// The number of the unit. Units are numbered workgroup after workgroup.
@@ -103,7 +104,7 @@ pub(crate) trait Turns {
     /// Announces that the last actor waits until another actor changes the word that it reads.
     fn waits(&mut self);
 
-    /// Announces that everything that these units did comes before everything that they do from now on.
+    /// Announces that these units have passed a barrier: all their earlier turns come before all their later turns.
     fn joined(&mut self, units: std::ops::Range<u32>);
 
     /// Checks if `ready` needs the next step of each actor.

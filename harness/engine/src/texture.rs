@@ -126,8 +126,9 @@ impl Texture {
         Ok(texture)
     }
 
-    /// The same texture with a normalised format such as `rgba8unorm`. WGSL defines the value as `v / 255` (6.5.1), but
-    /// doesn't say how exact it is. Karat uses the bounds of `unpack4x8unorm`, which computes the same value.
+    /// Declares that the texture's format is normalised, such as `rgba8unorm`. WGSL defines the value as `v / 255`
+    /// (6.5.1), but doesn't say how exact it is. Karat uses the bounds of `unpack4x8unorm`, which computes the same
+    /// value.
     #[must_use]
     pub fn normalized(self) -> Self {
         Self { normalized: true, ..self }

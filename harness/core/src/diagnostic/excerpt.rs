@@ -11,7 +11,7 @@ use crate::output::visible;
 
 /// The number of columns of a line that are shown around a position. Longer lines are cut.
 const WIDTH: usize = 100;
-/// The number of these columns before the position, if the line has enough columns after it.
+/// The number of columns that are shown before the position, if the text after the position is long enough.
 const BEFORE: usize = 40;
 const CUT: &str = "…";
 
@@ -20,8 +20,8 @@ const CUT: &str = "…";
 pub(super) struct Excerpt<'a> {
     file: &'a SourceFile,
     text: String,
-    /// The ranges that differ from the author's text, in order. Each has its range in the author's text and in the
-    /// shown text.
+    /// The ranges that differ from the author's text, in order. Each entry consists of the range in the author's text
+    /// and the range in the shown text.
     changes: Vec<(Range<usize>, Range<usize>)>,
     /// The byte at which each shown line begins.
     lines: Vec<usize>,
@@ -108,7 +108,8 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// The shown byte for a byte of the author's text. In changed text, it is the beginning of the replacement.
+    /// Converts an offset in the author's text to an offset in the shown text. An offset inside of a changed range
+    /// becomes the start of its replacement.
     pub(super) fn shown(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(from, _)| from.end <= byte);
         match self.changes.get(after) {
@@ -120,7 +121,7 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// The shown end of a range in the author's text.
+    /// Converts the end of a range in the author's text to an offset in the shown text.
     pub(super) fn shown_end(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(from, _)| from.end < byte);
         match self.changes.get(after) {
@@ -129,7 +130,7 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// The byte of the author's text for a shown byte.
+    /// Converts an offset in the shown text to an offset in the author's text.
     fn author(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(_, to)| to.end <= byte);
         match self.changes.get(after) {
@@ -142,8 +143,8 @@ impl<'a> Excerpt<'a> {
     }
 }
 
-/// The parts of a line that are shown: the whole line if it fits, otherwise the text around the points. Without points,
-/// the line's beginning.
+/// The parts of a line that are shown: the whole line if it fits, otherwise the text around the points. If there are no
+/// points, only the line's beginning is shown.
 fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
     if forward(text, line.clone(), WIDTH).0 == line.end {
         return vec![line];
@@ -156,7 +157,7 @@ fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
             continue;
         }
         let floor = kept.last().map_or(line.start, |last| last.end);
-        // If one side needs fewer columns, the other side gets more.
+        // Columns that the text before the point doesn't need are used for the text after the point.
         let (_, spare) = forward(text, point..line.end, WIDTH - BEFORE);
         let (start, spare) = backward(text, floor..point, BEFORE + spare);
         let (end, _) = forward(text, point..line.end, WIDTH - BEFORE + spare);
@@ -276,12 +277,12 @@ mod tests {
             let place = excerpt.text.find("HERE").expect("it is shown");
             assert_eq!((excerpt.shown(500), excerpt.shown_end(504)), (place, place + 4));
             assert_eq!(excerpt.author(place), 500);
-            // A byte of cut text is shown at the mark. Bytes of later lines move with their lines.
+            // An offset in cut text becomes that of the mark `…`. Offsets in later lines move with these lines.
             assert_eq!(excerpt.shown(3), 0);
             assert_eq!(&excerpt.text[excerpt.shown(1005)..], "next\n");
         });
         assert_eq!(shown, format!("…{}HERE{}…\nnext\n", "a".repeat(40), "b".repeat(56)));
-        // Near an end of the line, more text of the other side is shown. Two positions give two parts.
+        // Near one end of the line, more text towards the other end is shown. Two positions give two parts.
         let at = |places: &[(usize, usize)]| excerpt(&long, places, |_| ());
         assert_eq!(at(&[(0, 1)]), format!("{}…\nnext\n", "a".repeat(100)));
         assert_eq!(at(&[(1003, 1004)]), format!("…{}\nnext\n", "b".repeat(100)));

@@ -148,7 +148,8 @@ pub struct Above {
 }
 
 impl Above {
-    /// The direction with this cosine and this turn. Rounding may move it to the rim, but not below.
+    /// The direction at an angle from +Z with this cosine, and with the azimuth `turn`. Rounding may move the direction
+    /// to the rim, but not below the rim.
     fn direction(self, cosine: f64, turn: f64) -> Vec3 {
         let rounded = direction(cosine, turn).as_vec3();
         rounded.with_z(rounded.z.max(self.least))

@@ -1,7 +1,8 @@
 //! Domains for the parameters of a function that is known only at run time.
 //!
-//! A domain consists of parts. Each part samples the words of one number or one vector, and a parameter has one or more
-//! parts. As in tuples of Rust types, one sample in eight ties two parts of the same type.
+//! A domain consists of parts. Each part samples one number or one vector as *words*: `u32`s that contain the bits of
+//! the components. A parameter has one or more parts. A *row* contains the words of all parts, one after another. As in
+//! tuples of Rust types, one sample in eight ties two parts of the same type.
 
 use std::collections::HashSet;
 use std::fmt::Debug;
@@ -22,9 +23,9 @@ use crate::value::{Scalar, Shape, Shareable, format_lane};
 /// One of this many sampled tuples ties two parts.
 const TIES: u64 = 8;
 
-/// A float close to another: the difference is 2^-8 to 2^-23 of the other. The subtraction of such floats loses digits.
-/// This shows faults in variances and gradients, which lose digits only for such values. For an integer, the result is
-/// the same integer or the next one.
+/// Makes a float close to a given float: the difference is the given float times 2^-8 to 2^-23. The subtraction of such
+/// floats loses digits. This shows faults in variances and gradients, which lose digits only for such values. For an
+/// integer, the result is the given integer or the next larger one.
 fn nearly(word: u32, source: &mut Source) -> u32 {
     let like = f32::from_bits(word);
     let bits = source.bits();
@@ -33,7 +34,7 @@ fn nearly(word: u32, source: &mut Source) -> u32 {
             let step = like * (1.0 / 256.0) / f32::from(1_u16 << (bits >> 1 & 15));
             (if bits & 1 == 0 { like + step } else { like - step }).to_bits()
         }
-        // Small integers have the bits of subnormal floats.
+        // This is a small integer, which has the bits of a subnormal float.
         false => word.saturating_add(bits & 1),
     }
 }
@@ -44,7 +45,7 @@ const COMBINATIONS: usize = 1024;
 /// The largest number of rows that a filter enumerates before the first case, to find the rows that it keeps.
 const LISTED: u64 = 1 << 16;
 
-/// A domain of Rust values, as words.
+/// A domain of Rust values that are converted to words.
 struct Of<D>(D);
 
 fn stored<V: Shareable>(value: &V) -> Vec<u32> {
@@ -87,7 +88,7 @@ where
     }
 }
 
-/// A list of values. Simplification tries simpler rows of the list first.
+/// A list of values. A value is simplified to simpler values of the list, the simplest first.
 struct Listed(Vec<Vec<u32>>, Vec<Scalar>);
 
 impl Listed {
@@ -225,7 +226,7 @@ impl Part {
             reason = "ends of floats are rounded to the type"
         )]
         let text = match scalar {
-            // The ends, as rounded to the type.
+            // The description shows the ends after rounding to the type.
             Scalar::F32 | Scalar::F16 => format!("from {} to {}", low as f32, high as f32),
             _ => format!("from {low} to {high}"),
         };
@@ -395,9 +396,9 @@ impl Part {
     /// Loop counts from 1. Half of them are small. `None` for types that aren't integers.
     #[doc(hidden)]
     pub fn counts(scalar: Scalar) -> Option<Self> {
-        /// A number of rounds that a case can always make quickly.
+        /// The largest small count. In every case, a loop finishes this many iterations quickly.
         const FEW: u8 = 8;
-        /// A typical number of samples per pixel, or of taps of a filter. Loops rarely need more rounds.
+        /// A typical number of samples per pixel, or of taps of a filter. Loops rarely need more iterations.
         const MOST: u8 = 64;
         let described = format!("from 1 to {MOST}, half of them at most {FEW}");
         let (most, few) = (u32::from(MOST), u32::from(FEW));
@@ -489,7 +490,7 @@ pub struct Dynamic {
     names: Vec<String>,
     shapes: Vec<Shape>,
     edges: Vec<Vec<u32>>,
-    /// The relations. A relation comes after those on which it depends.
+    /// The vectors that are made perpendicular to other vectors. Each comes after the vectors on which it depends.
     relations: Vec<Perpendicular>,
     filter: Option<Filter>,
 }
@@ -499,7 +500,7 @@ type Holds = dyn Fn(&[u32]) -> bool + Send + Sync;
 struct Filter {
     statement: String,
     holds: Box<Holds>,
-    /// All kept rows, if the domain is small.
+    /// If the domain is small, all rows that the filter keeps.
     listed: Option<Vec<Vec<u32>>>,
 }
 
@@ -769,7 +770,7 @@ impl Debug for Shown {
     }
 }
 
-/// Combines edges into rows. First come rows in which each edge of each part occurs once, so that few cases have all
+/// Combines edges into rows. First come rows in which each edge of each part occurs once, so that a few cases cover all
 /// edges. Then come all combinations of the first edges of the parts. Then each remaining edge comes with varying edges
 /// of the other parts.
 fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {

@@ -15,7 +15,7 @@ use super::{Domain, Origin, Shrinkable, Source, shrink};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edges<T>(Vec<T>);
 
-/// The exponents of likely scales and thresholds in shaders, which are powers of two.
+/// The exponents of those powers of two that shaders often use as scales and thresholds.
 const POWERS: [i32; 15] = [-126, -64, -24, -23, -16, -12, -2, -1, 0, 1, 2, 12, 23, 24, 64];
 
 impl Edges<f32> {

@@ -26,7 +26,7 @@ enum Spacing {
 }
 
 impl Grid {
-    /// `count` values in `range` at equal distances. A grid of one value is the range's start.
+    /// `count` values in `range` at equal distances. A grid of one value contains only the range's start.
     ///
     /// ```
     /// use karat::{Domain, Grid};

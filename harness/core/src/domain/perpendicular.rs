@@ -1,10 +1,10 @@
-//! Makes a vector of a row perpendicular to other vectors of the row.
+//! Makes a vector perpendicular to other vectors of the same row. A row contains the words of a case's arguments.
 
 use std::ops::Range;
 
 use super::{direction, shrink};
 
-/// If the perpendicular part of a vector is shorter than this, it has lost the digits of its direction. So an axis
+/// If the perpendicular part of a vector is shorter than this, the digits of its direction are lost. So an axis
 /// replaces a unit vector that is nearly parallel to another one.
 const SHORT: f64 = 1e-3;
 
@@ -55,7 +55,7 @@ impl Perpendicular {
         let axis = |at: usize| -> Vec<f64> {
             (0..own.len()).map(|lane| f64::from(u8::from(lane == at))).collect()
         };
-        // The order is Z, X, Y, as in the edges of a unit vector.
+        // Tries the axes in the order Z, X, Y, like the edges of a unit vector.
         let axes = (0..own.len()).map(|at| axis((at + own.len() - 1) % own.len()));
         for start in std::iter::once(own.clone()).chain(axes) {
             // The second call removes the rounding errors of the first.
@@ -154,7 +154,7 @@ mod tests {
     fn nothing_is_perpendicular_to_two_vectors_of_a_plane() {
         let domain = Dynamic::new(&vectors(&["a", "b", "c"], 2), vec![unit(2), unit(2), unit(2)])
             .perpendicular(4..6, vec![0, 2], "a, b");
-        // A third vector can be perpendicular to both only if the two are parallel. Some edges are parallel.
+        // A third vector can be perpendicular to `a` and `b` only if these are parallel. Some edges are parallel.
         assert!(domain.edges() < 50, "{}", domain.edges());
         let near = |row: &Vec<u32>| {
             let [ax, ay, bx, by] = [0, 1, 2, 3].map(|lane| f32::from_bits(row[lane]));

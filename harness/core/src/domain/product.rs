@@ -24,7 +24,7 @@ impl Domain for () {
     }
 }
 
-/// Expands to one value for each component of a repetition.
+/// Expands to `$value`. The index `$index` only makes a macro repeat this for each component.
 macro_rules! at {
     ($index:tt, $value:expr) => {
         $value
@@ -247,8 +247,8 @@ macro_rules! product {
 
 trait Tied<'a>: Domain {
     type Parts;
-    /// The tuple from its parts. Simpler tuples simplify both components of a tie together, so that the tie holds, or
-    /// they have no ties.
+    /// Makes the tuple from its parts. A simpler tuple either has no ties, or keeps the tie by simplifying both tied
+    /// components together.
     fn tied(&'a self, parts: Self::Parts, ties: Rc<[Tie]>) -> Shrinkable<'a, Self::Value>;
 }
 

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use super::source::{log_distance, unit};
 use super::{Domain, Emptiness, Source, infinite, shrink};
 
-/// Special values for shaders. They are tried if they are in the range.
+/// Values at which shaders often behave differently. A range that contains such a value also samples it.
 const LANDMARKS: [f32; 5] = [0.0, 1.0, -1.0, 0.5, f32::MIN_POSITIVE];
 
 /// Selects one of two numbers without a branch: `a` if `first` is set.

@@ -159,7 +159,8 @@ pub(super) fn float_complexity(value: f32) -> u64 {
 }
 
 /// The decimal digits of a finite value, and the exponent of the first digit. `places` is the number of digits to which
-/// the value is rounded. If it is `None`, the digits are as many as are needed to read the same bits again.
+/// the value is rounded. If `places` is `None`, the result has the fewest digits from which the same bits can be read
+/// again.
 fn decimal(value: f32, places: Option<usize>) -> (String, i32) {
     let text = match places {
         Some(places) => format!("{:.*e}", places - 1, value.abs()),
@@ -204,7 +205,8 @@ pub(super) fn floats(value: f32, known: &[f32], admits: impl Fn(f32) -> bool) ->
     found
 }
 
-/// Simpler integers from `low` to `high`: the one closest to zero, the one halfway between it and `value`, and so on.
+/// Simpler integers from `low` to `high`: first the integer closest to zero, then the integer halfway from there to
+/// `value`, and so on.
 pub(super) fn integers(value: i64, low: i64, high: i64) -> Vec<i64> {
     let goal = if low > high { return Vec::new() } else { 0_i64.clamp(low, high) };
     let distance = value - goal;
@@ -255,7 +257,7 @@ pub(super) fn directions(value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3
         let mut flat = wide;
         flat[axis] = 0.0;
         found.push(flat.normalize_or_zero().as_vec3());
-        // Vectors with a short decimal on this axis and about the same azimuth, and vectors in a coordinate plane.
+        // Vectors with a short decimal on this axis and `value`'s azimuth, and vectors in a coordinate plane.
         let (left, right) = ((axis + 1) % 3, (axis + 2) % 3);
         let rest = (wide[left] * wide[left] + wide[right] * wide[right]).sqrt();
         for short in floats(value[axis], &[], |short| short.abs() <= 1.0) {

@@ -91,8 +91,8 @@ pub(super) fn unit(bits: u32) -> f64 {
     f64::from(bits) / 4_294_967_296.0
 }
 
-/// The function of [`Source::log_distance`]. It chooses a random binade, then a position in it. This is faster than an
-/// exponential function, and precise enough here.
+/// Computes the number that [`Source::log_distance`] returns. The function chooses a random binade, then a position in
+/// it. This is faster than an exponential function, and precise enough here.
 #[inline]
 pub(super) fn log_distance(bits: u32) -> f64 {
     // An f64 adds 1023 to its exponent, so this is 2^-binade.

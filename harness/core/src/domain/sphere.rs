@@ -1,4 +1,4 @@
-//! Vectors of one length, with two, three or four components.
+//! Vectors that all have the same length, with two, three or four components.
 
 use std::f64::consts::TAU;
 use std::marker::PhantomData;
@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::{Domain, Emptiness, Source, direction, shrink};
 
-/// Vectors of one length. They are uniform over the circle, the sphere, or the unit quaternions, except that axes and
-/// their close neighbours occur more often.
+/// Vectors that all have the same length. They are uniform over the circle, the sphere, or the unit quaternions, except
+/// that axes and their close neighbours occur more often.
 ///
 /// ```
 /// use glam::{Vec2, Vec4};
@@ -107,7 +107,7 @@ impl<V> Sphere<V> {
             0 => 0.0,
             1 => 1.0,
             2 => source.log_distance(),
-            // The vectors are uniform over the volume.
+            // With this length, the vectors are uniform over the volume of the disk or ball.
             #[expect(clippy::cast_precision_loss, reason = "at most four components")]
             _ => source.unit().powf(1.0 / size as f64),
         };

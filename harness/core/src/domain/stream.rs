@@ -1,8 +1,9 @@
-//! Cases without their types: rows of words, and values of types that only the closures of a check know.
+//! Cases for code that doesn't know their types. A case is a row of words, or a value of a type that only the check's
+//! closures know.
 //!
-//! The code that samples, runs, compares and simplifies cases is compiled only once. It uses a [`Stream`]. This is a
-//! domain of Rust types ([`Typed`], compiled for each type), or a domain that is made at run time. A row contains the
-//! lanes of all arguments of a case, one after another.
+//! The code that samples, runs, compares and simplifies cases is compiled only once. This code uses a [`Stream`]:
+//! either a domain of Rust types ([`Typed`], compiled for each type), or a domain that is made at run time. A row
+//! contains the words (`u32`s with the bits of each component) of all arguments of a case, one after another.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -27,7 +28,7 @@ pub trait Stream: Send + Sync {
     /// The number of edges.
     fn edges(&self) -> usize;
 
-    /// Appends the row of a value. Returns `false` if there is no such value.
+    /// Appends the row of the value at `origin` to `rows`. Returns `false` if the domain has no value there.
     fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool;
 
     /// Appends the rows of the cases in `range`, up to the first case without a value. Returns the number of appended
@@ -51,11 +52,12 @@ pub trait Stream: Send + Sync {
     /// A value with its row, and its simpler values.
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>>;
 
-    /// Returns `Some(true)` if the domain has a value with this row, and `Some(false)` if not. `None` if it can't
-    /// decide.
+    /// Returns `Some(true)` if the domain has a value with this row, and `Some(false)` if not. `None` if the domain
+    /// can't decide.
     fn admits(&self, row: &[u32]) -> Option<bool>;
 
-    /// Two rows that bound all values: each lane of a value lies between the rows' lanes. `None` if there are none.
+    /// Two rows that bound all values: each lane of a value lies between the same lanes of the two rows. `None` if the
+    /// domain has no such bounds.
     fn ends(&self) -> Option<[Vec<u32>; 2]> {
         None
     }
@@ -108,7 +110,7 @@ impl Held {
         format!("{:?}", self.value)
     }
 
-    /// The same value with more words in its row.
+    /// The same value with `words` appended to its row.
     #[doc(hidden)]
     pub fn with(&self, words: &[u32]) -> Self {
         Self { value: Arc::clone(&self.value), row: [&*self.row, words].concat() }
@@ -324,7 +326,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A run-time domain of integers, which have no Rust type.
+    /// A domain of integers that is made at run time, so its values have no Rust type.
     struct Listed(Vec<u32>);
 
     impl Stream for Listed {

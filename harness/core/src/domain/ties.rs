@@ -26,8 +26,8 @@ pub(super) struct Tie {
     /// The component that is replaced.
     pub(super) to: usize,
     relation: Relation,
-    /// The stream from which `from` was sampled. A mapped domain can't check if it has a value. So it samples an equal
-    /// value from this stream.
+    /// The random numbers from which the component `from` was sampled. A mapped domain can't check if it has a given
+    /// value. So it samples an equal value from the same random numbers.
     start: Source,
     place: Source,
 }
@@ -40,15 +40,16 @@ enum Relation {
     NearOpposite,
 }
 
-/// Decides if a sampled tuple has ties. Takes nothing from the stream if all components have different types. This runs
-/// for each sample, so it is compiled in this crate, because tests are compiled with few optimisations.
+/// Decides if a sampled tuple has ties. Takes no random number if all components have different types. This runs for
+/// each sample, so it is compiled in this crate, because tests are compiled with few optimisations.
 pub(super) fn are_drawn(types: &[TypeId], source: &mut Source) -> bool {
     let alike = (1..types.len()).any(|one| (0..one).any(|other| types[one] == types[other]));
     alike && source.below(TIED) == 0
 }
 
-/// Samples the ties of a tuple. `types` are the types of the components, and `starts` are the streams from which they
-/// were sampled. `apply` ties one component, and returns `false` if it can't. Returns the ties that were applied.
+/// Samples the ties of a tuple. `types` are the types of the components, and `starts` are the random numbers from which
+/// the components were sampled. `apply` ties one component, and returns `false` if it can't. Returns the ties that were
+/// applied.
 pub(super) fn draw(
     types: &[TypeId],
     starts: &[Source],
@@ -77,7 +78,8 @@ pub(super) fn draw(
     ties
 }
 
-/// Two random components of the same type. The second component has no tie yet.
+/// Chooses two random components of the same type, of which the second has no tie yet. `None` if there are no such
+/// components.
 fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, usize)> {
     let index = source.below(pairs(types, ties, usize::MAX).0 as u64);
     pairs(types, ties, usize::try_from(index).ok()?).1
@@ -192,7 +194,8 @@ fn opposite(value: &dyn Any) -> Option<Box<dyn Any>> {
     floats(value, |floats| floats.iter_mut().for_each(|float| *float = 0.0 - *float))
 }
 
-/// A value at a small random distance, from all binades down to the last bit. A unit vector stays a unit vector.
+/// A value at a small random distance from `value`. The distance can have each binade down to the last bit. A unit
+/// vector stays a unit vector.
 fn near(value: &dyn Any, source: &mut Source) -> Option<Box<dyn Any>> {
     let up = source.bits() & 1 == 0;
     if let Some(value) = value.downcast_ref::<i32>() {
@@ -262,7 +265,8 @@ mod tests {
         assert!(count(&|v, l| v.distance(l) > 0.2 && v.distance(-l) > 0.2) > 40_000);
     }
 
-    /// There are three directions, one from a narrower domain. In some cases two are equal, and in some all three.
+    /// The test has three directions, one of them from a narrower domain. In some cases two directions are equal, and
+    /// in other cases all three are.
     // Lesson 64
     #[test]
     fn three_drawn_directions_are_sometimes_equal() {
@@ -296,7 +300,7 @@ mod tests {
         assert!(colours.iter().filter(|(a, b)| a == b && a.x != a.y).count() > 1000);
     }
 
-    /// A mapped domain can't check if it has a value, so it samples an equal value from the same stream.
+    /// A mapped domain can't check if it has a value, so it samples an equal value from the same random numbers.
     // Lesson 64
     #[test]
     fn mapped_components_are_equal_in_some_cases() {

@@ -14,7 +14,7 @@ const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// The largest distance that a matrix moves along each axis.
 const DISTANCE: f64 = 8.0;
 
-/// Matrices such as hosts supply: they rotate, scale, move and mirror, and have an inverse.
+/// Matrices like those that hosts pass to shaders: they rotate, scale, move and mirror, and have an inverse.
 pub(super) struct Transform {
     columns: usize,
     rows: usize,
@@ -22,8 +22,8 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// `None` for a size that transforms no points: only square matrices and those of three by four do. If
-    /// `perspective` is set, one matrix of four rows and columns is a perspective projection.
+    /// `None` if matrices of this size don't transform points. Only square matrices and matrices of three by four do.
+    /// If `perspective` is set, one matrix of four rows and columns is a perspective projection.
     pub(super) fn of(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
         let (columns, rows) = (usize::from(columns), usize::from(rows));
         // A matrix of three columns and four rows is the transpose of a matrix of four columns and three rows.

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::ImageError;
 use crate::diagnostic::shown;
 
-/// The longest side of an image that Karat reads or writes: that of a 16k texture.
+/// The longest side of an image that Karat reads or writes. It is the side of a 16k texture.
 pub(super) const LONGEST_SIDE: u32 = 16_384;
 /// The largest memory for the pixels of a file, and the length of the longest file that Karat reads.
 pub(super) const LARGEST_DECODED: u64 = 512 << 20;

@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// # Errors
 /// If the folder or file can't be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    // If a program has the file open, it would write on into the replaced file.
+    // A program that has the file open would continue to write into the replaced file.
     let is_open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
     let is_open = cfg!(unix) && is_open.iter().any(|above| path.starts_with(above));
     match path.metadata() {

@@ -43,8 +43,8 @@ const NEAR_WHITE: f64 = {
 /// The widest range. 32 stops cover a half float from its smallest normal number to its largest.
 const WIDEST: f64 = 32.0;
 
-/// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. An exposure that is
-/// further from 0 would also overflow a float.
+/// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. An exposure further
+/// from 0 than this number would also overflow a float.
 const MOST: usize = flip_rs::MAX_EXPOSURES;
 
 impl ExposureRange {
@@ -92,15 +92,15 @@ impl ExposureRange {
         count
     }
 
-    /// The exposures below this range, in whole stops, down to the first that shows a luminance. `None` if the range
-    /// already shows the luminance.
+    /// The exposures below this range, in whole stops, down to the first exposure that shows the given luminance.
+    /// `None` if the range already shows the luminance.
     pub(super) fn below(&self, luminance: f32) -> Option<Self> {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
         (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
     /// The exposures above this range, up to the first that shows a dark luminance as brightly as this range shows the
-    /// median. `None` if the range already does.
+    /// median. `None` if this range already shows it as brightly.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })
@@ -147,7 +147,7 @@ mod tests {
         let black = ExposureRange::of(&white_with(10_000, 0.0));
         assert_eq!(black.start, black.stop);
         assert!(black.start.is_finite());
-        // More than half of the pixels are black, and the other pixels still decide the range.
+        // More than half of the pixels are black, but only the other pixels decide the range.
         let half = ExposureRange::of(&white_with(6_000, 0.0));
         assert_eq!(half, ExposureRange::of(&white_with(0, 0.0)));
     }

@@ -2,8 +2,8 @@
 //!
 //! Sources: Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images"; Andersson et al. 2021,
 //! "Visualizing Errors in Rendered High Dynamic Range Images". HDR-FLIP compares the images at several exposures, and
-//! takes the largest error of each pixel. `flip-rs` computes these errors. `harness/tests/metric.rs` compares them with
-//! those of NVIDIA's implementation.
+//! takes the largest error of each pixel. `flip-rs` computes these errors. `harness/tests/metric.rs` compares these
+//! errors with the errors of NVIDIA's implementation.
 //!
 //! HDR-FLIP is made for colours that a display can show, so it ignores alpha and negative light. If alpha or a negative
 //! value differs, this metric fails.
@@ -133,8 +133,8 @@ impl Flip {
 
     /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops. The exposure is low
     /// for a difference in highlights, and high for a difference in shadows. If several exposures have the largest
-    /// error, the darkest one is taken. The exposures are those of [`Pair::exposures`], one for each stop, and those
-    /// that `map` adds.
+    /// error, the darkest one is taken. The possible exposures are the exposures of [`Pair::exposures`], one for each
+    /// stop, and the exposures that `map` adds.
     ///
     /// ```
     /// use karat::Image;

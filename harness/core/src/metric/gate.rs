@@ -1,4 +1,4 @@
-//! The gate: a metric of the difference of each channel of each pixel, without outliers.
+//! The gate: a metric of the difference of each channel of each pixel. It allows no outliers.
 
 use glam::{BVec4A, Vec4};
 
@@ -13,7 +13,7 @@ use crate::tolerance::power;
 /// format of goldens.
 pub const DEFAULT_RELATIVE: f32 = 1e-3;
 
-/// A smaller alpha is compared as if it were this value. An opacity of one per cent is invisible, and `1 -
+/// An alpha below this value is compared as if it were this value. An opacity of one per cent is invisible, and `1 -
 /// transmittance` has rounding errors there.
 const CLEAR: f32 = 0.01;
 
@@ -35,8 +35,8 @@ const CLEAR: f32 = 0.01;
 pub struct Gate {
     /// The largest difference relative to the golden's value.
     pub relative: f32,
-    /// The difference that is always allowed, even for a dark golden. If `None`, it is `relative` times 1e-4 of the
-    /// golden's key. For alpha, which isn't light, it is then `relative` times 0.01.
+    /// The difference that is always allowed, even for a dark golden. If this is `None`, Karat allows `relative` times
+    /// 1e-4 of the golden's key, and for alpha, which isn't light, `relative` times 0.01.
     pub absolute: Option<f32>,
 }
 

@@ -15,8 +15,8 @@
 //! pixels that contribute most of the sum.
 //!
 //! Measured with a scene of three decades of light, with 640 x 360 pixels and 64 samples per pixel: if 2 % of the frame
-//! is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 fails. Without the weights and the
-//! overlap, only 43 % of the faulty renderings would fail. If each pixel were tested separately, with 0.25 % of
+//! is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 renderings fails. Without the weights
+//! and the overlap, only 43 % of the faulty renderings would fail. If each pixel were tested separately, with 0.25 % of
 //! outliers allowed, no faulty rendering would fail.
 //!
 //! The test assumes that the noise of different pixels is independent. Each channel is tested separately, because a
@@ -45,9 +45,9 @@ const SIGNIFICANCE: f64 = 0.01;
 /// few samples, which aren't normally distributed.
 const SCATTER: f64 = 2.0;
 
-/// Neighbours that are darker than this share of the golden's key give the weight of this share. If the key is middle
-/// grey, this is 6 of a screen's 255 steps. Noise below that is hardly visible, and must not outweigh other
-/// differences.
+/// The least brightness of neighbours that affects a weight, as a share of the golden's key. Darker neighbours count as
+/// if they had this brightness. If the key is middle grey, this is 6 of a screen's 255 steps. Noise below that is
+/// hardly visible, and must not outweigh other differences.
 const BLACK: f64 = 0.01;
 
 /// The larger of two ratios, with the bound 1. The first ratio is the largest z of a tile's mean in any channel,
@@ -80,7 +80,7 @@ struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// The sum of the squares of each pixel's difference beyond the slack.
+    /// The sum of the squares of the pixels' differences. Only the part of a difference beyond the slack counts.
     squares: DVec3,
     variances: DVec3,
     pixels: u32,
@@ -184,8 +184,8 @@ impl Noise<'_> {
         cells
     }
 
-    /// All tiles with compared pixels, with their sums. Tiles begin at each half of their side. A tile that is a part
-    /// of the tile before it is left out.
+    /// All tiles with compared pixels, with their sums. The next tile begins half a side after the previous tile. A
+    /// tile that lies completely inside of the previous tile is left out.
     fn tiles(&self, pair: &Pair<'_>) -> Vec<(Rect, Sum)> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
@@ -222,7 +222,7 @@ impl Noise<'_> {
 /// The mean brightness of the two images at each pixel.
 struct Surroundings {
     width: usize,
-    /// The fourth lane is 1 for a compared pixel, and 0 for all others.
+    /// For each pixel, the mean RGB of the two images. The fourth lane is 1 for a compared pixel, and 0 for all others.
     lights: Vec<Vec4>,
     key: f64,
 }

@@ -8,9 +8,9 @@ use super::{Rectangle, Support};
 /// If all cells had the same size, a single cell could contain a narrow lobe. So the quantiles of a pilot run decide
 /// the bounds of the cells. The pilot's samples aren't tested, so the cells don't depend on the tested samples.
 ///
-/// Many samples may be equal, for example if a sampler has lost a dimension. Then the cell around them is narrower than
-/// the distance to its neighbours. The density predicts fewer samples in this cell, and some samples in the empty cells
-/// beside it, so the test rejects the sampler.
+/// Many samples may be equal, for example if a sampler has lost a dimension. Then the cell around the equal samples is
+/// narrower than the distance to the neighbouring samples. The density predicts fewer samples in this cell, and some
+/// samples in the empty cells beside it, so the test rejects the sampler.
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
@@ -23,8 +23,9 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Makes at most `rows` rows of at most `columns` columns from the coordinates of pilot samples. A line has one
-    /// column. If samples are equal, there may be up to twice as many rows and columns.
+    /// Makes at most `rows` rows of at most `columns` columns from the coordinates of pilot samples. If the support has
+    /// only one coordinate, each row has one column. If samples are equal, there may be up to twice as many rows and
+    /// columns.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
@@ -92,8 +93,8 @@ impl Cells {
     }
 
     /// Divides a cell into parts, so that a quadrature rule of moderate order samples the density well in each part.
-    /// One part is around the pilot samples. The other parts lie beside it, and each is twice as wide as the one
-    /// before. A density may fall quickly next to the samples, and a rule over a whole wide cell would miss this fall.
+    /// One part is around the pilot samples. The other parts lie beside it, and each is twice as wide as the previous
+    /// part. A density may fall quickly next to the samples, and a rule over a whole wide cell would miss this fall.
     ///
     /// # Panics
     /// If there is no such cell.
@@ -122,8 +123,8 @@ impl Cells {
 /// sampler returns equal samples.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
-/// The bounds that divide values into `parts` parts with about the same number of values. Equal values stay together,
-/// apart from the others.
+/// The bounds that divide values into `parts` parts with about the same number of values. Equal values stay in one
+/// part, separate from other values.
 fn quantiles(mut values: Vec<f64>, parts: usize, ends: (f64, f64)) -> Vec<f64> {
     values.sort_unstable_by(f64::total_cmp);
     let smallest = RESOLUTION * (ends.1 - ends.0);
@@ -142,7 +143,7 @@ fn quantiles(mut values: Vec<f64>, parts: usize, ends: (f64, f64)) -> Vec<f64> {
         let next = values.partition_point(|value| *value <= after);
         let below = after - first.checked_sub(1).map_or(ends.0, |index| values[index]);
         let above = values.get(next).copied().unwrap_or(ends.1) - after;
-        // A quarter of the gap if it is wider than an `f32` step, or else half of it.
+        // A quarter of the gap if the gap is wider than an `f32` step, and otherwise half of the gap.
         let share = |gap: f64| if gap > smallest { 0.25 * gap } else { 0.5 * gap };
         bounds.extend((below > 0.0).then(|| after - share(below)));
         bounds.extend((above > 0.0).then(|| after + share(above)));
@@ -162,9 +163,10 @@ fn bounds(inner: &[f64], part: usize, ends: (f64, f64)) -> (f64, f64) {
     (low, inner.get(part).copied().unwrap_or(ends.1))
 }
 
-/// The bounds of the parts of `low..high`. The first part is `start..end`, and the steps double from there outwards.
+/// The bounds of the parts into which `low..high` is divided. One part is `start..end`. From there outwards, each part
+/// is twice as wide as the previous part.
 fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
-    // A single sample has the width 0. At most 30 doublings of the smallest width reach the end of any support.
+    // The range of one sample has the width 0. At most 30 doublings of the least width reach any support's end.
     let width = (end - start).max(1e-9 * (high - low));
     let steps = |gap: f64| {
         let mut step = width;

@@ -3,13 +3,13 @@
 use super::gauss::gauss_legendre;
 use super::{Cells, Support};
 
-/// The number of Gauss-Legendre nodes along each side; the rule has degree 13. The other rule is Lobatto's, of
-/// degree 7. It has nodes on the sides, because the Gauss-Legendre rule alone would miss an edge between its outer
-/// nodes and the sides.
+/// The number of Gauss-Legendre nodes along each side; the rule has degree 13. The second rule, Lobatto's rule of
+/// degree 7, has nodes on the sides, because the Gauss-Legendre rule alone would miss an edge between its outer nodes
+/// and the sides.
 const ORDER: u32 = 7;
 
-/// The largest number of nodes in one integral over all cells. A software device evaluates this many in about ten
-/// seconds.
+/// The largest number of nodes in one integral over all cells. A software rasteriser evaluates this many nodes in about
+/// ten seconds.
 const MOST: usize = 1 << 24;
 
 /// The number of rectangles whose nodes are evaluated at once.
@@ -169,7 +169,8 @@ fn add(sum: &mut [f64], values: &[f64]) {
     }
 }
 
-/// The nodes in the unit square, with their weights. On a line, the second coordinate is 1/2.
+/// The nodes in the unit square, with their weights. If `line` is set, the support has only one coordinate, and the
+/// second coordinate of each node is 1/2.
 fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     let second = if line { &[(0.5, 1.0)] } else { nodes };
     let row = |(a, weight): &(f64, f64)| {

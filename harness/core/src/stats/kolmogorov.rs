@@ -71,8 +71,8 @@ mod tests {
 
     #[test]
     fn the_distance_is_taken_on_both_sides_of_a_step() {
-        // Each of the 100 samples is in the middle of a cell, so the distance is 1/200 everywhere. Then one sample is
-        // moved up.
+        // Each of the 100 samples is in the middle of a cell, so the distance is 1/200 everywhere. Then the test moves
+        // one sample up.
         let middles = || (0..100).map(|i| (f64::from(i) + 0.5) / 100.0).collect::<Vec<_>>();
         let test = Kolmogorov::of(&mut middles(), |x| x, 0.0).expect("100 samples");
         assert!((test.distance - 0.005).abs() < 1e-12 && test.p > 0.999);

@@ -93,8 +93,8 @@ pub struct Mean {
 
 impl Mean {
     /// Compares the mean with the expected mean. A difference up to `slack` doesn't count: `slack` covers the rounding
-    /// of the samples and the error of the expected mean. Without it, a mean of samples that differ only by rounding
-    /// could fail because of this rounding.
+    /// of the samples and the error of the expected mean. Without the slack, a mean of samples that differ only by
+    /// rounding could fail because of this rounding.
     ///
     /// # Errors
     /// If there are fewer than 100 samples, or if a number isn't finite. Also if the mean differs from the expected

@@ -85,8 +85,8 @@ pub fn mean_power(
 
 /// A lower bound for the probability that Kolmogorov's test rejects at `significance`, if the test gets `samples`
 /// samples of a distribution that differs from the claimed one. Each of `points` has the values of the claimed and of
-/// the actual distribution function at one position. More points give a better bound. At one position, the number of
-/// samples below it is binomial (Massey 1950). The function approximates this by a normal distribution.
+/// the actual distribution function at one position. More points give a better bound. The number of samples below a
+/// given position is binomial (Massey 1950). The function approximates this by a normal distribution.
 ///
 /// # Errors
 /// If a value isn't a probability, if there are no points, if the slack is negative, or if the significance isn't

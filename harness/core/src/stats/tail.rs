@@ -3,8 +3,8 @@
 use statrs::function::erf::erfc;
 use statrs::function::gamma::{checked_gamma_ur, ln_gamma};
 
-/// The probability that a chi-square variable with `dof` degrees of freedom is at least `x`. NaN if that isn't defined.
-/// Source: Abramowitz and Stegun 26.4.19.
+/// The probability that a chi-square variable with `dof` degrees of freedom is at least `x`. NaN if this probability
+/// isn't defined. Source: Abramowitz and Stegun 26.4.19.
 #[must_use]
 pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
     if x.is_nan() || !(dof > 0.0) || x < 0.0 {
@@ -33,8 +33,8 @@ pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
 }
 
 /// The probability that a non-central chi-square variable is at least `x`. Its distribution is a mixture of central
-/// ones with `dof + 2 j` degrees of freedom, where j has a Poisson distribution with the mean `lambda / 2`. Abramowitz
-/// and Stegun 26.4.25.
+/// chi-square distributions with `dof + 2 j` degrees of freedom, where j has a Poisson distribution with the mean
+/// `lambda / 2`. Abramowitz and Stegun 26.4.25.
 #[must_use]
 pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     if lambda == 0.0 {
@@ -47,8 +47,8 @@ pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     // Terms that are more than 12 standard deviations from the mean are below 1e-30.
     let width = 12.0 * mean.sqrt() + 12.0;
     let (first, last) = ((mean - width).max(0.0).floor(), (mean + width).ceil());
-    // A wide mixture has too many terms, so only every `step`-th is computed. The relative difference of neighbouring
-    // terms is at most 1e-3.
+    // A wide mixture has too many terms, so only every `step`-th term is computed. The relative difference of
+    // neighbouring terms is at most 1e-3.
     let step = ((last - first) / 2000.0).floor().max(1.0);
     let (mut sum, mut weights, mut j) = (0.0, 0.0, first);
     while j <= last {
@@ -105,7 +105,7 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     let odds = probability / (1.0 - probability);
     let upwards = k >= mean;
     let mut tail = 0.0;
-    // Away from the mean, each term is smaller than the one before, by a ratio that falls from term to term.
+    // Away from the mean, each term is smaller than the previous term, by a ratio that falls from term to term.
     while term > tail * 1e-17 && term > 0.0 {
         tail += term;
         if upwards {

@@ -19,8 +19,9 @@ pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {
     (!a.is_nan() && !b.is_nan()).then(|| ordered(a).abs_diff(ordered(b)))
 }
 
-/// The position of a real number on the ordered line of `f32`: the index of the `f32` at or below its magnitude, plus
-/// the fraction of the step to the next `f32`. Beyond `f32::MAX`, the line continues with the last step's size.
+/// The position of a real number on the ordered line of `f32`. It is the index of the `f32` at or below the number's
+/// magnitude, plus the number's fraction of the step to the next `f32`. Beyond `f32::MAX`, the line continues with the
+/// last step's size.
 pub(super) fn ordinal(value: f64) -> f64 {
     let magnitude = value.abs();
     #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32, by design")]
@@ -33,13 +34,13 @@ pub(super) fn ordinal(value: f64) -> f64 {
     if value < 0.0 { -index } else { index }
 }
 
-/// The distance from the `f32` at `magnitude` to the next larger one.
+/// The distance from the `f32` at `magnitude` to the next larger `f32`.
 pub(super) fn spacing(magnitude: f64) -> f64 {
     #[expect(clippy::cast_possible_truncation, reason = "the binade of the nearest f32 is meant")]
     let value = (magnitude.abs() as f32).min(f32::MAX);
-    // The exponent field of an `f32` is e + 127. The step of a normal number is 2^(e - 23), that of a denormal 2^-149.
-    // The exponent field of an `f64` is e + 1023, and is set directly, because `exp2` would take as long as all the
-    // rest.
+    // The exponent field of an `f32` is e + 127. A normal number has the step 2^(e - 23), and a denormal has the step
+    // 2^-149. The exponent field of an `f64` is e + 1023, and is set directly, because `exp2` would take as long as all
+    // the rest.
     let exponent = (value.to_bits() >> 23).max(1);
     f64::from_bits(u64::from(exponent + 1023 - 150) << 52)
 }

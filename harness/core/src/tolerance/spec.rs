@@ -9,7 +9,8 @@ use crate::value::Scalar;
 /// the eye and 8-bit channels need. It allows a quarter of the digits of `f32` to be lost.
 const NEED: f64 = 1.0 / 1024.0;
 
-/// The same for `f16`. Its last digit is 2^-10. The width leaves half of the digits, so that a quotient passes.
+/// The largest width of WGSL's range for `f16`, unless a check sets another. The last digit of an `f16` is 2^-10. This
+/// width leaves half of the digits, so that a quotient passes.
 const NEED_HALF: f64 = 1.0 / 32.0;
 
 /// The range of values that the WGSL specification allows a function to return for the case's arguments. Karat computes

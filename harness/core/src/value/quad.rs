@@ -4,7 +4,7 @@ use super::{Mirror, Shape, Shareable};
 
 /// A value on a quad of two by two pixels: the value at the upper left pixel, its change to the pixel on the right
 /// (`dx`), and its change to the pixel below (`dy`). Functions that take derivatives, or sample with an implicit level
-/// of detail, have such arguments. Karat checks their result at the upper left pixel.
+/// of detail, have such arguments. Karat checks the result of such a function at the upper left pixel.
 ///
 /// `T` is `f32`, or a vector or matrix of `f32`. The reference receives a `Quad` of the mirror of `T`.
 ///

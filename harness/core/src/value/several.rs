@@ -7,7 +7,7 @@ pub(super) const NAME: &str = "()";
 
 macro_rules! tuples {
     ($(($($name:ident $index:tt),+))*) => {$(
-        /// The result first, then the values behind pointers, then the resources that the function wrote.
+        /// The order is: the result, the values behind pointers, the resources that the function wrote.
         impl<$($name: Mirror),+> Mirror for ($($name,)+) {
             fn shape() -> Shape {
                 let members = vec![$((stringify!($index).to_owned(), $name::shape())),+];

@@ -260,8 +260,8 @@ impl Sum {
 
     /// The bounds for all orders. `count` terms need `count - 1` additions. The last addition rounds the result. Each
     /// other addition rounds a partial sum to a neighbour, so its error is less than the distance of floats at the
-    /// largest partial sum. All results are multiples of 2^`step`. There are `more` terms that were rounded themselves,
-    /// and each has the same error. `None` if a sum may overflow.
+    /// largest partial sum. All results are multiples of 2^`step`. In addition, `more` terms were rounded themselves,
+    /// each with the same error as a rounded partial sum. `None` if a sum may overflow.
     fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
@@ -299,7 +299,8 @@ pub(super) fn power(exponent: i16) -> f64 {
     }
 }
 
-/// The exponent of an `f32`, which is a normal number in `f64` unless it is 0. For 0, an exponent below all others.
+/// The exponent of an `f32`, which is a normal number in `f64` unless it is 0. For 0, the result is an exponent below
+/// all other exponents.
 pub(super) fn exponent(x: f64) -> i16 {
     (x.to_bits() >> 52 & 0x7FF) as i16 - 1023
 }
@@ -318,7 +319,8 @@ pub(super) struct Product {
     /// `least` and `most` are bounds of the magnitudes of all partial products.
     least: f32,
     most: f32,
-    /// The largest magnitude of a partial product of divisors. The next field has that of the other factors.
+    /// The largest magnitude of a partial product of divisors. The next field has the largest magnitude of a partial
+    /// product of the other factors.
     divisor: f32,
     dividend: f32,
     divisors: u16,
@@ -402,8 +404,8 @@ impl Product {
     }
 
     /// The bounds for all orders. `count` factors need `count - 1` operations. The error of a multiplication is less
-    /// than an ulp of its result, that of a division 2.5 ulp. A multiplication by a power of two is exact. `None` if a
-    /// product may overflow.
+    /// than an ulp of the result. The error of a division is at most 2.5 ulp. A multiplication by a power of two is
+    /// exact. `None` if a product may overflow.
     fn in_any_order(self, format: &Format) -> Option<Ends> {
         // The largest ulp relative to a result. It occurs just above a power of two.
         let ulp = power(1 - format.digits);

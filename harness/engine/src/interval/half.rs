@@ -31,8 +31,8 @@ impl Interval {
             }
             Half::Ulps(ulps) => by(f64::from(ulps)),
             Half::Length(components) => {
-                // The steps come from half of the relative error of a sum of rounded squares, and from the rounding of
-                // the root. A subnormal square has an error of one step.
+                // `ulps` covers half of the relative error of a sum of rounded squares, and the rounding of the root.
+                // `steps` covers an error of one step for each subnormal square.
                 let steps = f64::from(components) * power(LEAST_STEP);
                 let hi = (hi * hi + steps).sqrt();
                 let ulps = f64::from(components) + 6.0;

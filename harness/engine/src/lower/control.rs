@@ -79,7 +79,8 @@ impl<'m> Lower<'m> {
         self.open.push(Open { frame, skips: Vec::new() });
     }
 
-    /// Ends a part of the innermost frame. Lanes that left the part earlier jump to the next part.
+    /// Ends a part, such as a branch, of the innermost open construct. Sets the next operation as the target of the
+    /// jumps that left this part.
     fn land(&mut self) {
         let here = self.code.instructions.len() as u32;
         if let Some(open) = self.open.last_mut() {
@@ -89,7 +90,8 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Ends the innermost frame. The jumps of lanes that left it go to the enclosing frame.
+    /// Ends the innermost open construct. If no lane is active after its end, control jumps to the end of the enclosing
+    /// construct's part.
     fn close(&mut self, op: Op) -> Lowered<usize> {
         self.land();
         self.open.pop();
@@ -192,7 +194,7 @@ impl<'m> Lower<'m> {
                 self.site = site;
                 self.span = span;
                 let end = self.close(Op::EndLoop)?;
-                // The jump of the loop's end goes back to the round's beginning. The way out is after it.
+                // The loop's end jumps back to the beginning of a round. The loop's exit comes after this jump.
                 self.code.instructions[end].target = round as u32;
                 if let Some(outer) = self.open.last_mut() {
                     outer.skips.pop();
@@ -247,7 +249,7 @@ impl<'m> Lower<'m> {
                 }
                 let called = &self.module.functions[function];
                 let name = called.name.clone().expect("WGSL names it");
-                // The first instructions of a call have the site of the call, not that of the statement before.
+                // The first instructions of a call have the site of the call, not the site of the previous statement.
                 self.enter_statement(scope, span);
                 let value = self.inline(called, &self.info[function], &name, values)?;
                 self.enter_statement(scope, span);
@@ -316,7 +318,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// The number of frames above the innermost frame that `is` accepts.
+    /// The number of open constructs inside of the innermost open construct that `is` accepts.
     fn depth(&self, is: impl Fn(Frame) -> bool) -> Lowered<u32> {
         match self.open.iter().rev().position(|open| is(open.frame)) {
             Some(depth) => Ok(depth as u32),

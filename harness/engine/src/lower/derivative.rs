@@ -9,7 +9,7 @@ use crate::scalar::File;
 
 impl Lower<'_> {
     /// The difference of a float between neighbouring pixels. As with WGSL's fine derivatives, each row and each column
-    /// of a quad has its own.
+    /// of a quad has its own difference.
     pub(super) fn derivative(&mut self, axis: DerivativeAxis, of: Reg, half: bool) -> Lowered<Reg> {
         let neighbours = match axis {
             DerivativeAxis::X => [Neighbour::Right, Neighbour::Left],

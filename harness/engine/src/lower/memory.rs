@@ -39,7 +39,7 @@ pub(super) struct Index {
 }
 
 impl Index {
-    /// A step to a single byte of a buffer.
+    /// Describes the index as a [`Step`] with the stride in bytes.
     pub(super) fn step(&self) -> Step {
         Step { stride: self.bytes, count: self.count, signed: self.signed }
     }
@@ -199,7 +199,8 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Notes a write to a buffer. Fails in a function, because its cases mustn't see each other's writes.
+    /// Notes a write to a buffer. Fails if the program is a function, because the cases of a function mustn't see each
+    /// other's writes.
     fn writes(&mut self, slot: u32) -> Lowered<()> {
         let buffer = &mut self.code.buffers[slot as usize];
         if !self.shared {

@@ -7,7 +7,7 @@ use crate::code::{From, Op, Reg, SubgroupKind, SubgroupOp};
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// The active lanes for which a predicate holds. Four words have one bit for each lane.
+    /// The active lanes for which a predicate holds, as four words with one bit for each lane.
     pub(super) fn ballot(
         &mut self,
         scope: &mut Scope<'m>,

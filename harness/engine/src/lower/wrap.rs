@@ -35,7 +35,7 @@ impl<'m> Lower<'m> {
                 }
                 [*x, *y]
             }
-            // A shift by a constant is a product. A shift by a variable moves bits.
+            // A shift by a constant counts as a product. Other shifts aren't checked: they move bits.
             (I::ShiftLeftI | I::ShiftLeftU, [x, y]) if self.words.contains_key(y) => [*x, *y],
             _ => return,
         };
@@ -78,7 +78,7 @@ impl<'m> Lower<'m> {
         };
         self.terms(x, terms, ins);
         let term = match rule {
-            // A conversion keeps the number, if both types have it.
+            // A conversion between `i32` and `u32` keeps the number, if both types have this number.
             I::ToI | I::ToU => return,
             I::NegateI => Term::Negate,
             I::AddI | I::AddU => Term::Add,

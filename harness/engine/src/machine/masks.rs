@@ -1,7 +1,8 @@
 //! Masks of active lanes, for control flow in which lanes go different ways.
 //!
 //! Each open construct has a frame. The frame has the mask at the construct's entry, and the lanes that have left the
-//! construct by a jump. At the end of the construct, the mask is that at the entry without these lanes.
+//! construct by a jump. At the end of the construct, the mask is again the mask at the entry, without the lanes that
+//! have left.
 //!
 //! `worlds` does the same for arithmetics with undecided conditions.
 
@@ -96,7 +97,7 @@ impl<A: Rules> Masks<A> {
         self.frames.push(frame);
     }
 
-    /// Opens a branch. This function and the next ones return `true` if a lane is active afterwards.
+    /// Opens a branch. This function and the functions below return `true` if a lane is active afterwards.
     pub(crate) fn enter(&mut self) -> bool {
         self.push(Kind::Branch);
         self.any
@@ -187,8 +188,8 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Active lanes jump to the end of a frame, which is below the `depth` innermost frames. `breaks` is `true` if they
-    /// jump out of a loop.
+    /// Makes the active lanes jump to the end of the frame around the `depth` innermost frames. `breaks` is `true` if
+    /// the lanes jump out of a loop.
     pub(crate) fn exit(&mut self, depth: u32, breaks: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for frame in self.frames[target + 1..].iter_mut().rev() {

@@ -13,7 +13,7 @@ use crate::races::{Accessed, Detector, Place};
 use crate::rules::Half;
 use crate::scalar::{File, Scalar};
 
-/// The kind of an access: `true` if it reads, and `true` if it writes.
+/// The kind of an access, as two flags: the first is `true` if the access reads, and the second if the access writes.
 const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
@@ -183,7 +183,8 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 
     /// The index of a lane that is outside of an array in a buffer, or a coordinate outside of a texture, and the
-    /// number of elements there. For an index that wraps: its value without wrapping, and its value with wrapping.
+    /// number of elements in the array, or of texels in this direction. For an index that wraps: its value without
+    /// wrapping, and its value with wrapping.
     pub(super) fn beyond(
         &self,
         instruction: &Instruction,
@@ -203,7 +204,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         };
         let walk = &self.code.walks[walk as usize];
         let bytes = memory.buffers[walk.buffer as usize].bytes.len();
-        // The registers of the indices come last.
+        // In the operation's list of registers, those of the indices come last.
         let shape = self.code.shape(instruction.op);
         let all = shape.outs.iter().chain(&shape.ins).sum::<u32>() as usize;
         let indices = &registers[..all][all - walk.steps.len()..];
@@ -214,7 +215,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         })
     }
 
-    /// The variable that an operation indexes, and `true` if the array is only a part of it.
+    /// The variable that an operation indexes, and `true` if the indexed array is only a part of the variable.
     pub(super) fn array_of(&self, op: Op) -> (Option<&'p str>, bool) {
         let code = self.code;
         let (slot, nested) = match op {
@@ -485,7 +486,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 continue;
             }
             let (at, strays) = place_of(self, lane);
-            // An access outside of the array may go anywhere. It is reported as such, and not as a race.
+            // An access outside of the array may go anywhere. It is reported as an index outside, and not as a race.
             if strays {
                 continue;
             }
@@ -586,7 +587,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
         for lane in 0..self.width {
             if self.is_helper(lane) && atomic.result {
-                // WGSL allows any result for a helper. A success ends a loop that waits for a success.
+                // WGSL allows any result for a helper. Returning a success here ends a loop that waits for a success.
                 let seen = if compared {
                     self.ints.get(registers[outs + 1])[lane]
                 } else {

@@ -34,7 +34,8 @@ pub(crate) struct Late {
 pub(crate) struct Done {
     pub(crate) lane: usize,
     pub(crate) site: u32,
-    /// The word that the atomic returned, or wrote if it returns nothing. `reads` is `true` if it returned the word.
+    /// The word that the atomic returned, or wrote if it returns nothing. `reads` is `true` if the atomic returned the
+    /// word.
     pub(crate) word: u32,
     pub(crate) reads: bool,
     pub(crate) place: (u32, usize),

@@ -3,8 +3,8 @@
 //! A lane whose condition is undecided forks into two *worlds*. Each is a copy of the lane's variables for one branch.
 //! The world of the first branch runs first. Then the lane's variables get back their values from before the branch,
 //! and the world of the other branch runs. The worlds are joined where control meets again: at the end of a branch, of
-//! a loop's body, of a loop, or of a call. So a store can simply overwrite a variable, and a loop ends in a branch that
-//! may not be taken.
+//! a loop's body, of a loop, or of a call. So a store can simply overwrite a variable, and a `break` may be in a branch
+//! with an undecided condition.
 //!
 //! If a world jumps out of a construct, and another world of its lane goes on, the first world waits at the jump's
 //! target, in `waiting`. Otherwise its variables stay in the registers.
@@ -38,7 +38,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Adds a lane's variables. They are joined with those that are already there.
+    /// Adds a lane's variables. If the state already has variables for this lane, joins both.
     fn add(&mut self, files: &Files<'_, A>, mutable: &[Vec<u32>; 3], lane: usize) {
         let joins = std::mem::replace(&mut self.here[lane], true);
         for (kept, &register) in self.floats.iter_mut().zip(&mutable[0]) {
@@ -55,7 +55,8 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Writes a lane's variables back. If `joins` is set, joins them with the registers.
+    /// Writes a lane's variables back to the registers. If `joins` is set, joins the variables with the values that the
+    /// registers have.
     fn take(
         &mut self,
         files: &mut Files<'_, A>,
@@ -222,7 +223,8 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.any
     }
 
-    /// Begins a case. The first case begins with the variables at the entry. Each later case restores them.
+    /// Begins a case of a `switch`. The first case begins with the variables at the entry of the `switch`. Each later
+    /// case restores these variables.
     pub(crate) fn enter_case(
         &mut self,
         files: &mut Files<'_, A>,
@@ -319,8 +321,8 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Active lanes jump to the end of a frame, which is below the `depth` innermost frames. If `continues` is set,
-    /// they jump to the end of its body.
+    /// Makes the active lanes jump to the end of the frame around the `depth` innermost frames. If `continues` is set,
+    /// the lanes jump to the end of that loop's body.
     pub(crate) fn exit(&mut self, files: &Files<'_, A>, depth: u32, continues: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for lane in (0..self.width).filter(|&lane| self.current[lane]) {

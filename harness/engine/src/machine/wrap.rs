@@ -6,7 +6,7 @@ use crate::code::Term;
 
 impl<A: Rules> Machine<'_, A> {
     /// Notes the lanes whose index has wrapped and is still inside of the array. If the index is outside, the access
-    /// itself reports this. For a float, notes the lanes whose difference is below 0.
+    /// itself reports this. For a difference that becomes a float, notes the lanes in which the difference is below 0.
     pub(super) fn wrapped(&mut self, wrap: u32, registers: &[u32], memory: &Memory<'_, A>) {
         // In intervals, an index that wraps may have any value, so it may be outside.
         if A::UNDECIDED {

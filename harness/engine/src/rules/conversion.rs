@@ -114,7 +114,7 @@ to_int_rules! {
             double: |[x]: [f64; 1]| saturate_unsigned(x),
             interval: |[x]: [Interval; 1]| whole(x, |x| i64::from(saturate_unsigned(x)), false),
         }
-        /// The bits of the float. The shadow first rounds it to `f32`.
+        /// The bits of the float. `f64` arithmetic first rounds the float to `f32`.
         BitsSigned[1] true {
             single: |[x]: [f32; 1]| x.to_bits(),
             double: |[x]: [f64; 1]| (x as f32).to_bits(),
@@ -134,7 +134,7 @@ to_int_rules! {
                     Range::between(i64::from(exponent(lo)), i64::from(exponent(hi)))
                 }
                 Some((lo, hi)) if lo == 0.0 && hi == 0.0 => Range::between(0, 0),
-                // The range is from the exponent of the least subnormal to that of the greatest float.
+                // The range is from the exponent of the least subnormal to the exponent of the greatest float.
                 Some(_) => Range::between(-148, 128),
                 None => Range::full(true),
             },
@@ -172,7 +172,8 @@ to_int_rules! {
 
 from_int_rules! {
     FromInt {
-        /// The nearest float. In the shadow, the result is exact. An interval has the exact result, or both neighbours.
+        /// The nearest float. In `f64` arithmetic, the result is exact. An interval has the exact result, or both
+        /// neighbours.
         Signed[1] {
             single: |x: u32| [x.cast_signed() as f32],
             double: |x: u32| [f64::from(x.cast_signed())],
@@ -282,7 +283,8 @@ impl Scale {
 }
 
 impl ToInt {
-    /// The least and the greatest number of the integer type, for conversions of values.
+    /// The least and the greatest number of the integer type, if the rule converts a value. `None` for all other rules,
+    /// such as those that return bits.
     pub(crate) fn holds(self) -> Option<(f64, f64)> {
         match self {
             Self::Signed => Some((f64::from(i32::MIN), f64::from(i32::MAX))),

@@ -42,7 +42,7 @@ float_rules! {
             double: |[x]| [libm::cosh(x)],
             interval: |[x]| [cosh(x)],
         }
-        /// The bound is an absolute 1e-5, or that of `sinh(x) / cosh(x)`, whichever is larger.
+        /// The error is at most 1e-5 (absolute), or at most the error of `sinh(x) / cosh(x)`, whichever is larger.
         Tanh[1, 1] = Tanh {
             single: |[x]| [libm::tanhf(x)],
             double: |[x]| [libm::tanh(x)],

@@ -44,7 +44,7 @@ float_rules! {
             double: |x| [dot!(0.0, x[..4], x[4..])],
             interval: |x| [dot(&x[..4], &x[4..])],
         }
-        /// The length of a scalar.
+        /// The length of a scalar, which is its magnitude.
         Length1[1, 1] {
             single: |[x]| [x.abs()],
             double: |[x]| [x.abs()],

@@ -34,7 +34,7 @@ integer_rules! {
             exact: |[x, y]| x.wrapping_mul(y),
             range: |[x, y]| Some(product(x, y, false)),
         }
-        /// `x` if the divisor is 0, or if the quotient overflows.
+        /// The result is `x` if the divisor is 0, or if the quotient overflows.
         DivideI[2] true {
             exact: |x| {
                 let [x, y] = signed(x);
@@ -46,7 +46,7 @@ integer_rules! {
             exact: |[x, y]| x / if y == 0 { 1 } else { y },
             range: |[x, y]| (y.lo() > 0).then(|| Range::between(x.lo() / y.hi(), x.hi() / y.lo())),
         }
-        /// 0 if the divisor is 0, or if the quotient overflows. Otherwise it has the sign of `x`.
+        /// The remainder is 0 if the divisor is 0, or if the quotient overflows. Otherwise it has the sign of `x`.
         RemainderI[2] true {
             exact: |x| {
                 let [x, y] = signed(x);
@@ -123,7 +123,7 @@ integer_rules! {
                 Some(Range::between(last - x.hi(), last - x.lo()))
             },
         }
-        /// Only the lowest five bits of the shift count.
+        /// Shifts by the lowest five bits of `by`.
         ShiftLeftI[2] true { exact: |[x, by]| x.wrapping_shl(by) }
         ShiftLeftU[2] false { exact: |[x, by]| x.wrapping_shl(by) }
         ShiftRightI[2] true { exact: |[x, by]| x.cast_signed().wrapping_shr(by).cast_unsigned() }
@@ -131,7 +131,7 @@ integer_rules! {
             exact: |[x, by]| x.wrapping_shr(by),
             range: |[x, by]| by.word().map(|by| Range::between(x.lo() >> (by & 31), x.hi() >> (by & 31))),
         }
-        /// The same bits as another type.
+        /// Keeps the bits, and reads them as the other integer type.
         ToI[1] true {
             exact: |[x]| x,
             range: |[x]| Some(Range::or_full(x.lo(), x.hi(), true)),
@@ -148,14 +148,14 @@ integer_rules! {
         OnesU[1] false = CountOneBits { exact: |[x]| x.count_ones() }
         ReverseI[1] true = ReverseBits { exact: |[x]| x.reverse_bits() }
         ReverseU[1] false = ReverseBits { exact: |[x]| x.reverse_bits() }
-        /// All bits are 1 if `x` has no 1 bit.
+        /// The index of the lowest 1 bit. If `x` has no 1 bit, all bits of the result are 1.
         FirstTrailingI[1] true = FirstTrailingBit {
             exact: |[x]| if x == 0 { u32::MAX } else { x.trailing_zeros() },
         }
         FirstTrailingU[1] false = FirstTrailingBit {
             exact: |[x]| if x == 0 { u32::MAX } else { x.trailing_zeros() },
         }
-        /// The highest bit that differs from the sign bit.
+        /// The index of the highest bit that differs from the sign bit.
         FirstLeadingI[1] true = FirstLeadingBit {
             exact: |[x]| {
                 let bits = if x.cast_signed() < 0 { !x } else { x };
@@ -207,7 +207,7 @@ integer_rules! {
         PackBytesClampU[4] false {
             exact: |x| u32::from_le_bytes(x.map(|x| x.min(255) as u8)),
         }
-        /// Byte `y` of `x`.
+        /// Byte number `y` of the word `x`, as a signed number.
         ByteI[2] true {
             exact: |[x, y]| {
                 i32::from(x.to_le_bytes()[y as usize & 3].cast_signed()).cast_unsigned()

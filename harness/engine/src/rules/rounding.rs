@@ -32,7 +32,7 @@ float_rules! {
             single: |[x]| [x - x.floor()],
             double: |[x]| [x - x.floor()],
             interval: |[x]| {
-                // If all values have the same floor, the fraction is x minus this floor.
+                // If all values of the interval have the same floor, the fraction is x minus this floor.
                 let floor = stepped(x, f64::floor);
                 let fraction = x.sub(floor);
                 [if floor.is_bounded() && floor.lo() != floor.hi() {

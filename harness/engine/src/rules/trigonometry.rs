@@ -21,7 +21,8 @@ float_rules! {
             double: |[x]| [libm::tan(x)],
             interval: |[x]| [x.wave(false).div(x.wave(true))],
         }
-        /// The bound is an absolute 6.77e-5, or that of `atan2(x, sqrt(1 - x x))`, whichever is larger.
+        /// The error is at most 6.77e-5 (absolute), or at most the error of `atan2(x, sqrt(1 - x x))`, whichever is
+        /// larger.
         Asin[1, 1] = Asin {
             single: |[x]| [libm::asinf(x)],
             double: |[x]| [libm::asin(x)],
@@ -30,7 +31,8 @@ float_rules! {
                 [absolute.join(angle(x, opposite(x)))]
             },
         }
-        /// The bound is an absolute 6.77e-5, or that of `atan2(sqrt(1 - x x), x)`, whichever is larger.
+        /// The error is at most 6.77e-5 (absolute), or at most the error of `atan2(sqrt(1 - x x), x)`, whichever is
+        /// larger.
         Acos[1, 1] = Acos {
             single: |[x]| [libm::acosf(x)],
             double: |[x]| [libm::acos(x)],

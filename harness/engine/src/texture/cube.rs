@@ -23,7 +23,7 @@ pub(super) fn face([x, y, z]: [f64; 3]) -> (f64, f64, f64) {
     (face, 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
 }
 
-/// The movement on the face that belongs to a step of the direction: Vulkan's *Cube Map Derivative Transformation*.
+/// Converts a step of a direction to a step of the position on the face: Vulkan's *Cube Map Derivative Transformation*.
 pub(super) fn step(at: [f64; 3], step: [f64; 3]) -> [f64; 3] {
     let (face, u, v) = face(at);
     let (axis, negative) = (face as usize / 2, face as usize % 2 == 1);
@@ -49,11 +49,11 @@ pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
     }
 }
 
-/// The neighbouring texels at an edge of a face.
+/// The texels of the neighbouring face that are next to an edge of a face.
 #[derive(Clone, Copy, Default)]
 struct Edge {
     face: usize,
-    /// `true` if the neighbouring texels are a column of the neighbour, `false` if they are a row.
+    /// `true` if the neighbouring texels are a column of the neighbouring face, `false` if they are a row.
     column: bool,
     /// `true` if they are the last column or row.
     last: bool,
@@ -73,7 +73,7 @@ static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
     std::array::from_fn(|face| std::array::from_fn(|number| edge(face, number)))
 });
 
-/// The texel of the neighbouring face for a texel that is at most one texel beyond an edge.
+/// The texel of the neighbouring face at a position that is at most one texel beyond an edge.
 pub(super) fn beyond(face: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let last = i64::from(size) - 1;
     let (edge, along) = match () {

@@ -111,8 +111,8 @@ impl Texture {
         }
     }
 
-    /// Checks if [`bilinear_of`](Self::bilinear_of) can sample the texture with the sampler: the texels are floats,
-    /// there are no layers, and all distances use the same level.
+    /// Checks if [`bilinear_of`](Self::bilinear_of) can sample the texture with the sampler: the texels are floats, the
+    /// texture has no layers and only one mip level, and the filters are linear.
     pub(crate) fn is_bilinear(&self, sampler: &Sampler) -> bool {
         let is_flat = match self.dimension {
             Dimension::D2 => self.size[2] == 1,
@@ -123,8 +123,8 @@ impl Texture {
         is_flat && is_linear && matches!(*self.levels, [Texels::Float(_)])
     }
 
-    /// The sums of the four channels for samples at these coordinates. Also the samples for which there is no sum,
-    /// because a texel is beyond an edge, or there are fewer than four texels.
+    /// The sums of the four channels for samples at these coordinates. Also returns the samples for which there is no
+    /// sum, because a texel is beyond an edge, or there are fewer than four texels.
     pub(crate) fn bilinear_of(
         &self,
         [x, y, z]: &[Many; 3],

@@ -184,8 +184,8 @@ fn a_call_in_a_loop_starts_anew_each_time() {
     assert_eq!(words(source, &(0..9).collect::<Vec<_>>()), expected);
 }
 
-/// A case that runs too many rounds is removed, whatever construct it is in. The other cases have the same results as
-/// without it.
+/// A case that runs too many rounds is removed, whatever construct the loop is in. The other cases have the same
+/// results as without this case.
 #[test]
 fn cases_with_long_loops_are_left_out() {
     let source = "
@@ -224,7 +224,7 @@ fn cases_with_long_loops_are_left_out() {
     for n in rows.iter().filter(|n| !alone(n)) {
         assert_eq!(words[*n as usize], plain[*n as usize], "{n}");
     }
-    // In intervals, the call still stops.
+    // In intervals, such a case still stops the call.
     let first = [u32::try_from(long[0]).expect("it is small")];
     let stopped =
         program.call::<karat_engine::Intervals>(1, &first, &Resources::new(), &options(true), &());

@@ -19,7 +19,7 @@ fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     let usual = plain.call::<F32>(x.len(), &rows, &Resources::new(), &Options::default(), &());
     assert_eq!(own.expect("it runs").words(), usual.expect("it runs").words());
     let text_of = |span: naga::Span| text[span.to_range().expect("it is written")].to_owned();
-    // The module lists each statement that runs.
+    // `statements` lists each statement that runs.
     let there = karat_engine::statements(&module);
     let known = |one: &karat_engine::Statement| {
         there.iter().any(|own| (own.span, own.kind) == (one.span, one.kind))
@@ -74,7 +74,7 @@ fn rounds_of_loops_are_counted_separately() {
     // A loop ends in its first round if its condition doesn't hold. The three calls run 0, 1 and more rounds of the
     // body.
     assert_eq!(of(&all, StatementKind::Loop, "for (").ways, [3, 1, 2]);
-    // For 0 there are 4 rounds, for 2 there are 2, for 12 and for 4 there is 1.
+    // The argument 0 needs 4 rounds, 2 needs 2 rounds, and 12 and 4 need 1 round.
     assert_eq!(of(&all, StatementKind::Loop, "loop {").ways, [2, 1, 3]);
     assert_eq!(of(&all, StatementKind::Plain, "y += 2.0").lanes, 1 + 6 + 2);
     assert_eq!(of(&all, StatementKind::If, "if (i > 5.0)").ways[..2], [1, 9]);

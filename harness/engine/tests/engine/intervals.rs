@@ -240,11 +240,11 @@ fn results_lie_within_their_bounds() {
                 bound.contains(f64::from(single)),
                 "{expression} of {x} {y}: {single} not in {bound:?}"
             );
-            // In the shadow, the result of a builtin that isn't continuous may be on the other side of a jump.
+            // In `f64`, the result of a builtin that isn't continuous may be on the other side of a jump.
             let steps =
                 ["step", "floor", "ceil", "round", "trunc", "fract", "%", "quantize", "modf"];
             if !steps.iter().any(|step| expression.contains(step)) {
-                // The shadow doesn't round to `f32`, but the bounds are those of `f32` results.
+                // `f64` results aren't rounded to `f32`, but the bounds are the bounds of `f32` results.
                 let slack = f64::from(f32::EPSILON) * double.abs();
                 assert!(
                     bound.contains(double)
@@ -340,7 +340,7 @@ fn functions_of_halves_are_as_exact_as_wgsl_says() {
         let reaches = bound.lo() < least - slack || most + slack < bound.hi();
         assert!(!reaches, "{expression} of {x}: {bound:?}");
     }
-    // The sum of squares overflows.
+    // For x = 200, the sum of the squares is 80000, which overflows in half precision.
     let long = |x: f32| {
         let source = "enable f16; fn f(x: f32) -> f32 { return f32(length(vec2h(f16(x)))); }";
         intervals(source, &[x])[0].is_bounded()

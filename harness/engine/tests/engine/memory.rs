@@ -103,11 +103,11 @@ fn a_wrapping_index_is_reported() {
         ("i - 5u + 5u", &[]),
         ("u32(i32(i) - 1) + 1u", &[]),
         ("i32(i) + 1", &[]),
-        // A hash may wrap. The mask takes a part of its bits.
+        // A hash may wrap. The mask `& 7u` keeps only some bits of the hash.
         ("(i * 1664525u + 1013904223u) & 7u", &[]),
         ("(i * 4u) % 8u", &[]),
         ("min(i * 4u, 7u)", &[]),
-        // The index is outside, so the access reports it.
+        // The index is outside of the array, so the access reports it.
         ("i + 8u", &[]),
         ("i * 4u + 8u", &[]),
         // Only even strides are checked if they are large. A shift by a variable moves bits.

@@ -94,8 +94,8 @@ impl Random {
     }
 }
 
-/// The end of a block. In a switch, `break` would leave the switch. So there, `break` stands inside of an `if`, and
-/// leaves the innermost loop or switch.
+/// The way in which the interpreter left a block: at the block's end, or by a jump. `Break` leaves the innermost loop
+/// or switch. Each generated jump stands inside of an `if`.
 enum End {
     Next,
     Break,

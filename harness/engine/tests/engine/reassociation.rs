@@ -35,7 +35,7 @@ enum Format {
 }
 
 impl Format {
-    /// The nearest number, and its neighbours below and above.
+    /// The number of this format that is nearest to `exact`, and its neighbours below and above.
     fn around(self, exact: f64) -> [f32; 3] {
         match self {
             Self::Single => [(exact as f32).next_down(), exact as f32, (exact as f32).next_up()],
@@ -93,7 +93,7 @@ impl Random {
             return match self.below(4) {
                 0 => {
                     let number = CONSTANTS[self.below(CONSTANTS.len())];
-                    // A product that has only constants must have a value.
+                    // A product of only constants must not overflow in half precision.
                     let number =
                         if self.format == Format::Half { number.min(17.0) } else { number };
                     Tree::Constant(self.format.around(f64::from(number))[1])
@@ -177,7 +177,8 @@ impl Random {
         }
     }
 
-    /// Joins two parts at a time until one part is left. A part may be inverted: it is then subtracted, or a divisor.
+    /// Joins two parts at a time until one part is left. A part may be inverted: an inverted part is subtracted, or is
+    /// a divisor.
     fn joined(
         &mut self,
         mut parts: Vec<(Tree, bool)>,
@@ -355,11 +356,11 @@ const PROGRAMS: usize = 2000;
 const CASES: usize = 16;
 
 /// Runs four orders of each of 2,000 programs in `f32`. Then runs each again, with each operation rounded up or down.
-/// Almost as many cases have bounds as for the written order only.
+/// Almost as many cases have bounds as if the bounds included only the written order.
 // Lesson 168: each order of terms lies within the bound
 #[test]
 fn every_order_of_a_random_program_is_within_the_bounds() {
-    // It would be 93.5 % and 91.7 % if bounds included only the written order.
+    // The shares would be 93.5 % and 91.7 % if bounds included only the written order.
     within_the_bounds(Format::Single, [90.5, 88.7]);
 }
 

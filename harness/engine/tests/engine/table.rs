@@ -14,8 +14,8 @@ fn word(text: &str) -> f32 {
 /// The inputs, and the least and the greatest allowed result. `None` if any result is allowed.
 type Case = (Vec<f32>, Option<(f32, f32)>);
 
-/// The engine's bounds contain those of the table. At each end they may be one step wider, because the engine computes
-/// in `f64`.
+/// The engine's bounds contain the bounds of the table. At each end, the engine's bounds may be one step wider, because
+/// the engine computes in `f64`.
 // Lesson 91
 #[test]
 fn bounds_are_those_of_exact_arithmetic() {

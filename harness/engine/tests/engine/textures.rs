@@ -122,10 +122,10 @@ fn nearest_texels_gathers_gradients_and_loads() {
     };
     // (0.4, 0.6) is in texel (2, 2). The test reads the texel on the right of it.
     assert_eq!(call("f", [0.4, 0.6]), texel(3, 2, 0, 0));
-    // In both directions, texels 1 and 2 are around (2.4, 2.4) - 0.5.
+    // The sample is at (2.4, 2.4) - 0.5 = (1.9, 1.9), between texels 1 and 2 in both directions.
     let third = |x, y| texel(x, y, 0, 0)[2];
     assert_eq!(call("gather", [0.4, 0.6]), [third(1, 2), third(2, 2), third(2, 1), third(1, 1)]);
-    // The step is two texels for each pixel, so the sample reads level 1, and there texel (1, 1).
+    // The step is two texels for each pixel, so the sample reads level 1. In this level it reads texel (1, 1).
     assert_eq!(call("slope", [0.4, 0.6]), texel(1, 1, 0, 1));
     assert_eq!(call("load", [2.0, 1.0]), texel(2, 1, 0, 1));
     assert_eq!(call("load", [-9.0, 7.0]), texel(0, 1, 0, 1), "clamped");

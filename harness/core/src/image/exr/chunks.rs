@@ -1,7 +1,7 @@
 //! Finds the chunks of a part by the part's table, checks them, and decompresses them one by one.
 //!
-//! The `exr` crate has the codecs. They get only complete chunks that are at the expected position and have a checked
-//! size. So they reserve at most a small multiple of a block's memory.
+//! The `exr` crate has the codecs. The codecs get only complete chunks that are at the expected position and have a
+//! checked size. So the codecs reserve at most a small multiple of a block's memory.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -46,7 +46,7 @@ pub(super) fn decode(
     Ok(())
 }
 
-/// The position of a block that its chunk states.
+/// The position of a block, as the block's chunk states it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     Row(i64),
@@ -96,7 +96,7 @@ fn found<'a>(
     let here = match place {
         Place::Row(row) => i64::from(number()?) == row,
         Place::Tile(column, row) => {
-            // The last two numbers are the level.
+            // The last two numbers are the tile's level in x and y.
             [number()?, number()?, number()?, number()?] == [column, row, 0, 0]
         }
     };
@@ -175,7 +175,8 @@ fn decompress(
     }
 }
 
-/// A codec's message without the words that the crate adds. Some messages contain no reason, and are replaced by one.
+/// A codec's message without the words that the crate adds. If the crate's message contains no reason, the function
+/// returns a general reason.
 fn unwrapped(message: &str) -> &str {
     let inside = message.split_once("(invalid: ").and_then(|(_, inside)| inside.strip_suffix(')'));
     match inside.unwrap_or(message) {

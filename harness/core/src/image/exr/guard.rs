@@ -51,9 +51,9 @@ pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<
     Ok(())
 }
 
-/// Checks if a value in a square of 4 by 4 values goes below zero. A square has the first value in 16 bits, a shift in
-/// 6 bits, and 15 differences in 6 bits each. The differences go down the first column, and then from each column to
-/// the next.
+/// Checks if a value in a square of 4 by 4 values goes below zero. A square consists of its first value in 16 bits, a
+/// shift in 6 bits, and 15 differences of 6 bits each. The differences go down the first column, and then from each
+/// column to the next.
 fn leads_below_zero(square: &[u8; 14]) -> bool {
     let field = |bit: usize| {
         let two = u16::from_be_bytes([square[bit / 8], *square.get(bit / 8 + 1).unwrap_or(&0)]);

@@ -58,7 +58,7 @@ pub(super) struct PartHeader {
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// The first row in the file's coordinates. The numbers of chunks of rows begin there.
+    /// The number of the first row in the file's coordinates. A chunk of rows states the number of its own first row.
     pub(super) top: i32,
     pub(super) channels: Vec<Channel>,
     pub(super) compression: Compression,

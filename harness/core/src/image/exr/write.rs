@@ -28,7 +28,7 @@ pub(super) struct Layer<'a> {
     pub(super) image: &'a Image,
 }
 
-/// The channels in the file's order, which is that of their names' bytes. Each has its index in a pixel.
+/// The channels in the order of the file, which sorts them by name. Each has its index in a pixel of [`Image`].
 const CHANNELS: [(&str, usize); 4] = [("A", 3), ("B", 2), ("G", 1), ("R", 0)];
 
 pub(super) fn write(

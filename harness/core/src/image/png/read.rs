@@ -45,7 +45,7 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
     Ok(Image::new(frame.width, frame.height, pixels))
 }
 
-/// Applies the limits of OpenEXR files. The ratio uses the pixels' stored size.
+/// Checks the same limits as for OpenEXR files. The ratio of pixels to file uses the size of the pixels in the PNG.
 fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     let Info { width, height, .. } = *info;
     if width.max(height) > LONGEST_SIDE {

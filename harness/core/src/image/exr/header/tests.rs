@@ -6,7 +6,7 @@ fn tiles_of_all_levels_are_counted() {
         Tiles { width: 8, height: 4, levels, round_up }.count(width, height)
     };
     assert_eq!(count(Levels::One, false, 16, 9), 2 * 3);
-    // The levels are 16 x 9, 8 x 4, 4 x 2, 2 x 1 and 1 x 1. If sizes are rounded up, they are 16 x 9, 8 x 5 and so on.
+    // The levels are 16 x 9, 8 x 4, 4 x 2, 2 x 1 and 1 x 1. With sizes rounded up, they are 16 x 9, 8 x 5 and so on.
     assert_eq!(count(Levels::Mip, false, 16, 9), 6 + 1 + 1 + 1 + 1);
     assert_eq!(count(Levels::Mip, true, 17, 9), 9 + 4 + 1 + 1 + 1 + 1);
     // The levels combine the widths 16, 8, 4, 2, 1 with the heights 9, 4, 2, 1.
