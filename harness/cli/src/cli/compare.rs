@@ -275,7 +275,7 @@ fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> any
         (Some(ulp @ ..NEAR), Some(share)) => format!(", by up to {ulp} ulp (rel {share:.2e})"),
         (Some(ulp @ ..NEAR), None) => format!(", by up to {ulp} ulp"),
         (Some(_), Some(share)) => format!(", by up to rel {share:.2e}"),
-        // For integers, signs and NaN, Karat prints only the values.
+        // If integers, signs or NaN differ, Karat prints only the values.
         _ => String::new(),
     };
     let shown = arguments.iter().take(INPUTS).map(|(name, value)| format!("{name} = {value}"));

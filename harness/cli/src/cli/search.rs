@@ -210,7 +210,7 @@ pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
 /// The content of a folder outside of its `shaders`.
 #[derive(Default)]
 struct Outside {
-    /// Modules, and folders with modules.
+    /// The packages outside of `shaders`: single modules, and folders with modules.
     packages: Vec<Package>,
     /// The files of tests in folders without a module.
     files: Vec<PathBuf>,
