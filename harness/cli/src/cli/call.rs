@@ -97,7 +97,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let overrides = bind::overrides(&args.overrides)?;
     let mut probed = Probed::with_overrides(&package, &args.function, &overrides)?;
     bind::expect_types(&probed, &args.overrides)?;
-    // A package of one file is its module.
+    // If the option names a file, this file is the shader's module, and an input of the command.
     let own = args.package.package.as_deref().filter(|path| path.is_file());
     let shader = PathBuf::from(&probed.function().span.file.name);
     let inputs = || args.table.as_deref().into_iter().chain([shader.as_path()]).chain(own);

@@ -267,8 +267,8 @@ const INPUTS: usize = 12;
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after, words, .. } = change;
-    /// The smallest distance in ULP that isn't printed. For larger distances only the relative difference is printed:
-    /// this distance is an eighth of the number.
+    /// The smallest distance in ULP that Karat doesn't print. This distance is about an eighth of the value, so Karat
+    /// prints only the relative difference.
     const NEAR: u64 = 1 << 20;
     let by = match (ulp, relative) {
         (Some(0), _) => ", by the sign of a zero".to_owned(),

@@ -79,7 +79,7 @@ pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<Stri
     ))
 }
 
-/// Returns a texture of the dispatch's size, with sampled texels.
+/// Returns the declaration of a texture of the dispatch's size, with sampled texels.
 fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
     if kind.multisampled {
         return None;
