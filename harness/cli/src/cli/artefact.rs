@@ -26,7 +26,7 @@ const LARGEST: u64 = 1 << 30;
 #[derive(Debug)]
 pub(super) struct Artefact {
     folder: PathBuf,
-    /// The temporary folder of an unpacked zip, which is deleted with this value.
+    /// The temporary folder of an unpacked zip. The folder is deleted when this value is dropped.
     unpacked: Option<TempDir>,
 }
 

@@ -512,7 +512,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
                 error: None,
             },
             Err(error @ AcceptError::NoReason(_)) => return Err(error.into()),
-            // A frame that fails doesn't stop the others.
+            // A frame that fails doesn't stop the other frames.
             Err(error) => {
                 failed |= matches!(error, AcceptError::Image(_));
                 AcceptEntry { case, error: Some(error.to_string()), ..AcceptEntry::default() }

@@ -111,7 +111,7 @@ impl Project {
         Ok(found)
     }
 
-    /// Returns the packages of a command. There is at least one.
+    /// Returns the packages of a command, at least one. It is an error if there is none.
     pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
         let found = self.found(args)?;
         Ok(found.into_iter().map(|one| one.package).collect())
