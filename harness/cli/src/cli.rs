@@ -358,7 +358,8 @@ impl PlaceArgs {
         package
     }
 
-    /// Names the tests outside of the package, which don't run, unless an option names the package.
+    /// Prints the names of the tests outside of the package, because these tests don't run. Prints nothing if an option
+    /// names the package.
     fn write_outside(&self, out: &mut dyn Write) -> anyhow::Result<()> {
         let package = self.package();
         match package.package.is_none() && package.krate.is_none() {
@@ -455,7 +456,8 @@ pub(crate) fn run() -> ExitCode {
     })
 }
 
-/// Checks the `KARAT_` variables, because a misspelt one would have no effect, and runs the command.
+/// Checks the names of the environment variables `KARAT_...`, because a misspelt variable would have no effect. Then
+/// runs the command.
 fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
     if !matches!(wanted, Command::Completions { .. }) {
         karat::unstable::settings::check()?;
@@ -526,13 +528,14 @@ fn complain(text: &str) {
     tell(&format!("{prefix}{text}"));
 }
 
-/// Refuses an output that is also an input, even under another name: the input may be the only copy.
+/// Returns an error if the output file is also an input file, even under another name. The output would replace the
+/// input, which may be the only copy.
 fn spare<'a>(
     what: &str,
     output: &Path,
     inputs: impl IntoIterator<Item = &'a Path>,
 ) -> anyhow::Result<()> {
-    // Only regular files are replaced. Comparing a device or a pipe would open it.
+    // Only a regular file is replaced. The comparison would open a device or a pipe.
     if !output.is_file() {
         return Ok(());
     }
@@ -581,7 +584,7 @@ fn is_in_package(output: &Path, package: &karat::Package) -> bool {
     resolved(output).starts_with(resolved(&package.root()))
 }
 
-/// Refuses an output that would replace a file of one of these packages, or would become a module of it.
+/// Returns an error if the output would replace a file of one of these packages, or would become a module of a package.
 fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyhow::Result<()> {
     let is_read = |name: &str| [".wgsl", ".wesl"].iter().any(|end| name.ends_with(end));
     let name = output.file_name().unwrap_or_default().to_string_lossy().to_lowercase();

@@ -582,7 +582,7 @@ fn preview_writes_a_png() {
     }
 }
 
-/// Bad arguments are refused before the build. `render.rs` tests the others.
+/// Bad arguments are refused before the build. `render.rs` tests the other arguments.
 #[test]
 fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
     let project = project();

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 /// The relative difference between the `f32` and the `f64` value above which a value has lost half of its digits.
 const LOST: f64 = 1.0 / 4096.0;
 
-/// The text for a value whose calculation didn't run the operation, because a condition had another result there.
+/// The text in place of a value that doesn't exist: the calculation in this format didn't run the operation, because a
+/// condition had another result.
 const ELSEWHERE: &str = "another way";
 
 /// An operation of a call.
@@ -106,7 +107,7 @@ fn operation(step: &Step) -> String {
     step.name.as_ref().map_or_else(|| text.clone(), |name| format!("{name} = {text}"))
 }
 
-/// Formats a number with 12 significant digits. This is more than `f32` has, by half of the additional digits of `f64`.
+/// Formats a number with 12 significant digits. `f32` has about 7 digits, and `f64` about 16.
 fn format_f64(x: f64) -> String {
     let rounded: f64 = format!("{x:.11e}").parse().unwrap_or(x);
     match rounded.abs() {

@@ -92,7 +92,7 @@ impl Tappable for Frame<'_> {
                 ));
             }
         };
-        // Steps with another number of components than the result are skipped.
+        // A step with another number of components isn't the whole value.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
                 "the engine computes {} of the value's components: see `karat trace`",

@@ -164,14 +164,14 @@ fn table(tapped: &Tapped, width: usize) -> String {
     text
 }
 
-/// Returns the values of a lane with their pixels.
+/// Returns the values of one component (`lane`) with their pixels.
 fn lane_of(tapped: &Tapped, width: usize, lane: usize) -> impl Iterator<Item = (usize, u32)> {
     let rows = tapped.lanes.chunks_exact(width).zip(&tapped.told).enumerate();
     rows.filter(|(_, (_, told))| **told).map(move |(pixel, (lanes, _))| (pixel, lanes[lane]))
 }
 
-/// Formats the smallest and the largest value of a lane with their pixels, the mean, and the number of values that
-/// aren't finite.
+/// Formats the smallest and the largest value of one component (`lane`) with their pixels, the mean, and the number of
+/// values that aren't finite.
 fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> String {
     let scalar = scalars[lane];
     let of_lane = || lane_of(tapped, scalars.len(), lane);

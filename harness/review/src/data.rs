@@ -160,8 +160,9 @@ fn received(data: &Value) -> String {
     format!("karat.receive({});\n", embedded(data))
 }
 
-/// Returns a margin of a gate. JSON has neither NaN nor infinity, so they are strings, and Rust computes `passes`. The
-/// corners belong to a rectangle that includes its right column and bottom row of pixels.
+/// Returns a measurement of the test, with its bound, as JSON. NaN and infinity become strings, because JSON has
+/// neither. So Rust, and not the page, computes `passes`. `place` has the corners of a rectangle that includes its
+/// right column and bottom row of pixels.
 fn gate(margin: &CriterionMargin) -> Value {
     let CriterionMargin { name, value, bound, note, .. } = margin;
     let corners = margin.place.map(|place| {

@@ -64,7 +64,7 @@ impl fmt::Display for Cause {
     }
 }
 
-/// A line of the metadata of both sides.
+/// A property in the metadata of the golden, of the frame, or of both.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Fact {
     /// The name of the property: `adapter.name`.
@@ -73,7 +73,7 @@ pub(crate) struct Fact {
     pub golden: String,
     /// The frame's value. Empty if the frame has none.
     pub actual: String,
-    /// `true` if both sides have a value and the values differ.
+    /// `true` if both golden and frame have a value and the values differ.
     pub differs: bool,
 }
 
@@ -90,7 +90,7 @@ pub(super) fn declared(golden: Option<&Provenance>, actual: &Provenance) -> Vec<
     names.into_iter().map(fact).filter(|fact| fact.differs).collect()
 }
 
-/// Returns each property of either side, in the order of the metadata.
+/// Returns each property that the golden or the frame has, in the order of the metadata.
 pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fact> {
     let golden = golden.map(lines).unwrap_or_default();
     let actual = lines(actual);
@@ -115,10 +115,10 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
     names.into_iter().map(fact).collect()
 }
 
-/// Returns the leaves of a provenance with their paths as names.
+/// Returns the single values in a provenance. The name of a value is its path, such as `adapter.name`.
 fn lines(provenance: &Provenance) -> Vec<(String, String)> {
     let mut value = serde_json::to_value(provenance).expect("provenance is plain data");
-    // Two numbers without a unit are hard to understand.
+    // The exposures get a unit, because two numbers without a unit are hard to understand.
     if let Some(ExposureRange { start, stop }) = provenance.exposures {
         value["exposures"] = if start == stop {
             format!("{start} stops")

@@ -134,7 +134,7 @@ struct Entry {
 }
 
 impl Open {
-    /// Adds a connection. If there are too many, closes another one.
+    /// Adds a connection. If there are too many connections, closes another connection.
     fn enter(open: &Arc<Self>, stream: TcpStream) -> Connection {
         let stream = Arc::new(stream);
         open.change(|entries| {
@@ -154,7 +154,7 @@ impl Open {
     }
 }
 
-/// A connection. Dropping it closes it, and removes it from the open ones.
+/// A connection. When this value is dropped, the connection closes, and leaves the list of open connections.
 struct Connection {
     stream: Arc<TcpStream>,
     open: Arc<Open>,
@@ -299,7 +299,7 @@ pub struct Request<'a> {
 }
 
 impl<'a> Request<'a> {
-    /// Reads a head, or returns the response with its error.
+    /// Reads the head of a request. If the head is invalid, returns the response that reports the error.
     fn read(connection: &'a Connection, mut rest: Timed) -> io::Result<Result<Self, Answer>> {
         let mut begun = Vec::new();
         loop {
@@ -353,7 +353,7 @@ impl<'a> Request<'a> {
         });
     }
 
-    /// Reads the body, if the request states its length and the length is at most `longest`.
+    /// Reads the body. Returns `None` if the request doesn't state its length, or if the length is above `longest`.
     pub fn body(&mut self, longest: u64) -> Option<io::Result<String>> {
         let said = match (self.header("Transfer-Encoding"), self.header("Content-Length")) {
             (Ok(None), Ok(Some(said))) if said.bytes().all(|byte| byte.is_ascii_digit()) => said,

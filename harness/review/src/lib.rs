@@ -54,9 +54,9 @@ const MOST_VERSIONS: usize = 8;
 pub struct Case {
     /// The name of the golden.
     pub name: String,
-    /// The images of both sides. The compared image is first.
+    /// The images of the golden and of the frame. The compared image is first.
     pub parts: Vec<Part>,
-    /// Images computed from both sides.
+    /// Images computed from the golden and the frame.
     pub maps: Vec<Map>,
     /// The measurements and bounds of the test.
     pub margins: Vec<CriterionMargin>,
@@ -259,8 +259,8 @@ impl Review {
         entries
     }
 
-    /// Returns two files of an entry: the golden whose versions the page shows, and the golden whose rows it compares.
-    /// Returns `None` for a function.
+    /// Returns two files of an entry: the golden whose versions the page shows, and the file with the rows that the
+    /// page compares with a version. Returns `None` for a failing function.
     fn golden_of(&self, entry: &Entry, pending: Option<&Pending>) -> Option<(PathBuf, PathBuf)> {
         match entry {
             Entry::Pending(_) => {

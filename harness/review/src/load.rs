@@ -12,7 +12,7 @@ use karat::unstable::metric::Pair;
 use karat::{Goldens, Image};
 
 impl Case {
-    /// Returns the mask and the reference of the comparison, if the test declared a mask.
+    /// Returns the mask of the comparison, or `None` if the test declared no mask.
     #[must_use]
     pub fn mask(&self) -> Option<Mask> {
         let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;

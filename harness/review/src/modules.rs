@@ -58,8 +58,8 @@ fn commit_with(project: &Path, name: &str, hash: &str) -> Option<String> {
     commits.lines().find(has).map(str::to_owned)
 }
 
-/// Returns the modules that changed since the commit of the golden. `modules` are those that the frame depends on, from
-/// its file or from its last run. If they are `None`, all modules of the repository count.
+/// Returns the modules that changed since the commit of the golden. `modules` are the modules that the frame depends
+/// on, from its file or from its last run. If they are `None`, all modules of the repository count.
 pub(super) fn by_commit(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
     match Since::find(golden).and_then(|since| since.changed(modules)) {
         Ok(known) => known,

@@ -15,7 +15,7 @@ use half::f16;
 use karat::Image;
 use serde_json::{Value, json};
 
-/// The word for pixels of a map without a value. All values are finite.
+/// The word for a pixel without a value in a map. No value has this word, because all values are finite.
 const HOLE: u16 = f16::NAN.to_bits();
 
 /// The channels of an image as the bits of floats. `format` gives the size of a word.
@@ -61,7 +61,7 @@ impl Planes {
         Self { format, words: (0..4).map(plane).collect() }
     }
 
-    /// Returns the bytes of all words, as differences from those of `base`, or from the previous word.
+    /// Returns the bytes of all words, as differences from the words of `base`, or from the previous word.
     fn bytes(&self, base: Option<&Self>) -> Vec<u8> {
         let bits = 8 * self.format.bytes();
         let mask = u32::MAX >> (32 - bits);
@@ -83,7 +83,7 @@ impl Planes {
     }
 }
 
-/// Returns one side of a part. For a frame, `golden` is the other side.
+/// Returns the golden's or the frame's image of a part. For the frame's image, `golden` is the golden's image.
 pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
     let same_size =
         |other: &&Image| (other.width(), other.height()) == (image.width(), image.height());

@@ -11,7 +11,8 @@ use karat::unstable::golden::{Pending, PendingFrames};
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
-/// The scripts in order. Each uses only earlier ones. Together they become one script with one scope.
+/// The scripts in the order in which they load. While a script loads, it uses only earlier scripts. The page joins all
+/// scripts into one script with one scope.
 const SCRIPTS: [&str; 26] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
@@ -41,11 +42,11 @@ const SCRIPTS: [&str; 26] = [
     include_str!("page/main.js"),
 ];
 
-/// The source of the page.
+/// The way in which the browser gets the page.
 pub(super) enum Mode {
-    /// Files. You type decisions in a terminal.
+    /// From files. The reader types decisions in a terminal.
     Files,
-    /// Karat's server. The token makes the nonce of the policy secret.
+    /// From Karat's server. The token makes the nonce of the policy secret.
     Served {
         /// The token in the URL.
         token: String,
@@ -110,7 +111,7 @@ pub(super) fn html(
     // name or reason can contain it.
     let nonce =
         blake3::hash(format!("{token}{index}{script}").as_bytes()).to_hex()[..32].to_owned();
-    // All marks are replaced in one pass, so that no mark is searched in inserted text.
+    // All placeholders are replaced in one pass, so that inserted text isn't searched for placeholders.
     let mut page = String::with_capacity(HTML.len() + CSS.len() + script.len() + index.len());
     for (position, piece) in HTML.split("{{").enumerate() {
         let Some((mark, rest)) = piece.split_once("}}").filter(|_| position > 0) else {

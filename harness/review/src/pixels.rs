@@ -93,8 +93,9 @@ impl Asked {
 const IN_ADVANCE: usize = 3;
 
 impl Asked {
-    /// Returns the pixels that differ most from the golden, each in the format of `trace`: with the newest commit of
-    /// the golden among these versions, and without a commit. Returns none if no pixel can be traced.
+    /// Returns the traces of the pixels that differ most from the golden. The first of the golden's `versions` gives
+    /// the commit for [`Pixels::trace`]. If a trace with this commit isn't possible, the trace has no commit. Returns
+    /// null if no pixel can be traced.
     pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
         let mut all = serde_json::Map::new();
         let pair =

@@ -1,4 +1,4 @@
-//! The downloaded artefact of a CI run: a folder, or the zip that CI made of it.
+//! The downloaded artefact of a CI run: a folder, or a zip of the folder.
 //!
 //! A zip may be damaged or hostile. Karat unpacks only its pending frames, into a temporary folder, within limits far
 //! above the needs of a real run.
@@ -26,7 +26,7 @@ const LARGEST: u64 = 1 << 30;
 #[derive(Debug)]
 pub(super) struct Artefact {
     folder: PathBuf,
-    /// The temporary folder of an unpacked zip, which is deleted with this value.
+    /// The temporary folder of an unpacked zip. The folder is deleted when this value is dropped.
     unpacked: Option<TempDir>,
 }
 
@@ -72,23 +72,23 @@ fn waits(name: &str) -> bool {
     WAITING.iter().any(|ending| name.ends_with(ending))
 }
 
-/// The signs that a folder or zip comes from a run.
+/// The files in a folder or zip that show whether it comes from a run.
 #[derive(Debug, Default)]
 struct Contents {
-    /// `true` if it contains a pending frame or a record.
+    /// `true` if the folder or zip contains a pending frame or a record.
     of_run: bool,
-    /// The name of a zip in the folder or zip.
+    /// The name of a zip that lies inside the folder or zip.
     zip: Option<String>,
 }
 
 impl Contents {
     fn of(folder: &Path) -> anyhow::Result<Self> {
         let below = |pattern: &str| -> anyhow::Result<Option<PathBuf>> {
-            // The folder's name isn't a glob pattern, but it may contain the characters of one.
+            // The folder's name may contain characters with a special meaning in glob patterns.
             let folder = glob::Pattern::escape(&folder.to_string_lossy());
             let pattern = Path::new(&folder).join("**").join(pattern);
             let first = glob::glob(&pattern.to_string_lossy())?.next();
-            // The search for frames reports unreadable folders.
+            // An unreadable folder counts as found: the later search for frames reports its error.
             Ok(first.map(|found| found.unwrap_or_else(|error| error.path().to_owned())))
         };
         let [frame, table] = WAITING.map(|ending| format!("*{ending}"));

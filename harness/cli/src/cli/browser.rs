@@ -136,7 +136,7 @@ fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// A message of the page: its number, and a greeting or the reply to a job.
+/// A message of the page: a greeting, or the reply to the job with this number.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Said {
@@ -172,7 +172,7 @@ struct State {
 
 struct Desk {
     door: Door,
-    /// The lock of the program that sent the current job.
+    /// The program that sent the current job holds this lock until it gets the reply.
     turn: Mutex<()>,
     state: Mutex<State>,
     changed: Condvar,
@@ -190,7 +190,7 @@ fn is_open(stream: &TcpStream) -> bool {
 }
 
 impl Desk {
-    /// Waits for a page, and checks if one opened in time.
+    /// Waits until a page opens. Returns `false` if no page opens in time.
     fn is_greeted(&self, patience: Duration) -> bool {
         let is_alone = |state: &mut State| state.page.is_none() && state.failed.is_none();
         let waited = self.changed.wait_timeout_while(locked(&self.state), patience, is_alone);

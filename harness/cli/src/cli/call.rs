@@ -97,7 +97,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let overrides = bind::overrides(&args.overrides)?;
     let mut probed = Probed::with_overrides(&package, &args.function, &overrides)?;
     bind::expect_types(&probed, &args.overrides)?;
-    // A package of one file is its module.
+    // If the option names a file, this file is the shader's module, and an input of the command.
     let own = args.package.package.as_deref().filter(|path| path.is_file());
     let shader = PathBuf::from(&probed.function().span.file.name);
     let inputs = || args.table.as_deref().into_iter().chain([shader.as_path()]).chain(own);
@@ -146,7 +146,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         );
         let compute = compute.dispatch(&args.function, groups);
         let invocation = args.invocation.unwrap_or_default();
-        // If the shader has no such invocation, that error must be reported first.
+        // The trace comes first: it reports the error that the shader has no such invocation.
         let steps = match args.trace || args.html.is_some() {
             true => karat::unstable::compute::trace(&compute, invocation)?,
             false => Vec::new(),
@@ -224,7 +224,7 @@ impl Args {
 
 /// Returns the paths of the options. Without such options, returns every driver that opens, and the engine.
 fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Result<Vec<Path>> {
-    // An empty variable is an unset variable.
+    // An empty environment variable counts as unset.
     let names: Vec<&str> =
         names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).collect();
     let named = if names.is_empty() { "all".to_owned() } else { names.join(",") };

@@ -79,8 +79,8 @@ pub(super) fn validate(
     Ok(validate_found(&found, &[], all, out)?.0)
 }
 
-/// [`validate`] that judges a package without a declaration by its tests, and also returns the opinions of other
-/// compilers than naga.
+/// Does the work of [`validate`], and also returns the opinions of other compilers than naga. A package that nobody
+/// declared is validated with the features that its tests use.
 fn validate_found(
     found: &[Found],
     uses: &[Package],
@@ -125,7 +125,8 @@ fn validate_found(
     Ok((valid, opinion))
 }
 
-/// Formats the objections to modules that naga accepts: a line, and then each remark. Returns `None` if there are none.
+/// Formats the remarks of other compilers on modules that naga accepts: first a summary line, then each remark. Returns
+/// `None` if there are no remarks.
 pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     let mut text = opinion.remark()?;
     for remark in opinion.remarks() {
@@ -134,7 +135,7 @@ pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     Some(text)
 }
 
-/// Writes each remark of Tint about WebGPU's limits or about shipped tests once.
+/// Writes each remark of Tint once, and the modules for which Tint has no verdict.
 pub(super) fn write_remarks(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
     write_each(&opinion.remarks(), out)?;
     write_broke(opinion, out)

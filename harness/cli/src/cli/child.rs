@@ -98,7 +98,7 @@ fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> a
     Ok(())
 }
 
-/// Runs a process that uses a temporary folder. Ctrl-C ends only that process. This process then deletes the folder.
+/// Runs a child process that uses a temporary folder. Ctrl-C ends only the child. Karat then deletes the folder.
 pub(super) fn status_over(
     command: &mut Command,
     folder: TempDir,

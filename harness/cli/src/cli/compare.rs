@@ -267,15 +267,15 @@ const INPUTS: usize = 12;
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after, words, .. } = change;
-    /// The smallest distance in ULP that isn't printed. For larger distances only the relative difference is printed:
-    /// this distance is an eighth of the number.
+    /// The smallest distance in ULP that Karat doesn't print. This distance is about an eighth of the value, so Karat
+    /// prints only the relative difference.
     const NEAR: u64 = 1 << 20;
     let by = match (ulp, relative) {
         (Some(0), _) => ", by the sign of a zero".to_owned(),
         (Some(ulp @ ..NEAR), Some(share)) => format!(", by up to {ulp} ulp (rel {share:.2e})"),
         (Some(ulp @ ..NEAR), None) => format!(", by up to {ulp} ulp"),
         (Some(_), Some(share)) => format!(", by up to rel {share:.2e}"),
-        // For integers, signs and NaN, Karat prints only the values.
+        // If integers, signs or NaN differ, Karat prints only the values.
         _ => String::new(),
     };
     let shown = arguments.iter().take(INPUTS).map(|(name, value)| format!("{name} = {value}"));

@@ -136,8 +136,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the parts of the last line: the numbers, and the code that they don't count. `short` is the percentage that
-/// the options require, if the tests don't reach it.
+/// Returns the parts of the last line: the numbers, and the code that the numbers leave out. `short` is the percentage
+/// that the options require, if the tests don't reach it.
 fn parts(
     sum: &Sum,
     tests: usize,
@@ -210,7 +210,7 @@ fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<
         }
     }
     union.leave_out(tests.iter().map(|test| (*test).to_owned()));
-    // If the tests drew no frames, the functions of frames aren't measured.
+    // If the tests drew no frames, the functions that only frames call aren't measured.
     for test in suite.tests.iter().filter(|test| no_frames && test.is_frame()) {
         for entry in test.draws() {
             let (module, own) = entry.rsplit_once("::").unwrap_or(("", &entry));

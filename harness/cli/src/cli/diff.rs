@@ -107,7 +107,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let sides = [(&args.a, &a), (&args.b, &b)]
         .map(|(file, read)| Side::of(file, &read.image, read.parts.clone(), read.chromaticities));
     let mask = args.mask.as_deref().map(mask).transpose()?;
-    // Karat leaves out the pixels that the test left out.
+    // The second file's own mask excludes the pixels that its test excluded.
     let own = mask.is_none() && b.mask.is_some();
     let mask = mask.or(b.mask);
     let pair = match mask {
@@ -165,7 +165,7 @@ struct File {
     image: Image,
     /// The exposures that the file stores, if it is a golden.
     exposures: Option<ExposureRange>,
-    /// The names of the parts with colours. Karat compares the first one.
+    /// The names of the parts with colours. Karat compares the first part.
     parts: Vec<String>,
     mask: Option<Mask>,
     chromaticities: [f32; 8],

@@ -63,7 +63,7 @@ struct Report {
 #[derive(Serialize)]
 struct ToolReport {
     name: &'static str,
-    /// The languages that it validates.
+    /// The languages that the tool validates.
     judges: Vec<&'static str>,
     version: Option<String>,
     missing: Option<String>,

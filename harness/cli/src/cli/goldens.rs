@@ -258,7 +258,7 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     })
 }
 
-/// Reports unusable files. The command has handled the other files, but still fails.
+/// Prints unusable files. Returns an error if there are any, because the command couldn't handle these files.
 pub(super) fn report(unusable: &[Unusable]) -> anyhow::Result<()> {
     for Unusable { reason, .. } in unusable {
         complain(&reason.to_string());
@@ -424,7 +424,7 @@ impl Wanted {
 }
 
 impl Frame {
-    /// Returns the Cargo package of its goldens.
+    /// Returns the name of the Cargo package that contains the frame's goldens.
     fn krate(&self) -> String {
         match &*self.pending.provenance.cargo_package {
             "" => self.goldens.cargo_package(),
@@ -512,7 +512,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
                 error: None,
             },
             Err(error @ AcceptError::NoReason(_)) => return Err(error.into()),
-            // A frame that fails doesn't stop the others.
+            // A frame that fails doesn't stop the other frames.
             Err(error) => {
                 failed |= matches!(error, AcceptError::Image(_));
                 AcceptEntry { case, error: Some(error.to_string()), ..AcceptEntry::default() }

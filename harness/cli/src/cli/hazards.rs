@@ -21,7 +21,7 @@ use super::{Ending, Outcome, PlaceArgs, call, terminal, write_json};
 /// The largest number of reasons that Karat prints for unchecked functions.
 const REASONS: usize = 4;
 
-/// The average number of lines of a finding.
+/// The average number of lines that Karat prints for a finding.
 const LINES: usize = 4;
 
 #[derive(clap::Args)]

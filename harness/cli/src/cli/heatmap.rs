@@ -25,12 +25,12 @@ pub(super) struct Heatmap {
 }
 
 impl Heatmap {
-    /// Computes HDR-FLIP of all pixels at the published exposures, and at darker ones. Verdicts add darker exposures if
-    /// the published ones are too bright to show the error.
+    /// Computes HDR-FLIP of all pixels at the published exposures, and at darker exposures if the published ones are
+    /// too bright to show the error. Verdicts use the same exposures.
     pub(super) fn flip(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let judged = Flip::LARGEST_TILE.map(pair).ok();
-        // A verdict about every pixel includes the published exposures.
+        // If the verdict's map covers every pixel, it already includes the published exposures.
         let all = Rect::new(0, 0, width, height);
         if let Some(judged) = judged.as_ref().filter(|map| map.rect() == all) {
             return Ok(Self { width, height, errors: judged.values().to_vec() });

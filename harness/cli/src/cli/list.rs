@@ -42,9 +42,9 @@ struct Entry {
     location: String,
     signature: Option<String>,
     doc: String,
-    /// `true` if the last `karat test` checked it.
+    /// `true` if the last `karat test` checked the function.
     tested: bool,
-    /// The reason why a test can't call it.
+    /// The reason why a test can't call the function.
     error: Option<String>,
 }
 

@@ -213,7 +213,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     Ok(())
 }
 
-/// Refuses a path that the options name and that doesn't open: its column would be empty.
+/// Returns an error if a path that the options name doesn't open. The column of such a path would be empty.
 fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(index) = matrix.columns.iter().position(|head| head.name == name) else {
         return Ok(());
@@ -273,7 +273,7 @@ fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     bail!("these rows aren't in the matrix: {}\n{error}", few(same.map(|row| row.name.clone())))
 }
 
-/// Returns the first of many names.
+/// Formats the first of many names.
 fn few(names: impl Iterator<Item = String>) -> String {
     let all: Vec<String> = names.collect();
     let more = all.len().saturating_sub(4);

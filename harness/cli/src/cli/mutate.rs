@@ -223,8 +223,8 @@ fn list(requests: &[(String, Request)], out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Runs this command in a separate process with special settings: the tests fail on purpose, and must not write their
-/// files beside the shaders.
+/// Runs this command in a separate process with special settings. With mutants the tests fail on purpose, so the tests
+/// must not write their files beside the shaders.
 fn apart(path: &str) -> Outcome {
     let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
     let program = std::env::current_exe().context("can't find this program's own file")?;
@@ -237,7 +237,7 @@ fn apart(path: &str) -> Outcome {
     for setting in ["KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FRAMES", "KARAT_CASE"] {
         command.env_remove(setting);
     }
-    // Rust tests skip their frames, too.
+    // With `KARAT_FRAMES=off`, Rust tests skip their frames, too.
     command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
     let (status, scratch) =
         child::status_over(&mut command, scratch).context("can't try the mutants")?;
@@ -259,7 +259,7 @@ fn hunt(
     others: Option<&OfPackage<'_>>,
     title: &str,
 ) -> Result<Hunted, MutateError> {
-    // The verdict contains the panic of a test.
+    // The hook prints nothing, because the verdict contains the panic message.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let bar = ProgressBar::new(0).with_message(title.to_owned());
@@ -382,7 +382,8 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
     Ok(())
 }
 
-/// Formats the number of tests that pass with a mutant. `unseen` means that no value which they compare depends on it.
+/// Formats the number of tests that pass with a mutant. `unseen` is `true` if no value that the tests compare depends
+/// on the mutant.
 fn passing(tests: usize, unseen: bool) -> String {
     let tests = match tests {
         1 => "1 test passes with it".to_owned(),

@@ -64,7 +64,7 @@ pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
 /// The number of levels below the working directory in which Karat searches for tested folders without Cargo.
 const DEPTH: usize = 3;
 
-/// Adds the tested folders without Cargo. Each has the time of its last run.
+/// Adds the tested folders without Cargo, each with the time of its last run.
 fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
     let record = folder.join(".karat").join("run").join("record");
     if let Ok(ran) = record.metadata().and_then(|record| record.modified()) {
@@ -114,7 +114,7 @@ fn holds(path: &Path, depth: usize) -> bool {
     depth > 0 && !is_of_tools(path) && visible(path).any(inside)
 }
 
-/// Returns the entries of a folder that aren't hidden.
+/// Returns the entries of a folder that aren't hidden files.
 fn visible(folder: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let shown = entries.filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'));
@@ -147,7 +147,8 @@ pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Pac
     }
 }
 
-/// Returns a note that the tests beside a package of one file didn't run, because they belong to the folder.
+/// Returns a note that a file of tests beside a package of one file didn't run, because the tests belong to the folder.
+/// Returns `None` if there is no such file.
 pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
     let beside = |file: PathBuf| {
         let stem = file.file_stem()?.to_str()?;
@@ -269,7 +270,7 @@ impl Project {
         })
     }
 
-    /// Checks if a manifest above a folder lists the packages of that folder.
+    /// Checks if a manifest in this folder, or in a folder above it, has a list of packages.
     pub(super) fn says(&self, folder: &Path) -> bool {
         let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let is_above =
@@ -325,8 +326,8 @@ impl Project {
         folders.into_iter().collect()
     }
 
-    /// Returns the existing folders of goldens: those of the project, of its members, and of the last run. Each folder
-    /// is there once.
+    /// Returns the existing folders of goldens, each folder once: the folders of the project, of its members, and of
+    /// the last run.
     pub(super) fn goldens(&self) -> Vec<PathBuf> {
         // The project's own folder is added, too, because `golden()` may be the folder of a member.
         let of_manifests = self.manifests().map(|manifest| {

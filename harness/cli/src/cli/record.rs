@@ -30,7 +30,7 @@ pub(super) struct Args {
 
 /// The destination of the run's records.
 enum Place {
-    /// The project. The run becomes its last run.
+    /// The project's folder of records. The run becomes the project's last run.
     Project(Running),
     Folder(PathBuf),
 }
@@ -49,7 +49,7 @@ impl Place {
             "{} isn't empty, and a record needs an empty folder: remove this one, or name another",
             name()
         );
-        // Tests run in the folders of their packages.
+        // The path must be absolute, because tests run in the folders of their packages.
         Ok(Self::Folder(folder.canonicalize().with_context(name)?))
     }
 

@@ -21,7 +21,7 @@ pub(super) struct Args {
     print: bool,
 }
 
-/// The smallest number of characters of a name.
+/// The smallest number of characters in the name of a failure.
 const LENGTH: usize = 4;
 
 /// Returns the names of a run's failures. A name is the beginning of a hash of the check, so a failure has the same
@@ -39,7 +39,7 @@ pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     let mut all: Vec<(String, &'r Record)> = Vec::new();
     for record in failed {
         let name = hash(record);
-        // A test may make the same check twice. Karat replays the first failure, because it ends the test.
+        // A test may make the same check twice. The name means the first failure, because it ends the test.
         if all.iter().all(|(known, _)| *known != name) {
             all.push((name, record));
         }

@@ -148,7 +148,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// Writes the page of records that were made path by path. The page shows the paths side by side.
+/// Writes the HTML page of records that cover one path each. The page shows the paths of a check side by side.
 pub(super) fn write_page(
     records: Vec<Record>,
     project: &Project,
@@ -193,13 +193,13 @@ impl OutputArgs {
         [&self.junit, &self.html, &self.json].into_iter().flatten().map(PathBuf::as_path)
     }
 
-    /// Stops GitHub's runner, if it reads the output, from treating lines as commands until Karat prints its own
-    /// commands. Names and messages of tests may look like commands.
+    /// Makes GitHub's runner ignore commands in the output, because names and messages of tests may look like commands.
+    /// The effect ends when Karat prints its own commands.
     pub(super) fn hold_commands(&self, out: &mut dyn Write) -> std::io::Result<Held> {
         if github::runs_here() && !self.short { Held::begin(out) } else { Ok(Held::default()) }
     }
 
-    /// Removes the report of an earlier run: this run may end before it writes a report.
+    /// Removes the report of an earlier run, because this run may end before it writes a report.
     pub(super) fn clear(&self) -> anyhow::Result<()> {
         // Devices, pipes and links stay. Only a regular file can be the report of an earlier run.
         let is_file = |file: &&Path| file.symlink_metadata().is_ok_and(|found| found.is_file());

@@ -111,7 +111,7 @@ impl Project {
         Ok(found)
     }
 
-    /// Returns the packages of a command. There is at least one.
+    /// Returns the packages of a command, at least one. It is an error if there is none.
     pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
         let found = self.found(args)?;
         Ok(found.into_iter().map(|one| one.package).collect())
@@ -210,7 +210,7 @@ pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
 /// The content of a folder outside of its `shaders`.
 #[derive(Default)]
 struct Outside {
-    /// Modules, and folders with modules.
+    /// The packages outside of `shaders`: single modules, and folders with modules.
     packages: Vec<Package>,
     /// The files of tests in folders without a module.
     files: Vec<PathBuf>,

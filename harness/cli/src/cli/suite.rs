@@ -126,7 +126,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !failures.is_empty() {
         failures.sort_by(|(one, _), (other, _)| one.cmp(other));
         writeln!(out, "\nfailures:\n")?;
-        // A race, or a path that doesn't open, makes many tests fail with the same message. The message is printed
+        // A race, or a path that doesn't open, makes many tests fail with the same message. Karat prints this message
         // once.
         let mut told: HashMap<String, &str> = HashMap::new();
         for (name, wrong) in &failures {

@@ -114,7 +114,7 @@ impl Table {
         }
     }
 
-    /// Cuts the columns that may be cut. Checks if a line now fits.
+    /// Cuts the columns that may be cut. Returns `true` if a line then fits.
     fn cut_to(&self, widths: &mut [usize], limit: usize) -> bool {
         while line(widths) > limit {
             let may = self

@@ -407,7 +407,7 @@ impl<'a> Asked<'a> {
 
     /// Returns the folders of packages with tests beside their modules.
     fn suites(&self, found: &[Found]) -> anyhow::Result<Vec<PathBuf>> {
-        // The options select Cargo's tests, and these tests aren't Cargo's.
+        // These options select tests that Cargo runs. Cargo doesn't run the tests beside modules.
         if !self.args.cargo_packages.is_empty() || !self.args.targets.is_empty() {
             return Ok(Vec::new());
         }
@@ -695,7 +695,7 @@ pub(super) fn some(names: &[&str]) -> String {
     some_of(names, false)
 }
 
-/// Returns all names, or those of [`some`].
+/// Returns all names, or only the first ones as [`some`] does.
 fn some_of(names: &[&str], all: bool) -> String {
     let most = if all { names.len() } else { MOST_NAMES };
     let first = names[..names.len().min(most)].join(", ");
@@ -705,7 +705,7 @@ fn some_of(names: &[&str], all: bool) -> String {
     }
 }
 
-/// Checks if a line repeats the table.
+/// Checks if a line of a test program only repeats a part of Karat's table.
 fn is_noise(line: &str) -> bool {
     line.is_empty() || line.starts_with("test result: ok") || is_count(line)
 }

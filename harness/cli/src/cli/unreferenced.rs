@@ -62,7 +62,7 @@ struct Report {
 /// The goldens that the tests compared.
 struct Evidence {
     frames: BTreeSet<String>,
-    /// The other folders of compared goldens.
+    /// The folders of compared goldens, without the folder that this command examines.
     elsewhere: BTreeSet<String>,
     profiles: BTreeSet<String>,
     /// The compared pairs of name and profile.

@@ -119,7 +119,7 @@ pub(super) enum Event {
 #[derive(Clone, Debug)]
 enum Typing {
     Filter(String),
-    /// The reason why these frames are right.
+    /// The user types the reason why these frames are right.
     Reason(keys::Waiting, String),
 }
 
@@ -150,7 +150,7 @@ pub(super) struct Verdicts {
     /// The reason why there is no verdict.
     pub(super) broken: Option<String>,
     pub(super) invalid: Option<String>,
-    /// The opinion on the modules: a line, and then each remark.
+    /// The remarks of other compilers on the modules: a summary line, and then each remark.
     pub(super) remarks: Option<String>,
 }
 

@@ -16,7 +16,7 @@ struct Served {
     /// The host as `127.0.0.1:PORT`, and the secret of the URL.
     host: String,
     token: String,
-    /// Reads the output that follows the URL.
+    /// The thread that reads the output after the URL.
     rest: Option<JoinHandle<String>>,
 }
 
@@ -145,7 +145,7 @@ fn only_the_page_of_the_printed_url_can_run_jobs() {
     assert!(matches!(first.0, 200 | 204), "{first:?}");
 }
 
-/// Tests fail if a reply is too short, belongs to another job or is no reply, and if the page is closed.
+/// Tests fail if a reply is too short, belongs to another job or isn't a reply. They also fail if the page is closed.
 // Lesson 208
 #[test]
 fn wrong_answers_of_a_browser_page_fail_the_tests() {

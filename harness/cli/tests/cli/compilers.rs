@@ -501,7 +501,7 @@ mod fakes {
 
     use super::*;
 
-    /// The FNV-1a sum of a text, as the replies of Tint's wrapper have it.
+    /// The FNV-1a sum of a text, as the replies of Tint's wrapper contain it.
     fn sum(text: &str) -> u32 {
         let units = text.encode_utf16();
         units.fold(0x811c_9dc5, |sum, unit| (sum ^ u32::from(unit)).wrapping_mul(0x0100_0193))

@@ -93,7 +93,7 @@ fn the_next_decision_removes_leftovers() {
     }
 }
 
-/// The files have similar names, or a process is still writing them.
+/// Karat never deletes files with names that only resemble leftovers, or files that a process is still writing.
 // Lesson 60
 #[test]
 fn files_with_other_names_are_never_deleted() {

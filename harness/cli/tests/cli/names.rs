@@ -117,12 +117,12 @@ fn check(project: &TempDir, lines: &str, checks: usize) -> Vec<String> {
     let outside = summary.split("<pre>").map(|part| part.rsplit("</pre>").next().unwrap_or(part));
     let outside: String = outside.collect();
     assert!(!summary.contains("<img") && !outside.contains("]("), "{outside}");
-    // A backslash before it may belong to a name.
+    // A backslash before a `|` may belong to a name.
     let mut rows = outside.lines().filter(|line| line.starts_with('|'));
     let broken = rows.find(|row| row.matches('|').count() != 8);
     assert_eq!(broken, None);
 
-    // Between both lines, GitHub reads no commands.
+    // Between the lines that stop and resume commands, GitHub reads none.
     let (before, rest) = ran.out.split_once("::stop-commands::").expect("commands are held");
     assert_eq!(before, "");
     let (word, rest) = rest.split_once('\n').expect("a line");

@@ -49,7 +49,7 @@ fn a_preview_replaces_no_input() {
         assert!(error.contains(&format!("the preview `{out}` would overwrite `a.exr`")), "{error}");
         assert!(std::fs::read(folder.join(out)).expect("there") == before, "{out}");
     }
-    // This also holds for the default name: an image of one format may have another format's extension.
+    // The default output doesn't overwrite the image either: an image may have another format's extension.
     std::fs::copy(folder.join("a.exr"), folder.join("c.png")).expect("copied");
     let error = karat(folder, &["preview", "c.png"]).error();
     assert!(error.contains("the preview `c.png` would overwrite `c.png`"), "{error}");

@@ -294,7 +294,7 @@ fn junit_says_when_and_how_long() {
     let lines = [
         at(pass("calc::double"), "2026-01-31T12:00:01.500Z", "1.25"),
         at(pass("calc::same"), "2026-01-31T12:00:00.000Z", "0.5"),
-        // An older record, and a broken record.
+        // One record is old and has no time. One record has an invalid time.
         pass("calc::sum"),
         at(pass("calc::third"), "yesterday", "-1"),
         at(scene, "2026-01-31T12:00:02.000Z", "3.21"),

@@ -78,7 +78,7 @@ fn a_misnamed_test_file_fails_every_command() {
         {
             let folder = with(shaders, manifests, &[("a.wgsl", HALF), (file, &text)]);
             for arguments in COMMANDS {
-                // The other packages don't change that.
+                // The other packages don't change the result.
                 let ran = run(folder.path(), arguments);
                 assert_eq!(ran.code, Some(1), "{shaders}/{file} {arguments:?}: {ran:?}");
                 assert!(ran.out.contains(file), "{shaders}/{file} {arguments:?}: {ran:?}");
@@ -290,7 +290,7 @@ fn a_second_folder_is_refused() {
         assert!(error.contains(part), "{error}");
     }
     assert_eq!(run(path, &["test", "./s", "--paths", "cpu"]).code, Some(0));
-    // A folder without shaders isn't meant.
+    // The argument doesn't mean a folder without shaders.
     write(path, "told/readme.txt", "no shader");
     let told = run(path, &["test", "told", "--paths", "cpu"]).good();
     assert!(told.contains("a_test::s_is_told"), "{told}");
@@ -342,7 +342,7 @@ fn links_in_circles_and_pipes_hang_no_command() {
     assert!(error.contains("Cargo.toml"), "{error}");
 }
 
-/// A folder contains only tests. Their shaders belong to another package.
+/// A folder that contains only tests passes. The tests use shaders of another package.
 // Lesson 190
 #[test]
 fn a_folder_of_tests_alone_passes() {

@@ -198,7 +198,7 @@ fn each_failing_expectation_is_reported_with_its_place() {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
     assert!(!ran.out.contains("wrong_test.wgsl:7:5"), "what holds isn't told: {}", ran.out);
-    // The replay command from the output.
+    // Finds the replay command in the output.
     let replay = ran.out.lines().find_map(|line| line.trim().strip_prefix("replay: "));
     let words: Vec<&str> = replay.expect("a replay").split(' ').collect();
     let mut again = command(folder.path(), &[]);

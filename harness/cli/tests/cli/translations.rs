@@ -1003,7 +1003,7 @@ mod planted {
         assert!(known || ran.code == Some(1), "it isn't judged, and that is no green: {ran:?}");
     }
 
-    /// A failure before the declared status doesn't match the declaration.
+    /// A declared difference doesn't hide a failure of an earlier step.
     // Lesson 85
     #[test]
     fn a_declared_difference_hides_no_earlier_failure() {

@@ -258,7 +258,7 @@ fn files_that_delete_keeps_still_fail() {
     assert_eq!((ran.code, &report["deleted"]), (Some(1), &serde_json::json!([])));
     assert_eq!(report["left"], serde_json::json!([sky]));
     assert!(sky.is_file());
-    // Karat's files are deleted. The others stay, and the command fails.
+    // Karat's files are deleted. Other files stay, and the command fails.
     record(&project, &all[..1], Some((&[], true)));
     let ran = karat(project.path(), &["unreferenced", "--delete"]);
     assert_eq!((ran.code, golden.join("room.exr").exists()), (Some(1), false), "{ran:?}");

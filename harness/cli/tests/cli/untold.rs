@@ -164,8 +164,8 @@ fn declared_tests_have_places_of_their_own() {
         assert!(ran.out.contains(part), "no `{part}`: {}", ran.out);
         assert!(!ran.out.contains("error: error:"), "{}", ran.out);
     }
-    // The errors also have lines on two paths, for a resource with its name from messages, and for a test that expects
-    // nothing.
+    // Errors also have their lines in three cases: on two paths, for a resource with its name from messages, and for a
+    // test that expects nothing.
     let declared = format!("{f}finite = true\nfails_on = {{ cpu = \"no\", vulkan = \"no\" }}\n");
     let both = folder(shader, &declared);
     let ran = karat(both.path(), &["test", "wgsl", "--paths", "cpu,vulkan"]);

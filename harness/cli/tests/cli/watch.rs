@@ -42,7 +42,7 @@ impl Watching {
         watching
     }
 
-    /// Starts watching in a folder. `more` may change the command before.
+    /// Starts watching in a folder. `more` may change the command before it starts.
     pub(crate) fn of(here: &FilePath, arguments: &[&str], more: impl Fn(&mut Command)) -> Self {
         let arguments = [&["watch"], arguments, &["--paths", "cpu", "--lines"]].concat();
         let mut command = command(here, &arguments);
@@ -71,7 +71,7 @@ impl Watching {
         self.until_any(part, &[""])
     }
 
-    /// Waits for a line with one of several words after a part.
+    /// Waits for a line in which one of `words` follows `part`.
     #[track_caller]
     pub(crate) fn until_any(&self, part: &str, words: &[&str]) -> String {
         let (began, mut all) = (Instant::now(), String::new());
@@ -202,7 +202,7 @@ fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     watch.until("cpu: 2 tests pass");
 }
 
-/// If a path can't judge a test, Karat reports this. It is neither pass nor fail.
+/// If a path can't judge a test, Karat reports this. Such a test neither passes nor fails.
 #[test]
 fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -363,7 +363,7 @@ fn wakes_once(manifest: &str, end: &str) {
     wait("2 tests pass", 1);
     // An edit triggers a run. The output of this run triggers nothing.
     std::thread::sleep(Duration::from_millis(700));
-    // The file is renamed into the folder, so that a busy machine sees no empty file.
+    // The file is moved into the folder in one step, so that a busy machine doesn't see an empty file.
     let saved = tempfile::tempdir().expect("a temporary folder");
     write(saved.path(), "calc.wgsl", &SHADER.replace("0.5", "0.25"));
     std::fs::rename(saved.path().join("calc.wgsl"), path.join("calc.wgsl")).expect("renamed");

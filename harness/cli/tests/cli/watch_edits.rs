@@ -304,14 +304,14 @@ fn watch_and_test_agree_after_each_edit() {
     for edit in &VALID {
         let package = at.next().expect("it goes on");
         let undo = project.edit(package, edit);
-        // The line may also contain the edit before.
+        // The line may also name the file of the previous edit.
         watch.until_any("changed: ", &[&format!("{package}/")]);
         let told = watch.until(&format!("cpu ({package}): "));
         assert!(told.lines().last().is_some_and(|line| line.contains("2 tests pass;")), "{told}");
         let ran = project.test(package).good();
         assert!(ran.contains("2 checks, 0 failed"), "{ran}");
         undo();
-        // The line may also contain the edit before.
+        // The line may also name the file of the previous edit.
         watch.until_any("changed: ", &[&format!("{package}/")]);
         watch.until(&format!("cpu ({package}): "));
     }

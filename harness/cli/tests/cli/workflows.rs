@@ -348,7 +348,7 @@ fn released_archives_are_taken_with_their_checksum() {
         (at.as_str(), "v0.9.0", 0, "found=yes\n"),
         (&at, "v0.9.1", 1, ""),
         (&at, "v0.9.4", 0, "found=no\n"),
-        // A revision that isn't a release, and a host without a server.
+        // The revision isn't a release, or the host has no server.
         (&at, "main", 0, "found=no\n"),
         ("http://127.0.0.1:9", "v0.9.0", 0, "found=no\n"),
     ] {

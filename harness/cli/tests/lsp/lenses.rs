@@ -30,7 +30,7 @@ fn each_function_has_a_lens_with_its_test_results() {
         editor.lenses(TEST),
         [(4, "karat: 1 check passes, 1 case".to_owned()), (4, "run".to_owned()),]
     );
-    // Lines are those of the unsaved text. Verdicts belong to the saved text.
+    // Each lens has its line in the unsaved text. The verdicts belong to the saved text.
     editor.edit(FILE, &format!("// a line\n{CALC}"));
     editor.wait_lens(FILE, 6, "karat: changed since it was tested");
     editor.wait_heard("workspace/codeLens/refresh");

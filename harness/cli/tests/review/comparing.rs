@@ -45,7 +45,7 @@ fn gain(browser: &mut Browser, tab: &Tab) -> Value {
     )
 }
 
-/// Each frame has its own gain. With the gain of another frame, it would be black or pale.
+/// Each frame has its own gain. With the gain of another frame, the frame would be black or pale.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn each_frame_has_its_own_gain() {

@@ -308,7 +308,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     assert!(label.contains(&format!("Golden of {}", commits[0])), "{label}");
     let pressed = "document.querySelector('.version[aria-pressed=true]')?.dataset.commit ?? 'none'";
     assert_eq!(browser.value(&tab, pressed), commits[0].as_str());
-    // Choosing another version replaces the first. Choosing the same version again shows the golden.
+    // Choosing another version replaces the first version. Choosing the same version again shows the golden.
     browser.value(&tab, &choose(&commits[1]));
     browser.wait(&tab, "karat.loaded().parts[1].golden.values[0] === 8");
     assert_eq!(browser.value(&tab, "karat.loaded().parts.length"), 2);
@@ -434,7 +434,7 @@ fn functions_that_fail_are_on_the_list() {
     assert_eq!(browser.text(&tab, "#name"), "tiny");
     assert_eq!(browser.value(&tab, "document.getElementById('function').hidden"), true);
 
-    // A report without a server names them, too.
+    // A report without a server names the changed facts, too.
     let report = project.folder().join("report");
     let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
     assert!(ran.status.success(), "{ran:?}");

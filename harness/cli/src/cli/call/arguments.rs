@@ -10,7 +10,8 @@ use karat_suite::hexadecimal;
 const MOST_POINTS: u32 = 1 << 22;
 
 pub(super) struct Given {
-    /// The 32-bit lanes of all arguments in order. The derivatives of an argument follow its value.
+    /// The lanes of all arguments in order. A lane is a `u32` with the bits of one scalar. The derivatives of an
+    /// argument follow its value.
     pub(super) lanes: Vec<u32>,
     /// For each argument, `true` if it has derivatives.
     pub(super) varying: Vec<bool>,
@@ -153,7 +154,7 @@ fn example(shape: &Shape) -> String {
     }
 }
 
-/// Returns the values of `least..most:count`.
+/// Returns the lanes of the values in `least..most:count`.
 fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     let (most, count) = rest.split_once(':').with_context(|| {
         format!("`{least}..{rest}`: a sweep needs the number of points: `0..1:100`")
@@ -219,7 +220,7 @@ pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
                 Scalar::F16 => half::f16::from_f32(value).to_f32(),
                 _ => value,
             };
-            // Digits that overflow are an error: write an infinity as `inf`.
+            // A decimal number that overflows is an error. Users write an infinity as `inf`.
             let digits = word.contains(|c: char| c.is_ascii_digit());
             ensure!(value.is_finite() || !digits, "`{word}` is too large for {}", scalar.wgsl());
             value.to_bits()

@@ -185,7 +185,7 @@ pub(super) fn write_table(
         let lanes = function.result.lane_names().into_iter();
         results_head.extend(lanes.map(|lane| format!("{path}{lane}")));
     }
-    // If this command wrote the table, it already has columns of these names.
+    // A table that this command wrote already has columns of these names.
     let carried = |name: &String| match results_head.contains(name) {
         true => format!("given.{name}"),
         false => name.clone(),
@@ -278,7 +278,8 @@ fn names(columns: &[(String, Scalar)]) -> String {
     columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",")
 }
 
-/// Returns a flag for each argument: `true` if the table's head gives it derivatives (`x.value`, `x.dx`, `x.dy`).
+/// Returns a flag for each argument: `true` if the table's first row names columns for its derivatives (`x.value`,
+/// `x.dx`, `x.dy`).
 pub(super) fn varying(input: &FilePath, function: &Function) -> anyhow::Result<Vec<bool>> {
     let text = text(input)?;
     let mut reader = csv::ReaderBuilder::new()
@@ -418,7 +419,7 @@ mod tests {
     use super::*;
     use karat::{Abs, Package};
 
-    /// Karat compares the rows of each path, not only those of the first path.
+    /// Karat compares the rows of every path with the expected values.
     // Lesson 172
     #[test]
     fn rows_that_differ_only_on_the_second_path_fail() {

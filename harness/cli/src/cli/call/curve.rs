@@ -16,7 +16,7 @@ pub(super) struct Curve {
     pub(super) points: Vec<(f64, f64)>,
 }
 
-/// The number of characters in a terminal that the curve leaves free at its left and below it.
+/// The number of columns that stay free to the left of a curve in a terminal, and the number of lines below the curve.
 const BESIDE: usize = 15;
 const BELOW: usize = 6;
 /// The width of a curve in characters, if there is no terminal.

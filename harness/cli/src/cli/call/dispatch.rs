@@ -16,7 +16,7 @@ const SHOWN: usize = 16;
 /// Parses `4`, `4,2` or `4,2,1`.
 pub(super) fn workgroups(text: &str) -> Result<[u32; 3], String> {
     let groups = numbers(text, 1);
-    // WebGPU, 3.6.2: maxComputeWorkgroupsPerDimension.
+    // The largest number is WebGPU's `maxComputeWorkgroupsPerDimension` (section 3.6.2).
     let groups = groups.filter(|all| all.iter().all(|count| (1..=65_535).contains(count)));
     groups.ok_or_else(|| "write workgroups as 4, or as 4,2,1; each is from 1 to 65535".to_owned())
 }
@@ -88,7 +88,7 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     Ok(if fails { Ending::Bad } else { Ending::Good })
 }
 
-/// Checks if integers or booleans differ. No driver rounds them.
+/// Checks if two contents differ in an integer or a boolean. No driver rounds such values.
 fn differ(one: &Content, other: &Content) -> bool {
     let scalars = one.shape.lanes();
     let mut lanes = one.lanes.iter().zip(&other.lanes).zip(&scalars);

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use super::union::{File, Seen, Union};
 
-/// Formats one record without a test for all lines, and one record for each test and file.
+/// Formats two kinds of records: for each file a record that lists all lines, and for each file and test a record with
+/// the test's counts.
 pub(super) fn written(union: &Union) -> String {
     let mut text = String::new();
     for (file, own) in union.files() {
@@ -23,7 +24,7 @@ pub(super) fn written(union: &Union) -> String {
 /// Adds the record of a test and a file. If the test is `None`, the record has all lines with a count of 0.
 fn record(text: &mut String, file: &Path, own: &File, test: Option<&String>) {
     let count = |seen: &Seen| test.and_then(|test| seen.tests.get(test)).map_or(0, |own| own.count);
-    // A name consists of letters, digits and `_`.
+    // LCOV allows only letters, digits and `_` in the name of a test.
     let name = |test: &str| test.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
     let mut line = |line: std::fmt::Arguments<'_>| writeln!(text, "{line}").expect("memory");
     line(format_args!("TN:{}", test.map_or(String::new(), |test| name(test))));

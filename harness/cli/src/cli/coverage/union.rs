@@ -52,7 +52,7 @@ pub(super) struct Line<'u> {
     pub(super) seen: Vec<&'u Seen>,
 }
 
-/// The numbers of lines, sides of branches and functions, and the numbers of covered ones.
+/// The numbers of lines, of branch sides and of functions: how many there are, and how many of them ran.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub(super) struct Sum {
     pub(super) lines: usize,
@@ -87,8 +87,8 @@ impl Union {
     pub(super) fn run(&mut self, ran: &Ran) {
         for one in &ran.statements {
             let Some(file) = self.files.get_mut(&canonical(&one.file)) else { continue };
-            // A file may have other statements under another variant. Each package that imports the file has its own
-            // name for it.
+            // Under another variant, a file may have other statements. Packages that import a file may name it
+            // differently.
             let is_new = !file.statements.contains_key(&(one.lines, one.column, one.kind));
             let is = |test: &String| format!("::{}", one.function).ends_with(&format!("::{test}"));
             if is_new && self.tests.iter().any(is) {

@@ -81,7 +81,7 @@ pub(super) struct Side {
     pub(super) infinite: usize,
     /// The column and row of the first pixel with a NaN or an infinity.
     pub(super) first_non_finite: Option<(u32, u32)>,
-    /// The names of the parts with colours, if there are several. Karat compares the first one.
+    /// The names of the parts with colours, if there are several. Karat compares the first part.
     pub(super) parts: Vec<String>,
     /// CIE x and y of red, green, blue and white, from the file.
     pub(super) chromaticities: [f32; 8],

@@ -125,7 +125,7 @@ fn write_flip(flip: &FlipResult, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "; mean {mean}{}; at {}", of(flip.mean_bound), flip.exposures)
 }
 
-/// Writes LDR-FLIP, the number of other FLIP tools for PNGs.
+/// Writes LDR-FLIP, the number that other FLIP tools give for PNGs.
 fn write_ldr(flip: &LdrResult, out: &mut dyn Write) -> io::Result<()> {
     let (mean, tile) = (short(flip.mean), short(flip.largest_tile));
     writeln!(out, "LDR-FLIP: largest tile {tile}; mean {mean}; no bound applies to it")

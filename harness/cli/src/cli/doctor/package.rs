@@ -1,5 +1,5 @@
 //! `karat doctor PACKAGE`: finds the lines that `karat.toml` needs so that modules become whole, and lists the modules
-//! that stay incomplete.
+//! that stay incomplete. A module is whole if it links and is valid.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -24,7 +24,7 @@ const ROUNDS: usize = 32;
 /// The largest number of modules with a line of output each. More wouldn't fit on a screen.
 const TOLD: usize = 12;
 
-/// The remark on a value that only the engine knows.
+/// The remark on a value that only the user's game engine knows.
 const MADE_UP: &str = "invented: write the value of your engine";
 
 /// The value for a feature with an unknown number. An array of 4 elements is small.
@@ -40,7 +40,7 @@ const UNDECLARED: &str =
 /// The remark on a feature that switches declarations on or off.
 const VARIANT: &str = "a declaration needs it: your engine may set another variant";
 
-/// The remark on a text that only the engine knows.
+/// The remark on a text that only the user's game engine knows.
 const TEXT: &str = "empty: write the text that your engine inserts";
 
 /// Returns advice on an error that only the author can correct.
@@ -219,7 +219,8 @@ impl<'p> Trial<'p> {
         others
     }
 
-    /// Returns the error that `karat check` has for the file with these lines, if each module is whole.
+    /// Returns the error with which `karat check` refuses the package with these lines. Returns `None` if only single
+    /// modules have errors, or if there is no error.
     fn refused(&self) -> Option<String> {
         let package = self.package.unsaved(&self.file, &self.with(&self.lines));
         match package.try_is_valid() {

@@ -6,7 +6,7 @@ use super::canvas::{Canvas, GLYPH};
 
 const INK: [u8; 3] = [230, 230, 230];
 
-/// The margin of the legend, in units.
+/// The margin of the legend, in units. A unit has one pixel or more (see [`UNIT`]).
 const MARGIN: u32 = 4;
 const BAR: u32 = 8;
 const TICK: u32 = 3;
@@ -76,7 +76,7 @@ impl Legend {
     }
 }
 
-/// Formats the ends of equal parts from 0 to `full`.
+/// Formats the numbers that divide the range from 0 to `full` into equal parts.
 fn numbers(full: f32, parts: u32) -> Vec<String> {
     // A fifth of a thousandth has four decimals, and no scale is shorter.
     let number =

@@ -178,7 +178,7 @@ mod tests {
             ("[]", "isn't a package.json of npm"),
             ("{ \"scripts\": 3 }", "isn't a package.json of npm"),
             ("{ \"scripts\": [] }", "isn't a package.json of npm"),
-            // The first braces after the word aren't those of the scripts.
+            // The first braces after the word `scripts` don't belong to the scripts.
             (
                 "{ \"files\": [\"scripts\"], \"config\": { \"a\": 1 }, \"scripts\": { \"a\": \"b\" } }",
                 "add to the scripts of",

@@ -79,7 +79,7 @@ pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<Stri
     ))
 }
 
-/// Returns a texture of the dispatch's size, with sampled texels.
+/// Returns the declaration of a texture of the dispatch's size, with sampled texels.
 fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
     if kind.multisampled {
         return None;
@@ -98,7 +98,7 @@ fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
     Some(format!("{{ size = {size}, range = \"{range}\" }}"))
 }
 
-/// Returns an array, and its length if the shader doesn't set one.
+/// Returns the declaration of an array with sampled elements. It has a `size` if the shader sets no length.
 fn array(element: &Shape, size: Option<u32>) -> String {
     let size = size.map(|size| format!("size = {size}"));
     let range = range(element).map(|range| format!("range = \"{range}\""));
@@ -108,7 +108,7 @@ fn array(element: &Shape, size: Option<u32>) -> String {
     }
 }
 
-/// Returns the range of the elements, if they are numbers or vectors.
+/// Returns the range for sampled elements, or `None` if the elements aren't numbers or vectors.
 fn range(element: &Shape) -> Option<&'static str> {
     let is_number = matches!(element, Shape::Scalar(_) | Shape::Vector { .. });
     is_number.then(|| match element.lanes().first() {

@@ -25,11 +25,12 @@ pub(super) const RUN: &str = "karat.run";
 pub(super) struct Subjects {
     package: String,
     tests: Tests,
-    /// The names of the subjects, with their locations.
+    /// The names of the functions and tests, with their locations.
     pub(super) all: Vec<(String, Span)>,
 }
 
-/// The tests of the shaders. The key is a function that the test checks, calls or is.
+/// The names of the shaders' tests, by function: the tests that check or call the function. A function with `@test` is
+/// its own test.
 #[derive(Default)]
 struct Tests(BTreeMap<String, BTreeSet<String>>);
 

@@ -72,11 +72,11 @@ pub(super) fn of(span: &Span) -> Range {
 /// A text with an index of positions. Finding a position doesn't read the whole text before it.
 pub(super) struct Lines<'t> {
     text: &'t str,
-    /// Offsets with their positions, some characters apart.
+    /// Byte offsets with their positions, in steps of about [`STEP`] bytes.
     marks: Vec<(usize, Position)>,
 }
 
-/// The distance of two marks in bytes. The last character may exceed it.
+/// The smallest distance between two marks, in bytes.
 const STEP: usize = 64;
 
 impl<'t> Lines<'t> {
@@ -92,7 +92,7 @@ impl<'t> Lines<'t> {
         Self { text, marks }
     }
 
-    /// Returns the position of a range of bytes. A range behind the end of the text is moved to the end.
+    /// Returns a range of bytes as lines and columns. A range behind the end of the text is moved to the end.
     pub(super) fn range(&self, bytes: &Bytes<usize>) -> Range {
         let place = |offset: usize| {
             let (mut at, read) = self.before(offset);
@@ -102,7 +102,7 @@ impl<'t> Lines<'t> {
         Range { start: place(bytes.start), end: place(bytes.end.max(bytes.start)) }
     }
 
-    /// Returns the last mark before an offset, and the text between the mark and the offset.
+    /// Returns the position of the last mark before an offset, and the text between the mark and the offset.
     fn before(&self, offset: usize) -> (Position, &'t str) {
         let offset = self.text.floor_char_boundary(offset);
         let behind = self.marks.partition_point(|(mark, _)| *mark <= offset);

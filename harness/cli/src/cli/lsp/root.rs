@@ -72,7 +72,7 @@ impl Root {
         self.packages.iter().find_map(|package| Some((package, module_in(package, file)?)))
     }
 
-    /// If another run has ended, reads its record. Checks if there are new records.
+    /// If another run has ended, reads its record. Returns `true` if there are new records.
     pub(super) fn read_record(&mut self) -> anyhow::Result<bool> {
         let folder = self.project.record();
         let name = std::fs::read_to_string(folder.join("last")).unwrap_or_default();

@@ -42,7 +42,8 @@ pub(super) struct Server {
     pub(super) live: Live,
     runs: Runs,
     sender: Sender<Event>,
-    /// The watched packages. `None` means that the system can't watch files: then only saves in the editor count.
+    /// The watched packages. `None` means that the system can't watch the package's files. Then the server notices only
+    /// saves in the editor.
     watched: BTreeMap<PathBuf, Option<Watching>>,
     /// The errors of modules after the last edit.
     pub(super) invalid: Findings,
@@ -88,7 +89,8 @@ impl Server {
         self.edited || self.judged
     }
 
-    /// Handles an event. At the end of the session, returns `true` if the editor had asked the server to shut down.
+    /// Handles an event. Returns `None` while the session goes on. At its end, returns `true` if the editor had asked
+    /// the server to shut down.
     pub(super) fn take(&mut self, event: Event) -> Option<bool> {
         match event {
             Event::Heard(Heard::End) => return Some(false),
@@ -197,8 +199,8 @@ impl Server {
         serde_json::to_value(result).unwrap_or_default()
     }
 
-    /// Opens the project of a folder, and the folder that was tested last. If the tested folder is inside the project's
-    /// folder, its modules form a separate package.
+    /// Opens the project of a folder. Also opens the folder that was tested last. If the tested folder is inside the
+    /// project's folder, its modules form a separate package.
     fn open_root(&mut self, folder: &Path) {
         let (own, last) = (Project::at(folder), Project::last_tested_at(folder));
         let is_within = match (&own, &last) {

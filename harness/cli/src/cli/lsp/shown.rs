@@ -62,7 +62,7 @@ impl Server {
         let Verdicts { current, .. } = self.verdicts(root, &now);
         findings::of_records(&current, last, folder, &self.documents, found);
         for lane in self.live.lanes().filter(|lane| self.is_of(root, &lane.package)) {
-            // A failure without a record has no list of files. It belongs to the saved files.
+            // A failure without a record has no list of files. It counts only for the saved files.
             if self.documents.is_unsaved_below(&lane.package) || lane.resident.busy {
                 continue;
             }
@@ -91,12 +91,12 @@ impl Server {
         root.packages.iter().any(|known| resolved(&known.root()) == package)
     }
 
-    /// Returns the verdicts of the last runs, merged with those of the long-lived processes.
+    /// Returns the verdicts of the last runs, merged with the verdicts of the long-lived processes.
     pub(super) fn verdicts(&self, root: &Root, now: &Now<'_>) -> Verdicts {
         let lanes: Vec<_> = self.live.lanes().filter(|l| self.is_of(root, &l.package)).collect();
         let live = root.sorted(lanes.iter().flat_map(|lane| lane.verdicts.iter().cloned()), now);
         let mut all = root.verdicts(now);
-        // If a long-lived process runs a test on a path, its verdict replaces the recorded one.
+        // If a long-lived process runs a test on a path, the process's verdict replaces the recorded one.
         for lane in lanes.iter().filter(|lane| lane.done) {
             all.current
                 .retain_mut(|record| !lane.has(&record.test) || leave(record, &lane.resident.path));

@@ -8,7 +8,8 @@ use lsp_types::{LogMessageParams, MessageType, ShowMessageParams};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// The largest size of a message, in bytes. An opened file is one message; editors send far smaller ones.
+/// The largest size of a message, in bytes. The text of an opened file is one message. Editors send far smaller
+/// messages.
 const LONGEST: u64 = 64 << 20;
 
 /// The reason why a request has no result. The values are the error codes of the protocol.
@@ -33,7 +34,7 @@ pub(super) enum Heard {
         method: String,
         parameters: Value,
     },
-    /// A reply to a request of the server. The server ignores it.
+    /// A reply to a request that the server sent. The server ignores replies.
     Answer,
     /// An invalid message, with the reason.
     Garbage(Refusal, String),

@@ -13,8 +13,8 @@ use serde_json::{Value, json};
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
-/// The scripts in the order in which they load: while a script loads, it uses only earlier scripts. They become one
-/// script with one scope.
+/// The scripts in the order in which they load. While a script loads, it uses only earlier scripts. The page joins all
+/// scripts into one script with one scope.
 const SCRIPTS: [&str; 14] = [
     include_str!("page/elements.js"),
     include_str!("page/data.js"),
@@ -61,7 +61,7 @@ pub(super) fn page(matrices: &[Matrix]) -> anyhow::Result<String> {
     Ok(page)
 }
 
-/// Returns the data of a matrix for the page. If several columns share a translation, the data has it once.
+/// Returns the data of a matrix for the page. A translation that several columns share occurs only once in the data.
 fn matrix(matrix: &Matrix) -> Value {
     let mut texts = Texts::default();
     let rows: Vec<Value> = matrix.rows.iter().map(|one| row(one, &mut texts)).collect();

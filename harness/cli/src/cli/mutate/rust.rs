@@ -21,12 +21,12 @@ use super::super::suite::cargo::programs::{Programs, TestProgram};
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
 
-/// The time limit of a quick test. A test program starts in some hundredths of a second.
+/// The time above which a test is slow. A test program starts in some hundredths of a second.
 const QUICK: Duration = Duration::from_millis(200);
 
 pub(super) struct RustTests {
     programs: Programs,
-    /// The shader programs that tests link. Each has the displayed names of its tests.
+    /// The shader programs that tests link. Each program has the displayed names of the tests that link it.
     made: Vec<(Dependence, BTreeSet<String>)>,
     pub(super) count: usize,
     /// Tests with slow checks. They run last.
@@ -37,10 +37,10 @@ pub(super) struct RustTests {
     found: BTreeMap<String, Vec<PathRecord>>,
     /// The time limit of a test program with a mutant.
     limit: Duration,
-    /// Tests that fail without a mutant, and not because of a check. An example is a test that draws, on the engine.
-    /// Such tests can't judge mutants.
+    /// Tests that fail even without a mutant, and not because of a check. An example is a test that draws a frame, on
+    /// the engine. Such tests can't judge mutants.
     pub(super) unfit: Vec<String>,
-    /// The lock that lets one test program run at a time: each uses all cores.
+    /// The lock that lets only one test program run at a time, because each test program uses all cores.
     turn: Mutex<()>,
 }
 
@@ -117,7 +117,7 @@ impl RustTests {
             }
             let all = Dependence::all(folder.path())
                 .context("can't read which shaders the tests linked")?;
-            // A thread without a test's name may have linked the program for any test of its program.
+            // A thread without a test's name may have linked the shaders for any test of its test program.
             for mut one in all {
                 let is_own = tests.contains(&&*one.test);
                 let users = tests.iter().filter(|test| !is_own || **test == one.test);
@@ -235,7 +235,7 @@ impl RustTests {
 }
 
 impl RustTests {
-    /// Returns a test whose checks measure other errors than without the mutant.
+    /// Returns a test whose checks measure other errors with the mutant than without it, or `None` if no test does.
     fn hidden(&self, program: &TestProgram, records: &[Record]) -> Option<Hidden> {
         let mut own: BTreeMap<&str, Vec<&PathRecord>> = BTreeMap::new();
         for one in records {

@@ -9,8 +9,8 @@ use karat::unstable::image::write_whole;
 use karat_mutate::{Candidate, Fate, Tried};
 use serde_json::{Value, json};
 
-/// The thresholds of viewers, in per cent: a score is high from the first number up, and low below the second. These
-/// are Stryker's defaults.
+/// Two scores in per cent. Viewers call a score high from the first number up, and low below the second number. The
+/// numbers are Stryker's defaults.
 const THRESHOLDS: [u32; 2] = [80, 60];
 
 pub(super) fn write<'h>(all: impl Iterator<Item = &'h Tried>, path: &Path) -> anyhow::Result<()> {

@@ -21,7 +21,7 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
     let excluded: Vec<PathBuf> = words("exclude").map(|word| clean(&root.join(word))).collect();
     let mut queue = paths(root, manifest);
     for word in words("members") {
-        // The root's name isn't a glob pattern, but it may contain the characters of one.
+        // The root's name may contain characters with a special meaning in glob patterns.
         let pattern = match Path::new(word).is_absolute() {
             true => word.to_owned(),
             false => format!("{}/{word}", glob::Pattern::escape(&root.to_string_lossy())),

@@ -110,7 +110,7 @@ fn head(
 /// A record with the name of its anchor: `#brdf::schlick-agrees_with-schlick_matches`.
 struct Row<'r> {
     record: &'r Record,
-    /// The name of the record's subject.
+    /// The name of the function or frame that the record is about.
     name: String,
     anchor: String,
 }

@@ -47,7 +47,7 @@ impl Latest {
         });
         self.take(tests, records, str::to_owned);
         let file = Path::new(&folder).join(format!("{}.jsonl", std::process::id()));
-        // The process appends to the file, so it continues at the file's start.
+        // The process appends to the file, so its next record begins at the start of the empty file.
         drop(OpenOptions::new().write(true).open(file).and_then(|file| file.set_len(0)));
     }
 

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// The progress of a run. The bar needs the number of tests. It is known if the last run had the same tests. Test
-/// programs print their counts one after the other, so a bar of the counts so far would go backwards.
+/// The progress of a run. The bar needs the number of tests. This number is known if the last run had the same tests.
+/// Test programs print their counts one after the other, so a bar of the counts so far would go backwards.
 pub(super) struct Progress {
     line: Line,
     done: u64,

@@ -23,7 +23,7 @@ pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>)
             // folder.
             let mut above = frame.path.ancestors().skip(1 + frame.case.matches('/').count());
             if let Some(goldens) = above.next() {
-                // A folder may have two paths.
+                // Two paths may lead to the same folder.
                 let goldens = goldens.canonicalize().unwrap_or_else(|_| goldens.to_owned());
                 let names = waiting.entry(goldens).or_default();
                 if !names.contains(&frame.case) {

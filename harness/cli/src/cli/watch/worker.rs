@@ -58,7 +58,7 @@ pub(in crate::cli) enum Said {
         /// The errors of invalid modules, including modules that no test links.
         #[serde(default)]
         invalid: Option<String>,
-        /// The opinion on the modules: a line, and then each remark.
+        /// The remarks of other compilers on the modules: a summary line, and then each remark.
         #[serde(default)]
         remarks: Option<String>,
         /// The files that tests read, except for modules and declared tests.
