@@ -88,7 +88,7 @@ pub struct Compared {
     pub function: String,
     /// The function's position, `file:line:column`. It refers to the edited package if that contains the function.
     pub location: String,
-    /// The features that are off by default and without which the edit has no effect. They are on in both packages.
+    /// The features that the comparison turned on in both packages, because the edit has no effect without them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub under: Vec<String>,
     /// The effect of the edit.
@@ -101,17 +101,19 @@ pub struct Compared {
     pub drawn: Drawn,
     /// The number of inputs that didn't run because they cost too much work.
     pub cut: usize,
-    /// The workgroup size of a compute pass. The pass's cases are the 32-bit values that it writes.
+    /// The workgroup size of a compute pass; `None` for other functions. For a pass, the numbers of cases count the
+    /// 32-bit values that the pass writes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispatched: Option<[u32; 3]>,
-    /// Violations that exist only after the edit, in a compute pass, or between pixels that write storage.
+    /// Violations that exist only after the edit, for example races in a compute pass or between pixels that write
+    /// storage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
     /// Violations that exist only before the edit.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mended: Vec<Violation>,
-    /// Edited lines, old or new, that no input reached, and conditions that had the same value for all inputs. Their
-    /// results are unknown. Empty if results changed.
+    /// Edited lines of either version that no input reached, and edited conditions that had the same value for all
+    /// inputs. Karat doesn't know if these edits change results. Empty if results changed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uncovered: Vec<Uncovered>,
 }
@@ -158,7 +160,8 @@ pub struct PathChange {
     pub path: String,
     /// The number of inputs with changed results, and the number of all inputs.
     pub cases: (usize, usize),
-    /// The largest change in steps of an `f32`; `None` if a changed value is or was NaN, or isn't a float.
+    /// The largest change in steps of an `f32`; `None` if a changed value is NaN before or after the edit, or isn't a
+    /// float.
     pub ulp: Option<u64>,
     /// The largest change relative to the old value; `None` in the same cases as `ulp`.
     pub relative: Option<f64>,
@@ -176,8 +179,8 @@ pub struct PathChange {
     pub after: String,
     #[serde(skip)]
     clarity: Clarity,
-    /// For a compute pass: the first changed value of each resource. The first resource is the one in `before` and
-    /// `after`.
+    /// For a compute pass: the first changed value of each resource. [`before`](Self::before) and
+    /// [`after`](Self::after) show the first of these resources.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub words: Vec<WordChange>,
 }
@@ -300,7 +303,7 @@ impl Request {
                 let open: Vec<String> = open.cloned().collect();
                 one.under.extend(open);
             }
-            // The verdicts are sorted by name, so that equal verdicts make equal output.
+            // The verdicts are sorted by name, so that the same verdicts always give the same output.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
             let (next, waiting) = &mut *done;
             waiting.insert(at, one.clone());
@@ -313,7 +316,8 @@ impl Request {
         Ok(compared.collect())
     }
 
-    /// All functions of both packages, by name. A module that can't be read replaces its functions.
+    /// All functions of both packages, by name. If a module can't be read, the module is listed instead of its
+    /// functions.
     fn pairs(
         &self,
         values: &[Values; 2],
@@ -362,11 +366,11 @@ impl Request {
                 let there = Pair::There(old.get(name).copied(), new.get(name).copied());
                 all.insert(name.clone(), there);
             }
-            // Code that a condition excludes belongs to no function.
+            // A changed file may have only functions that are the same, because a condition excludes the edited code.
             if is_same {
                 continue;
             }
-            // The functions of an added or removed module show the change.
+            // If a module was added or removed, its functions already report the change.
             let overrides =
                 if has == [true; 2] { self.overrides_of(module) } else { Ok(Vec::new()) };
             match overrides {
@@ -473,8 +477,8 @@ impl Request {
         Ok(all.into_iter().filter(is_open).collect())
     }
 
-    /// The verdict on a function. If its results are the same, the verdict with another value of a feature with which
-    /// the results differ.
+    /// The verdict on a function. If the function's results are the same, Karat tries other values of features, and
+    /// returns the verdict with a value that changes the results.
     fn verdict_under(
         &self,
         name: &str,
@@ -592,8 +596,7 @@ impl Request {
                 paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
             }
             match &mut one {
-                // If private variables can't be set, there is no verdict: other values of overrides may have been the
-                // cause.
+                // If private variables can't be set, there is no verdict, because other overrides may change results.
                 Some(one)
                     if matches!(next.change, Change::Unjudged { .. }) && !state[0].is_empty() =>
                 {
@@ -767,8 +770,8 @@ impl Compared {
         matches!(self.change, Change::Same { .. }) && self.violations.is_empty()
     }
 
-    /// Replaces the verdict by another setting's verdict if that shows a change. If both are the same, a line that
-    /// either setting covers counts as covered.
+    /// Replaces this verdict by another setting's verdict if the other verdict shows a change. If neither verdict shows
+    /// a change, a line that either setting covers counts as covered.
     fn take(&mut self, next: Self) {
         match next.change {
             Change::Same { .. } if next.violations.is_empty() => {
@@ -880,7 +883,8 @@ fn subsets(all: &[String]) -> Vec<Vec<String>> {
     sets
 }
 
-/// The first line of an error with its position. If a feature has no value, also the option that sets it.
+/// The first line of an error, with the error's position. If a feature lacks a value, the text also names the option
+/// that sets the value.
 fn with_place(error: &str) -> String {
     let place = error.lines().find_map(|line| line.trim_start().strip_prefix("┌─ "));
     let place = place.map_or_else(String::new, |place| format!(" ({})", place.trim()));
@@ -899,8 +903,8 @@ struct Both {
     sides: [Coverage; 2],
     /// `true` if the results depend on an index outside of an array after the edit, but not before it.
     strays: bool,
-    /// The first run in the engine before and after the edit, or the reason why it failed. A later run that succeeds
-    /// replaces the reason.
+    /// For each version: `None` before its first run in the engine, `Ok` after a run that succeeded, and otherwise the
+    /// reason why the first run failed.
     measured: [Option<Result<(), String>>; 2],
     /// The reason why Karat doesn't know if results depend on an index outside of an array.
     unknown: Option<String>,
@@ -948,8 +952,8 @@ impl Both {
             (Ok(before), Ok(after)) => {
                 self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
             }
-            // The function ended with the usual values. With other values outside of the array, one of its loops
-            // doesn't end.
+            // The function ended if reads outside of an array gave the usual values. With other values, a loop doesn't
+            // end.
             (Ok(_), Err(ProbeError::Rounds { .. })) if ran[1] => self.strays = true,
             (Err(error), _) | (_, Err(error)) => self.unknown = Some(error.to_string()),
         }
@@ -1045,7 +1049,7 @@ mod tests {
         assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
     }
 
-    /// Tests the coverage of a function without side effects, and of one that writes memory.
+    /// Tests the coverage of a function without side effects, and of a function that writes memory.
     #[test]
     fn lines_that_no_argument_reaches_are_listed() {
         let before = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
@@ -1164,8 +1168,8 @@ mod tests {
         }
     }
 
-    /// Over several contents, Karat shows the largest change and the first value of each resource, and adds the numbers
-    /// of cases.
+    /// If a function runs over several contents of its buffers, Karat shows the largest change and the first value of
+    /// each resource, and adds the numbers of cases.
     #[test]
     fn changes_over_several_inputs_are_summed() {
         let change = |ulp: Option<u64>, resource: &str, after: &str| {
@@ -1479,7 +1483,7 @@ mod tests {
                 }}"
             )
         };
-        // The number of rounds doesn't change.
+        // The edit doesn't change the loops' numbers of rounds.
         let one = compared(&text("64u", "x * f32(j)"), &text("64u", "f32(j) * x"));
         assert!(
             matches!(one.change, Change::Same { cases } if (64..1024).contains(&cases)),
@@ -1698,8 +1702,8 @@ mod tests {
         assert!(matches!(typed[0].1, Change::Signature { .. }), "{typed:?}");
     }
 
-    /// An edit changes a condition on a count, a private variable's initial value, or an override that no function
-    /// uses.
+    /// The comparison reports edits of a condition on a count, of a private variable's initial value, and of an
+    /// override that no function uses.
     #[test]
     fn rare_edits_of_guards_states_and_overrides_are_reported() {
         let guard = "@group(0) @binding(0) var<uniform> count: u32;
@@ -1741,7 +1745,7 @@ mod tests {
             }";
         let one = compared(wanted, &wanted.replace("= N;", "= N + 1u;"));
         assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
-        // Control flow reaches a call of a function with a `return`, also after a conditional `discard`.
+        // A call of a function with an early `return` counts as covered, also after a conditional `discard`.
         let call = "fn a_pick(p: f32) -> f32 { if p > 0.0 { return 1.0; } return p; }
             @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f {
                 if x < 0.5 { discard; }
@@ -1829,7 +1833,6 @@ mod tests {
         assert!(same.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{same:?}");
         // A private variable that no function writes keeps its initial value. At a function's first call, all other
         // private variables have their initial values, too.
-        // of others.
         let table = "var<private> table: array<f32, 3> = array(1.0, 2.0, 4.0);
             fn at(i: u32) -> f32 { return table[i % 3u]; }";
         let one = compared(table, &table.replace("4.0", "5.0"));
@@ -1862,8 +1865,8 @@ mod tests {
         ));
     }
 
-    /// A feature that a condition compares with a number gets this number. If the edit needs other numbers, it gets the
-    /// numbers next to it.
+    /// A feature that a condition compares with a number gets this number. If the edit has no effect with this number,
+    /// the feature gets the numbers next to it.
     #[test]
     fn features_without_a_value_get_a_value_from_their_conditions() {
         let text = "#if LIGHTS > 2\nfn f(x: f32) -> f32 { return x + 1.0; }\n#else\n\
@@ -1944,7 +1947,7 @@ mod tests {
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
-    /// Private variables that only one package declares, that an edit renamed, or that are too large.
+    /// Tests private variables that only one package declares, that an edit renamed, or that are too large to compare.
     #[test]
     fn added_removed_and_large_private_variables_are_compared() {
         let scratch = "var<private> t: f32;\nfn f(x: f32) -> f32 { t = x * 2.0; return t + 1.0; }";

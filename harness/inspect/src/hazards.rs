@@ -182,7 +182,8 @@ pub struct Hazards {
     pub found: Vec<Hazard>,
     /// Findings that the callers meet or don't reach, and findings whose wrong value is dropped.
     pub others: Vec<Hazard>,
-    /// The functions of acceptances in `karat.toml` that cover no fault. You can remove these acceptances.
+    /// The functions for which `karat.toml` accepts a finding, although they have no fault. You can remove these
+    /// acceptances.
     pub needless: Vec<String>,
     /// The number of findings that are left out because `karat.toml` accepts them.
     pub accepted: usize,
@@ -475,8 +476,8 @@ impl Request {
         };
         let Some(name) = inputs.names().find(|name| !is_met(name)) else { return Ok(()) };
         let place = place_of_input(&self.package, name);
-        // The declared range may fit no value of an input, so that its function is skipped. Then, without the
-        // declaration, the function isn't skipped, or for another reason.
+        // If the declared range fits no value of an input, its function is skipped. Without the declaration, the
+        // function isn't skipped, or is skipped for another reason.
         let without = inputs.without(name);
         let blamed = names.iter().find_map(|item| {
             let (_, why) = skipped.iter().find(|(name, _)| *name == item.name)?;
@@ -587,7 +588,8 @@ fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
     none.map(|((file, line), _)| format!("{file}:{line}")).collect()
 }
 
-/// The findings, judged through callers. `roots` has the callers of each function that have no callers themselves.
+/// The findings, judged through callers. For each function, `roots` has those of its callers that have no callers
+/// themselves.
 fn judged(
     roots: &BTreeMap<String, BTreeSet<String>>,
     looked: &BTreeMap<String, Seen>,
@@ -637,8 +639,8 @@ fn key_of(hazard: &Hazard) -> OfPlace {
     (hazard.location.clone(), hazard.text.clone(), kind)
 }
 
-/// Adds a finding to those of other functions. A fault replaces other classes. Otherwise the finding with fewer
-/// arguments is kept, because it is closer to the operation.
+/// Adds a function's finding to the findings in other functions. A fault replaces other classes. Otherwise the finding
+/// with fewer arguments is kept, because it is closer to the operation.
 fn add(found: &mut ByPlace, hazard: Hazard) {
     match found.entry(key_of(&hazard)) {
         std::collections::btree_map::Entry::Vacant(place) => {
@@ -686,7 +688,8 @@ fn operands(found: &Found) -> Vec<String> {
     all.into_iter().flatten().map(|x| format_f32(*x)).collect()
 }
 
-/// The violation if one pixel reaches a derivative and another doesn't, with the condition at which they diverged.
+/// The violation if one pixel reaches a derivative and another pixel doesn't, with the condition at which the pixels
+/// diverged. `None` for other findings.
 fn parted(function: &str, found: &Found) -> Option<Violation> {
     let Missing { reached, missing, parted } = found.missing.as_ref()?;
     let access = |span: &Span, invocation: &str, does: &str| ViolationAccess {

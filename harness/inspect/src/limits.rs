@@ -7,26 +7,28 @@ pub(crate) const CASES: usize = 1024;
 /// The seed of the inputs. Functions with the same signature get the same inputs on every machine.
 pub(crate) const SEED: u64 = 0x6861_7a61_7264; // "hazard"
 
-/// The number of samples that must reach an operation, and all go wrong, for a fault. If an input averts one sample in
-/// ten, 64 samples miss it once in 800 times.
+/// The number of samples that must reach an operation before a finding counts as a fault. The operation must go wrong
+/// in all these samples. If an input averts one sample in ten, 64 samples miss it once in 800 times.
 pub(crate) const DRAWS: usize = 64;
 
-/// The number of contents that must reach an operation of a pass, and all go wrong, for a fault. It is smaller than
-/// [`DRAWS`] because the contents are of different kinds, for example zeros, or numbers in order.
+/// The number of contents with which a pass must reach an operation before a finding counts as a fault. The operation
+/// must go wrong with all these contents. The number is smaller than [`DRAWS`] because the contents are of different
+/// kinds, for example zeros, or numbers in order.
 pub(crate) const CONTENTS: usize = 6;
 
-/// The number of new samples over the first content, and over each further content. It is twice [`DRAWS`], because some
-/// samples take other branches or reach the operation with bad operands.
+/// The number of new samples of the free inputs over the first content, and over each further content. The first number
+/// is twice [`DRAWS`], because some samples take other branches or reach the operation with bad operands.
 pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 
-/// The number of failing cases whose declared inputs are held, one case after the other. The first cases include an end
-/// of a range.
+/// The number of failing cases that Karat holds, one after the other: it keeps a case's declared inputs, and samples
+/// its free inputs again. The first cases include an end of a range.
 pub(crate) const HOLDS: usize = 4;
 
-/// The number of held cases for all findings of a function together. Each costs a twentieth of the function's trial.
+/// The number of held cases (see [`HOLDS`]) for all findings of a function together. Each costs a twentieth of the
+/// function's trial.
 pub(crate) const ALL_HOLDS: usize = 8;
 
-/// The number of failing cases that are kept for each finding. The held cases come from these.
+/// The number of failing cases that are kept for each finding. The held cases are chosen from them.
 pub(crate) const KEPT: usize = 64;
 
 /// The number of other values of an input that are tried to avert a finding: all edges, and as many samples.
@@ -65,14 +67,15 @@ pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 /// of a second each.
 pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
 
-/// If not all inputs could run: the number of inputs with equal results that is enough for a verdict. It equals
+/// The number of inputs with equal results that is enough for the verdict "same" if not all inputs could run. It equals
 /// [`DRAWS`].
 pub(crate) const LEAST_EQUAL: usize = 64;
 
 /// The number of rounds that simplify a changed input: more than one round for each bit of a number.
 pub(crate) const SIMPLER: usize = 64;
 
-/// The number of rows from which a lane's other values come. They are evenly spread over edges and samples.
+/// The number of cases from which `compare` takes other values of an argument. These cases are evenly spread over edges
+/// and samples.
 pub(crate) const OTHER_WORDS: usize = 16;
 
 /// The largest number of features for which each set is tested: 32 sets, each of which links the module twice.
@@ -89,7 +92,7 @@ pub(crate) const OTHER_VALUES: usize = 4;
 /// compile.
 pub(crate) const MOST_STATE: usize = 256;
 
-/// The value of an override without a default. It can be the size of a small texture, or a number of samples.
+/// The value of an override without a default. The value can be the size of a small texture, or a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 
 /// Another value for an override. It isn't 0, 1 or a usual size, and is valid for each number type.

@@ -131,7 +131,8 @@ impl Ranges {
         }
     }
 
-    /// The workgroups of a pass; `usual` without a declaration. Otherwise their total is the declared number.
+    /// The number of workgroups of a pass in each direction; `usual` without a declaration. With a declaration, the
+    /// product of the three numbers is the declared number.
     pub(crate) fn workgroups(&self, pass: &str, usual: [u32; 3]) -> [u32; 3] {
         let own = pass.rsplit("::").next().unwrap_or(pass);
         let keys = [pass, own].map(|name| format!("workgroups({name})"));
@@ -146,7 +147,8 @@ impl Ranges {
         }
     }
 
-    /// Returns the ranges with each range that a name suggests as a declaration. A function without callers uses them.
+    /// Returns ranges in which each range that a name suggests counts as declared. A function without callers uses
+    /// them.
     #[must_use]
     pub(crate) fn with_names(&self) -> Self {
         Self { named: true, ..self.clone() }
@@ -188,8 +190,8 @@ impl Ranges {
             .collect()
     }
 
-    /// The numbers of a type in the text, each with its two neighbours. The name determines the first number. Integers
-    /// may be 0 or negative, whatever their names are.
+    /// The numbers of a type in the shader's text, each with the next smaller and the next larger number. The name
+    /// determines the first number. Integers may be 0 or negative, whatever their names are.
     fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
         let Some(literals) = &self.literals else { return Vec::new() };
         let mut all: Vec<[u32; 3]> = match scalar {
@@ -255,10 +257,10 @@ const DERIVATIVES: &str = "derivatives";
 struct Described {
     path: String,
     part: Part,
-    /// `true` if neither a declaration nor the name constrains it.
+    /// `true` if neither a declaration nor the name constrains the number.
     guessed: bool,
     declared: bool,
-    /// `true` if it is declared. Also if names count as declarations and its name suggests a range.
+    /// `true` if the number is declared, or if names count as declarations and the number's name suggests a range.
     known: bool,
     /// `true` for a size that follows from the dispatch.
     sized: bool,
@@ -467,8 +469,8 @@ impl Arguments {
         Self::of(function, &Ranges { extents: Some(extents), ..ranges.clone() })
     }
 
-    /// The number of rows, at most `cases`, and their lanes. Edges come first and are at most half of the rows. If the
-    /// domain has fewer values, each value occurs once.
+    /// The number of rows (each has the arguments of one case), at most `cases`, and the lanes (scalars) of all rows.
+    /// Edges come first and are at most half of the rows. If the domain has fewer values, each value occurs once.
     pub(crate) fn rows(&self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
         let numbering = Numbering::of(&self.domain, seed, cases as u64, cases as u64);
         let mut rows = Vec::new();
@@ -479,7 +481,7 @@ impl Arguments {
     /// Rows as in [`rows`](Self::rows), followed by a quarter as many rows of `others`, which ignore names. In every
     /// second row of `others`, two inputs of the same type are equal.
     pub(crate) fn rows_beside(&self, others: &Self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
-        /// One row of this many comes from `others`.
+        /// One of this number of rows comes from `others`.
         const SHARE: usize = 4;
         let (count, mut rows) = self.rows(seed, cases - cases / SHARE);
         let (more, mut of_others) = others.rows(seed, (cases - count).min(cases / SHARE));
@@ -502,7 +504,7 @@ impl Arguments {
     /// The rows that run over a content of the resources. All rows run over the first content, and some rows over each
     /// further content.
     pub(crate) fn part(&self, rows: &[u32], count: usize, draw: usize) -> (usize, Vec<u32>) {
-        /// One row of this many runs over a further content.
+        /// One of this number of rows runs over a further content.
         const SHARE: usize = 4;
         self.select(rows, count, |at| draw == 0 || count < SHARE || at % SHARE == draw % SHARE)
     }
@@ -536,7 +538,7 @@ impl Arguments {
         self.described.iter().all(|one| one.known)
     }
 
-    /// For each lane, `true` if the lane is free. With `not_declared`, `true` if it isn't declared.
+    /// For each lane, `true` if the lane is free. If `not_declared` is set, `true` if the lane isn't declared.
     pub(crate) fn free(&self, not_declared: bool) -> Vec<bool> {
         self.lanes().map(|(one, _)| if not_declared { !one.declared } else { !one.known }).collect()
     }
@@ -585,9 +587,9 @@ impl Arguments {
     /// A measure of how unusual a row is: its number of extreme values, and its number of values other than 0, 1, -1
     /// and the ends of their range.
     pub(crate) fn oddity(&self, row: &[u32]) -> [usize; 2] {
-        /// Positions, times and sizes are rarely larger.
+        /// The largest usual magnitude. Positions, times and sizes are rarely larger.
         const MOST: f32 = 1e4;
-        /// Distances, weights and densities in a scene are rarely smaller.
+        /// The smallest usual magnitude. Distances, weights and densities in a scene are rarely smaller.
         const LEAST: f32 = 1e-10;
         let is_extreme = |scalar: Scalar, word: u32| {
             let size = f32::from_bits(word).abs();
@@ -707,9 +709,7 @@ impl MadeUp {
     /// Generates the resources of a compute pass, with content number `case`. Sizes follow from the dispatch. In the
     /// first two cases, indices in buffers also follow from the dispatch.
     ///
-    /// # Errors
-    /// If the entry point isn't valid, or Karat can't generate a resource.
-    /// If the entry point isn't valid, or a resource can't be generated.
+    /// # Errors If the entry point isn't valid, or a resource can't be generated.
     pub fn of_pass(
         (package, name): (&Package, &str),
         overrides: &BTreeMap<String, f64>,

@@ -159,11 +159,11 @@ pub struct Cell {
     pub validators: Vec<Said>,
     /// The column with which this cell was compared.
     pub against: Option<String>,
-    /// The number of cases that were compared with another column. For an entry point: the number of words of its
-    /// buffers.
+    /// The number of cases that were compared with another column. For an entry point: the number of 32-bit words in
+    /// its buffers.
     pub compared: usize,
     /// The number of cases whose results differ by more than the tolerance, although WGSL defines them. For an entry
-    /// point: the number of words.
+    /// point: the number of such words.
     pub differing: usize,
     /// The number of cases, or of an entry point's words, that differ where WGSL leaves the result open: after an index
     /// outside of an array, or with a float that isn't finite.
@@ -174,7 +174,7 @@ pub struct Cell {
     pub divergence: Option<Divergence>,
     /// The suspect: a column with another result than at least two columns that agree.
     pub suspect: Option<String>,
-    /// The number of results that WGSL's bounds allow, if Karat's engine knows the bounds.
+    /// The comparison of the results with WGSL's bounds; `None` if Karat's engine doesn't know the bounds.
     pub allowed: Option<Allowed>,
     /// The verdicts of the function's own tests on the column's path; see [`Matrix::judge_by`].
     pub reference: Option<Reference>,
@@ -224,7 +224,7 @@ pub struct Buffer {
     pub bytes: Vec<u8>,
 }
 
-/// A row: a function or an entry point on every column.
+/// A row of the matrix: a function or an entry point, with a cell for each column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// The name: `module::name`.

@@ -12,10 +12,10 @@ use karat::unstable::reflect::{Binding, Overrides, Program};
 use crate::limits::LEAST_INVOCATIONS;
 use crate::made_up::{Content, Extents, Mix, Ranges, Resources};
 
-/// The workgroups of a pass whose dispatch isn't known. There are several workgroups in each direction in which the
-/// pass reads its position, or may read it and the workgroup has several invocations: two workgroups, which nothing
-/// orders, and three vertically, so that rows and columns differ. A pass that reads no value that distinguishes
-/// workgroups has one workgroup.
+/// The number of workgroups in each direction for a pass whose dispatch isn't known. Several workgroups run in each
+/// direction in which the pass reads its position. They also run in a direction in which the pass may read its
+/// position, if the workgroup has several invocations there. "Several" means two, which nothing orders, or vertically
+/// three, so that rows and columns differ. A pass that reads no value that distinguishes workgroups has one workgroup.
 fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) -> [u32; 3] {
     if !tells_apart {
         return [1; 3];
@@ -93,8 +93,8 @@ impl Usual {
         self.workgroups
     }
 
-    /// The size that an integer's name, or that of a vector's component, suggests: in a pass over 16 columns, `width`
-    /// is 16.
+    /// The size that the name of an integer or of a vector suggests for the integer or for one component of the vector:
+    /// in a pass over 16 columns, `width` is 16.
     #[must_use]
     pub fn number(&self, name: &str, lane: usize, lanes: usize) -> Option<u32> {
         Extents::of(self.size, self.workgroups, Content::OF_PASSES[0]).size(name, lane, lanes, true)
@@ -115,9 +115,7 @@ impl Usual {
 /// Makes a pass over generated resources. The resources' sizes follow from `invocations`, or otherwise from the usual
 /// dispatch. The resources in `given` replace generated ones, and some inputs may come from another content.
 ///
-/// # Errors
-/// If the pass isn't valid, or a resource can't be generated.
-/// If the pass isn't valid, or a resource can't be generated.
+/// # Errors If the pass isn't valid, or a resource can't be generated.
 pub(crate) fn arbitrary(
     package: &Package,
     name: &str,

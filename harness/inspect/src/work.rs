@@ -11,10 +11,11 @@ use karat_core::diagnostic::Span;
 use crate::limits::SAMPLE;
 use crate::made_up::{Arguments, Ranges, SEED};
 
-/// Converts `count` rows into the lanes that a function needs.
+/// Converts rows (the arguments of `count` cases) into the arguments of another version of the function.
 type Own<'s> = &'s dyn Fn(&[u32], usize) -> Vec<u32>;
 
-/// A function with its resources, and the conversion of its rows; `None` if it needs none.
+/// A function with its resources, and the conversion of its rows; without a conversion, the function gets the rows
+/// unchanged.
 pub(crate) struct Side<'s> {
     pub(crate) probed: &'s Probed,
     pub(crate) fixtures: &'s Fixtures,

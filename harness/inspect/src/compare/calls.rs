@@ -25,7 +25,7 @@ pub(super) struct Ran {
     pub(super) reached: Both,
 }
 
-/// Both versions of a function, on one path and over one content of their resources.
+/// Both versions of a function on one path, with one set of generated values (a content) in their resources.
 struct Pair<'p> {
     old: Caller<'p>,
     new: Caller<'p>,
@@ -68,7 +68,7 @@ impl Results {
     }
 }
 
-/// The clarity with which a case shows a change, and the distance between its two results.
+/// A measure of how well a case shows a change: the clarity first, and the distance between the two results last.
 type Evidence = (Clarity, bool, Distance);
 
 impl Request {
@@ -103,13 +103,13 @@ impl Request {
         let (own_count, of_own) = own.rows(SEED, 2 * contents().count());
         let mut paths: Vec<PathChange> = Vec::new();
         let (mut cases, mut left_out) = (0, 0);
-        // The second content that ignores names has negative numbers.
+        // Of the two contents that ignore names, the second one has negative numbers.
         let usual = Content::OF_FUNCTIONS.map(|content| (content, &ranges));
         let of_nameless = Content::NAMELESS.into_iter().zip([&nameless, &below]);
         for (content, ranges) in usual.into_iter().chain(of_nameless) {
             let (all, rows) = arguments.part(&rows, count, content.draw);
             if own_count > 0 && !shared.is_same() {
-                // The first values are edges, and the very first are 0. Take values after the edges.
+                // The first rows are edges, so this takes values from the last rows.
                 let at = own_count - 1 - content.draw % own_count;
                 shared.fill(&of_own[at * own.width()..][..own.width()]);
             }
@@ -211,7 +211,8 @@ impl Made {
     }
 }
 
-/// The members of buffers that affect a change: with another value of the member, the results of this row differ.
+/// The members of buffers that affect a change: with another value of such a member, the function's results for the
+/// arguments in `row` differ.
 fn matter(
     sides: [&Probed; 2],
     ranges: &Ranges,
@@ -315,8 +316,8 @@ fn changed(
     Ok(Some((change, row)))
 }
 
-/// Checks for each lane of a row if it affects the results: with the lane of another row, the results must differ. If
-/// there is no work left for another row, each lane counts.
+/// Checks for each argument lane (scalar) if it affects the change. A lane does if its value from another case's row
+/// changes the results. If the work budget allows no other row, all lanes count.
 fn lanes_that_matter(
     pair: &Pair<'_>,
     (rows, count, allowed): (&[u32], usize, usize),

@@ -1,5 +1,5 @@
-//! Matches the lanes of a function's inputs and outputs before and after an edit. For an entry point, attributes match
-//! lanes; names and structures don't matter.
+//! Matches the lanes of a function's inputs and outputs before and after an edit. A lane is one scalar of a value. Two
+//! lanes of an entry point match if their attributes are equal; names and structures don't matter.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ pub(super) struct Shared {
     pub(super) own: Vec<u32>,
 }
 
-/// Lanes by attribute and component, or by name and component without an attribute.
+/// Lanes, each with its attribute and component. A lane without an attribute has its name and component.
 type Keyed = Vec<(String, Scalar)>;
 
 impl Shared {
@@ -113,7 +113,7 @@ impl Shared {
         Some(Self { arguments, results, is_same: false, own })
     }
 
-    /// Sets the lanes that exist only before the edit.
+    /// Sets the values of the argument lanes that exist only before the edit.
     pub(super) fn fill(&mut self, row: &[u32]) {
         self.own.copy_from_slice(row);
     }

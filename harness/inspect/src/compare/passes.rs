@@ -50,7 +50,7 @@ impl Request {
         compared.dispatched = Some(usual);
         let mut runs: Vec<(Content, [u32; 3])> =
             Content::OF_PASSES.map(|content| (content, usual)).to_vec();
-        // If the pass has only one workgroup, an atomic may number the workgroups, so Karat also runs several.
+        // A pass that seems to need one workgroup may number its workgroups with an atomic, so Karat also runs several.
         if sides.iter().all(|side| side.workgroups() == [1; 3]) {
             runs.push((Content::OF_PASSES[0], [SEVERAL_WORKGROUPS * usual[0], usual[1], usual[2]]));
         }
@@ -190,7 +190,7 @@ impl Request {
 }
 
 /// Checks if the sanitizer saw both versions completely. If it saw only the original, it may miss violations that the
-/// edit adds. Then this function keeps the reason, in case nothing else shows the edit.
+/// edit adds. Then `unwatched` gets the reason, which the comparison reports if nothing else shows the edit.
 fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) -> bool {
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
     if was.is_empty() && !is.is_empty() {
@@ -201,8 +201,8 @@ fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) 
     was.is_empty() && is.is_empty()
 }
 
-/// The variable of a violation, with its name after the edit. A violation of an index has no variable, so the headline
-/// replaces it.
+/// The kind and the variable of a violation, by the variable's name after the edit. A wrong index has no variable, so
+/// the violation's headline stands in its place.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
     let text = match one.kind.is_of_index() {
@@ -255,7 +255,8 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
-/// The change in an order of invocations that gave the usual results before the edit.
+/// The change in an order of invocations in which the pass had its usual results before the edit. `None` if the results
+/// change in no tested order.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
@@ -554,8 +555,8 @@ mod tests {
                 y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
             }";
 
-    /// An index over arbitrary numbers is reported only if nothing else is. A pass that races only with several
-    /// workgroups is written for one workgroup.
+    /// An index that is outside of an array only for arbitrary numbers is reported only if Karat finds nothing else. A
+    /// pass that races only with several workgroups is written for one workgroup.
     #[test]
     fn findings_with_arbitrary_numbers_come_last() {
         let text = GATHER;
@@ -730,8 +731,8 @@ mod tests {
             if i == 0u && group < arrayLength(&starts) { starts[group] = group * 32u; }
         }";
 
-    /// Each of these edits shows only in some rows, with twice as many elements as invocations, or for a colour
-    /// below 0.
+    /// Each of these edits changes results only for few inputs: in some rows of a grid, with twice as many elements as
+    /// invocations, or for a colour below 0.
     #[test]
     fn edits_that_few_inputs_reveal_are_reported() {
         for (text, from, to) in [

@@ -29,7 +29,8 @@ impl<'s> Side<'s> {
     }
 }
 
-/// The original of a resource: the one with the same name, or one that no longer exists and had the same binding.
+/// The resource before the edit that corresponds to a resource after it: the resource with the same name, or a removed
+/// resource that had the same binding. `None` if there is neither.
 fn was<'b>(before: Side<'b>, after: Side<'_>, new: &Binding) -> Option<&'b Binding> {
     let is_gone = |old: &Binding| after.bindings.iter().all(|new| new.path != old.path);
     let place = |one: &Binding| (one.group, one.binding, one.kind);

@@ -35,8 +35,8 @@ impl Callers {
         self.by_called.contains_key(function)
     }
 
-    /// The functions through which a function is judged: its direct and indirect callers that were checked and that no
-    /// other of these callers calls. The function itself if it has no such callers.
+    /// The functions through which Karat judges a function: those of its checked direct and indirect callers that no
+    /// other checked caller calls. If there are none, the function itself.
     pub(super) fn roots<'c>(
         &'c self,
         function: &'c str,
@@ -44,7 +44,7 @@ impl Callers {
     ) -> BTreeSet<&'c str> {
         let (mut roots, mut seen) = (BTreeSet::new(), BTreeSet::from([function]));
         let mut open = vec![(function, function)];
-        // Each function, with the last checked function on the path to it.
+        // Each direct or indirect caller, with the last checked function in the chain of callers up to it.
         while let Some((one, last)) = open.pop() {
             let Some(all) = self.by_called.get(one) else {
                 roots.insert(last);
@@ -55,7 +55,7 @@ impl Callers {
             }
         }
         if roots.len() > 1 {
-            // One path leads through a checked caller, and another path leads through none.
+            // One chain of callers contains a checked function, and another chain contains none.
             roots.remove(function);
         }
         roots

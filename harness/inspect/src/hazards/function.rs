@@ -21,7 +21,7 @@ use rayon::prelude::*;
 /// The number of an operation, and the kind of its error.
 pub(super) type Key = (usize, Kind);
 
-/// The contents of the resources. Only the first content runs with all rows.
+/// The contents (sets of generated values) of the resources. Only with the first content do all cases run.
 const CONTENTS_TRIED: &[Content] = &Content::OF_FUNCTIONS;
 const FIRST: Content = Content::OF_FUNCTIONS[0];
 
@@ -67,7 +67,7 @@ struct Gathered {
 #[derive(Debug, Default)]
 struct Tally {
     cases: usize,
-    /// The rows over the first content.
+    /// The arguments of all cases that run over the first content.
     rows: Vec<u32>,
     /// For each operation: the number of cases that reached it, and the number of contents with such cases.
     reached: BTreeMap<usize, [usize; 2]>,
@@ -278,7 +278,7 @@ impl Trial {
         })
     }
 
-    /// Runs the function over each content with that content's rows, but with some inputs of another content.
+    /// Runs the function over each content with that content's arguments, but takes some inputs from another content.
     fn again(
         &self,
         takes: Takes<'_>,

@@ -14,7 +14,8 @@ const CASES: usize = 128;
 /// The largest relative width of bounds that `Spec` accepts by default.
 const NEEDED: f64 = 1.0 / 1024.0;
 
-/// Small counts, and numbers from 0 to 1, where most functions of the library are defined.
+/// Samples one case's arguments: small counts, and numbers from 0 to 1, for which most functions of the library are
+/// defined.
 fn row(scalars: &[Scalar], source: &mut Source) -> Vec<u32> {
     let word = |scalar: &Scalar| match scalar {
         Scalar::F32 | Scalar::F16 => (source.unit() as f32).to_bits(),

@@ -57,17 +57,17 @@ pub(crate) enum Texels {
     NoiseBelowZero,
     /// 0, also in the alpha channel.
     Black,
-    /// The same value in all texels, which filtering doesn't change. It is the number at this position in the list of
-    /// numbers in the text.
+    /// The same value in all texels, which filtering doesn't change. The value is the number at this position in the
+    /// list of numbers in the shader's text.
     OfText(usize),
 }
 
 /// The resources that are shorter than others. A resource is a runtime-sized array or a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shorter {
-    /// The first of two names has more elements.
+    /// Resources with a small hash of their names have more elements than others.
     Most,
-    /// The second of two names has more elements.
+    /// Resources with a large hash of their names have more elements than others.
     Least,
 }
 
@@ -84,8 +84,9 @@ pub(crate) struct Content {
     pub(crate) numbered: Option<Numbered>,
     /// The smallest value of integers that their names don't constrain; `None` if they are sampled.
     pub(super) least: Option<u32>,
-    /// The number of invocations in each direction that have no element, for a short side and for a long side. With a
-    /// tail, the number of elements isn't a multiple of the workgroup size.
+    /// The number of invocations without an element in each direction: the first number for a short side of the
+    /// dispatch, the second number for a long side. With a tail, the number of elements isn't a multiple of the
+    /// workgroup size.
     pub(crate) tail: Option<[u32; 2]>,
     /// The number of elements for each invocation, in several rows. It doesn't cause a race that another content lacks.
     pub(super) rows: Option<u32>,
@@ -95,11 +96,11 @@ pub(crate) struct Content {
     pub(crate) shorter: Option<Shorter>,
     /// `true` if resources have more elements than a pass needs.
     pub(super) long: bool,
-    /// The values of each of three buffers in turn. A sorted buffer leads to an unsorted one, like the edges of a
-    /// graph.
+    /// The kinds of values that three buffers get, and the buffers after them in turn. A sorted buffer leads to an
+    /// unsorted one, like the edges of a graph.
     pub(super) orders: Option<[Numbered; 3]>,
     pub(crate) one_workgroup: bool,
-    /// `true` if a host may use such indices and counts.
+    /// `true` if a host may use indices and counts like the content's.
     pub(crate) is_likely: bool,
     /// `true` if all sizes follow from the dispatch.
     pub(crate) is_sized: bool,

@@ -40,7 +40,7 @@ impl Extents {
         }
         if let Some([of_short, of_long]) = content.tail {
             // On a short side, fewer invocations have no element. With a workgroup size of 1, a host never dispatches
-            // too many.
+            // too many invocations.
             let less = |count: u32| if count <= SHORT { of_short } else { of_long };
             elements = [0, 1, 2].map(|k| match elements[k] {
                 count if count > less(count) && size[k] != 1 => count - less(count),
@@ -92,8 +92,8 @@ impl Extents {
         self.part_of(name, self.total())
     }
 
-    /// The share of `count` elements that a resource with this name has. Of two names, the one with the smaller share
-    /// in one content has the larger share in the other content.
+    /// The share of `count` elements that a resource with this name has. Of two resources, the one with the smaller
+    /// share under `Shorter::Most` has the larger share under `Shorter::Least`.
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
         /// The largest and the smallest share in sixteenths. The smallest share is more than half, because a host
         /// dispatches no workgroup without elements.

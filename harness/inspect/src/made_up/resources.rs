@@ -35,7 +35,7 @@ pub(crate) struct Input {
     pub(crate) path: String,
     /// `true` if the input's range is declared, for example in `[inputs]`.
     pub(crate) declared: bool,
-    /// `true` if the input is declared. Also if names count as declarations and its name suggests a range.
+    /// `true` if the input is declared, or if names count as declarations and the input's name suggests a range.
     pub(crate) known: bool,
     lanes: usize,
 }
@@ -455,8 +455,8 @@ fn described_elements(
 }
 
 impl Ranges {
-    /// Checks if an integer in an element depends on the element's index. It does if no declaration determines its
-    /// value.
+    /// Checks if an integer in an element depends on the element's index. The integer depends on the index if no
+    /// declaration determines the integer's value.
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
@@ -504,7 +504,7 @@ impl Ranges {
     }
 }
 
-/// How much the textures and samplers of one function resemble each other.
+/// The degree to which one function's textures and samplers are equal to each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Likeness {
     /// All are equal, so that drivers agree. Texels beyond the edges follow this address mode.
@@ -524,7 +524,8 @@ pub(crate) fn fixtures(
     Ok(Resources::made_of(probed, ranges, of, Likeness::Equal(beyond))?.fixtures)
 }
 
-/// The address modes of a function's samplers, each for a share of its cases. No driver confuses two address modes.
+/// The address modes that a function's samplers use, each in a share of the function's cases. With several modes, a
+/// driver that confuses two modes gives wrong results.
 pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
     const ALL: [Address; 3] = [Address::Clamp, Address::Repeat, Address::Mirror];
     let mut bindings = probed.function().bindings.iter();
@@ -707,8 +708,8 @@ struct Noise<'l> {
 }
 
 impl Noise<'_> {
-    /// In every second square of 4 x 4 texels: a number from the text, a number next to it, 0 or 1. A filter in the
-    /// middle of a square doesn't change the number.
+    /// The value of a texel in every second square of 4 x 4 texels: 0, 1, a number from the text, or a number next to
+    /// it. `None` in the other squares. A filter in the middle of a square doesn't change the number.
     fn of_text(self, own: f32, [x, y, z, channel]: [u32; 4]) -> Option<f32> {
         const SIDE: u32 = 4;
         if self.literals.is_empty() {

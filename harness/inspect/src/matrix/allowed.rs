@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Row;
 use super::execute::shown;
 
-/// The number of a function's results on a column that WGSL allows.
+/// The comparison of a function's results on one column with the bounds that WGSL allows.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Allowed {
     /// The number of cases in which WGSL bounds each component.

@@ -19,7 +19,8 @@ use super::suspect::{self, Side};
 use super::{Buffer, Cell, Request, Status, Stop};
 use crate::limits::ORDERS;
 
-/// Runs a compute entry point on each column whose translation is valid, and compares the words that it writes.
+/// Runs a compute entry point on each column whose translation is valid, and compares the 32-bit words that the entry
+/// point writes.
 pub(super) fn run_entry_point_on_each(
     request: &Request,
     passes: Result<&Passes, &String>,
@@ -85,7 +86,7 @@ pub(super) fn run_entry_point_on_each(
         !same_word(was, is, &request.within) && !is_next(was, is, step)
     };
     let differs = |at: &usize, actual: &[u32]| are_apart(at, expected[*at], actual[*at]);
-    // All columns have the same resources. If no words differ, it doesn't matter which words are open.
+    // All columns have the same resources. If no words differ, it doesn't matter which results WGSL leaves open.
     let all = 0..expected.len();
     let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
     let open = match passes {

@@ -24,7 +24,7 @@ pub(super) fn not_run(error: ProbeError) -> String {
     }
 }
 
-/// Decides the first column's status: if another column agrees with it, it agrees, too.
+/// Sets the first column's status to "agrees" if another column agrees with the first column.
 pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: usize) {
     first.stopped = match agreeing {
         Some(seen) => {
@@ -53,8 +53,8 @@ pub(super) struct Comparison {
 pub(super) struct Judge<'j> {
     scalars: &'j [Scalar],
     within: &'j Tolerance,
-    /// For each component, its largest result, or 1 if all its results are 0. Absolute tolerances are relative to it,
-    /// because otherwise small results would agree with anything.
+    /// For each component, its largest result, or 1 if all its results are 0. Absolute tolerances are relative to this
+    /// result. Otherwise, all small results would count as equal.
     scales: Vec<f64>,
 }
 
@@ -140,7 +140,7 @@ impl<'j> Judge<'j> {
         if expected == actual || !scalar.is_float() {
             return expected == actual;
         }
-        // Both are divided by the largest result, so that an absolute tolerance is relative to it.
+        // Both results are divided by `scale`, so that an absolute tolerance is relative to the largest result.
         let (found, wanted) = (scalar.decode(actual) / scale, scalar.decode(expected) / scale);
         self.within.measure_sum(0, found, wanted).passes()
     }

@@ -50,7 +50,7 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                         })
                         .map(of)
                 };
-                // Only a content that the pass changes shows the pass's effect.
+                // A content shows the pass's effect only if the pass changes a value of the content.
                 let shows = |one: &Result<(Passes, _), String>| {
                     one.as_ref().map_or(true, |(passes, _)| changes(passes) != Some(false))
                 };
@@ -270,7 +270,7 @@ fn compare_all(
             let width = results.len();
             let of = |ran: &Ran<'_>| ran.results[case * width..(case + 1) * width].to_vec();
             let (was, is) = (of(first), of(other));
-            // Compares with both columns, by the rule that compared these columns with each other.
+            // Compares a column with one of the two columns, by the rule that compared the two with each other.
             let agrees = |one: &[u32], with: &[u32]| {
                 let latitude = latitude.map(|all| all.case(*case, width));
                 !judge.case(with, one, latitude).differs

@@ -7,14 +7,14 @@ use super::{Cell, Stop};
 pub(super) enum Side {
     /// The column agrees with the first column.
     First,
-    /// The column agrees with the other column.
+    /// The column agrees with the second column, which differs from the first one.
     Other,
-    /// The column agrees with neither of them, or with both.
+    /// The column agrees with neither of these two columns, or with both.
     Neither,
 }
 
-/// Names the suspect of a cell that differs from the first column, if no third column agrees with one of the two.
-/// `sides` has the name and the side of each column, these two included.
+/// Names the suspect of a cell that differs from the first column, if further columns agree with only one of the two
+/// columns. `sides` has the name and the side of each column, including these two.
 pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     let of = |side: Side| -> Vec<&str> {
         sides.iter().filter(|(_, own)| *own == side).map(|(name, _)| name.as_str()).collect()

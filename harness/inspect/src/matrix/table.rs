@@ -20,7 +20,7 @@ use super::{Cell, Column, Request, Row, Source, Status, row};
 
 use rayon::prelude::*;
 
-/// A matrix: functions and entry points on every column.
+/// A table with a row for each function and entry point, and a column for each path or language.
 #[derive(Clone, Debug, Serialize)]
 pub struct Matrix {
     /// The package's name.
@@ -160,7 +160,7 @@ pub(super) fn make(
     // Suspected rows run first, each without other rows. If a row ends the process again, only this row is suspected.
     let suspected: Vec<FunctionItem> =
         items.extract_if(.., |item| journal.is_suspected(&item.name)).collect();
-    // The devices open before the rows need them, one after the other.
+    // Opens the devices one after the other, before the rows need them.
     let columns = request.columns.iter().map(head).collect();
     let done = Mutex::new(0);
     let together = suspected.chunks(1).chain(items.chunks(TOGETHER));

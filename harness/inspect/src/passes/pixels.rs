@@ -12,8 +12,8 @@ use karat::unstable::probe::Probed;
 use crate::made_up::{Arguments, Content, Extents, Mix, Ranges, Resources};
 
 /// The widths and heights of draws in pixels, used in turn. Each has about as many pixels as a compute pass of 8 x 8
-/// workgroups has invocations, and width and height differ. In one of the sizes, an edge at any tenth, quarter or third
-/// of the draw splits a quad.
+/// workgroups has invocations, and width and height differ. An edge at any tenth, quarter or third of the draw splits a
+/// quad in at least one of these sizes.
 const SIZES: [[u32; 2]; 4] = [[18, 26], [14, 22], [22, 30], [10, 34]];
 
 /// The seed of the inputs. Functions with the same signature get the same inputs on every machine.
@@ -22,9 +22,7 @@ const SEED: u64 = 0x7069_7865_6c73; // "pixels"
 /// Makes the pixels of a draw, or a single pixel. Inputs and resources are generated; the resources' sizes follow from
 /// the number of pixels.
 ///
-/// # Errors
-/// If the function isn't valid, or an input or a resource can't be generated.
-/// If the function isn't valid, or an input or a resource can't be generated.
+/// # Errors If the function isn't valid, or an input or a resource can't be generated.
 pub(crate) fn of_pixels(
     package: &Package,
     name: &str,
