@@ -262,7 +262,7 @@ fn differences_that_flip_misses_fail() {
     let (value, note) = changed(3, 0.99);
     assert!(value == f64::INFINITY && note == "alpha differs at (36, 1), and FLIP ignores alpha");
     let (value, note) = changed(1, -0.5);
-    assert!(value == f64::INFINITY && note.contains("a negative value is off at (36, 1)"));
+    assert!(value == f64::INFINITY && note.contains("a negative value differs at (36, 1)"));
 
     // Three bright pixels of 4096 don't change the exposures, at which these pixels are white.
     let sun = |light: f32| {

@@ -296,7 +296,10 @@ fn hazards_of_a_kind() {
         // Karat refuses an operation that doesn't exist, a kind that isn't requested, a missing reason, and an argument
         // that accepts no hazard.
         (unsuited(both().accept_hazard("2.0 / x", meant).try_has_no_hazards()), "isn't needed"),
-        (unsuited(both().try_has_none_of([Kind::Infinite])), "`pow(x, 5.0)`, which isn't needed"),
+        (
+            unsuited(both().try_has_none_of([Kind::Infinite])),
+            "`pow(x, 5.0)`; the declaration isn't needed",
+        ),
         (unsuited(both().try_has_none_of([Kind::Nan])), "isn't needed: remove it"),
         (unsuited(capped().accept_hazard("1.0 / x", " ").try_has_no_hazards()), "has no reason"),
         (unsuited(both().try_is_finite()), "does nothing here"),

@@ -862,8 +862,8 @@ fn texels_that_race_have_their_values() {
 fn a_texel_beyond_the_edge() {
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
     for (texels, first, place, does) in [
-        ("f32", "f32(textureLoad(src, vec2i(i32(id.x) - 1, 3), 0).x)", 0, "-1, and `src` has 8"),
-        ("u32", "f32(textureLoad(src, vec2u(2u, id.x + 1u), 0).x)", 7, "8, and `src` has 8"),
+        ("f32", "f32(textureLoad(src, vec2i(i32(id.x) - 1, 3), 0).x)", 0, "-1, but `src` has 8"),
+        ("u32", "f32(textureLoad(src, vec2u(2u, id.x + 1u), 0).x)", 7, "8, but `src` has 8"),
     ] {
         let text = format!(
             "@group(0) @binding(0) var src: texture_2d<{texels}>;

@@ -1284,7 +1284,7 @@ mod tests {
         for (name, change) in &edited {
             let Change::Unjudged { reason } = change else { panic!("{name}: {change:?}") };
             let why = if name == "nothing" {
-                "the pass writes no resource"
+                "it writes nothing that remains after the pass"
             } else {
                 "the function was edited, but "
             };

@@ -101,7 +101,7 @@ pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, Pa
     for (name, needs, rule, ask) in &QUESTIONS {
         let lacks = needs.filter(|ability| !executor.can(*ability)).map(|ability| {
             let name = serde_json::to_value(ability).expect("an ability serializes to JSON");
-            format!("its greeting has no `{}`", name.as_str().unwrap_or_default())
+            format!("the greeting has no `{}`", name.as_str().unwrap_or_default())
         });
         let over = (hung >= MOST_HUNG).then(|| format!("the program hung {hung} times"));
         let (answer, why) = match lacks.or(over) {

@@ -715,7 +715,7 @@ fn inputs_are_declared_and_hazards_accepted() {
     write("karat.toml", &accepted("maths::other"));
     match look() {
         Err(HazardError::Declaration(text)) => {
-            assert!(text.contains("has no such hazard: delete it"), "{text}")
+            assert!(text.contains("but there is none: delete it"), "{text}")
         }
         other => panic!("{other:?}"),
     }
@@ -1213,7 +1213,7 @@ fn a_tail_without_its_guard_is_found() {
             told.contains("where the number of elements isn't a multiple of the workgroup size"),
             "{wrong}"
         );
-        assert!(told.contains(" and `v` has "), "{told}");
+        assert!(told.contains(" but `v` has "), "{told}");
     }
 }
 

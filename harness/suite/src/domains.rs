@@ -453,7 +453,7 @@ mod tests {
             (&float, "\"0-1\"", "isn't a domain"),
             (&float, "\"a..1\"", "`a` isn't a number"),
             (&float, "\"-1...1\"", "a range has two dots"),
-            (&float, "true", "no f32"),
+            (&float, "true", "isn't of type f32"),
             (&float, "\"ani\"", "did you mean `any`?"),
             (
                 &float,

@@ -57,7 +57,7 @@ impl TryFrom<toml::Value> for Range {
                     let (least, most) = (number(least)?, number(most)?);
                     Ok(Self { least, most, half_open: false })
                 }
-                list => Err(format!("a range is a list of two, and this one has {}", list.len())),
+                list => Err(format!("the list must have two entries, but has {}", list.len())),
             },
             toml::Value::String(text) => {
                 let wanted = || format!("`{text}` isn't a range: write [0, 1], or \"0..<1\"");

@@ -72,7 +72,7 @@ pub(crate) fn related(
         let Some(next) = pending.iter().position(|(_, to)| !to.iter().any(|to| waits(to))) else {
             let names: Vec<_> = pending.iter().map(|(own, _)| format!("`{}`", own.path)).collect();
             return Err(format!(
-                "`{KEY}` of {} goes round in a circle: it holds in both directions, so remove it from one vector",
+                "`{KEY}` of {} forms a circle: the relation holds in both directions, so remove it from one vector",
                 names.join(", ")
             ));
         };

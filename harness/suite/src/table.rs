@@ -248,7 +248,7 @@ mod tests {
             ("a,v.x,v.y,resul\n1,2,3,4\n", "has no column `result` (did you mean `resul`?)"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` isn't of type f32"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "t.csv:2:1"),
-            ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and nothing else"),
+            ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` isn't a finite number, and Karat compares"),
             (
                 "a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n",
                 "a row above has the same arguments and another result",

@@ -478,7 +478,7 @@ fn frames_that_no_device_draws_are_errors() {
             "target 1, but the number of targets is 1",
         ),
         (frame().draw(red(all(0.5))).depth().samples(4), "several samples"),
-        (package.frame("", 2, 2).fragment("colored"), "at @location(1) that isn't a vec2f"),
+        (package.frame("", 2, 2).fragment("colored"), "at @location(1) isn't a vec2f"),
         (
             frame().with_frame("falt", frame().draw(red(all(0.5)))).draw(red(all(0.5))),
             "did you mean `flat`?",

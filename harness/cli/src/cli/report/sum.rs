@@ -263,7 +263,7 @@ mod tests {
         let watched = reading.watched.as_mut().expect("it has passes");
         watched.unwritten.push("`partials[3]` at mean.wgsl:17:57".to_owned());
         let expected = "; 1 line reads elements that no pass has written: `partials[3]` at mean.wgsl:17:57; add `value = 0` beside \
-                        `size` if the host clears it";
+                        `size` if the host clears them";
         assert_eq!(remarks(&[reading.clone(), reading]), expected, "two checks of one pass");
         let mut accepting = with("");
         let watched = accepting.watched.as_mut().expect("it has passes");
