@@ -464,7 +464,7 @@ impl<'a> Compute<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -727,7 +727,7 @@ impl After<'_> {
     /// # Errors
     /// If the path can't run the passes, or the elements have another type than `T`.
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
         let passes = self.compute.passes()?;
         let (part, shape) = passes.written(&self.variable)?;

@@ -723,7 +723,7 @@ impl<'a> Frame<'a> {
     /// frame.declared_at("shaders/sky.scene:3:1").matches(&GOLDENS, "sky");
     /// ```
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn declared_at(mut self, place: &str) -> Self {
         self.declared_at = Some(place.to_owned());
         self
@@ -747,7 +747,7 @@ impl<'a> Frame<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -769,7 +769,7 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// If the shader isn't valid, a fixture is missing, or the path doesn't open.
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn render(&self, path: Path) -> Result<Image, FrameError> {
         let executor = executor::of(path)?;
         Ok(drawn(executor, &self.drawing_on(executor)?)?)

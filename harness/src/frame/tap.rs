@@ -449,7 +449,7 @@ impl Frame<'_> {
     /// # Errors
     /// If the frame can't be drawn.
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn values(&self, path: Path) -> Result<Vec<String>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
@@ -464,7 +464,7 @@ impl Frame<'_> {
     /// # Errors
     /// If the frame can't be drawn.
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn prints(&self, path: Path) -> Result<Vec<String>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
@@ -492,7 +492,7 @@ impl Frame<'_> {
     /// # Errors
     /// If the frame has no such value, or if it can't be drawn.
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {
         Ok(self.taps(path, std::slice::from_ref(tap))?.swap_remove(0))
     }
@@ -503,7 +503,7 @@ impl Frame<'_> {
     /// # Errors
     /// As for [`tap`](Self::tap).
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;

@@ -186,7 +186,7 @@ impl Path {
     /// assert_eq!(Path::GL.api(), Api::Gl);
     /// ```
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub const fn api(self) -> Api {
         self.api
@@ -201,7 +201,7 @@ impl Path {
     /// assert_eq!(Path::VULKAN.via(), Via::Direct);
     /// ```
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub const fn via(self) -> Via {
         self.via
@@ -216,7 +216,7 @@ impl Path {
     /// # Ok::<(), karat::path::PathError>(())
     /// ```
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub const fn driver(self) -> Option<&'static str> {
         self.driver
@@ -230,7 +230,7 @@ impl Path {
     /// assert!(Path::GL.is_supported() || cfg!(target_os = "macos"));
     /// ```
     ///
-    /// *Unstable*: for programs that run tests.
+    /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
     pub fn is_supported(self) -> bool {
         super::device::exists(self)

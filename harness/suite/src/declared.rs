@@ -890,7 +890,10 @@ mod tests {
             ),
             ("[[test]]\nfunction = \"f\"\nin_range = \"0...1\"\n", "write [0, 1], or \"0..<1\""),
             ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` isn't a range"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n", "is a number, and this is"),
+            (
+                "[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n",
+                "must be a number, but this is",
+            ),
             (
                 "[[test]]\nfunction = \"f\"\nin_range = [0, 1]\ntolerance = \"4 ulp\"\n",
                 "brdf.test.toml:4:1",

@@ -461,7 +461,7 @@ mod tests {
                 "is a domain for a vec2, vec3 or vec4 of f32, but the argument is a f32",
             ),
             (&count, "\"-1..1\"", "isn't a range of u32"),
-            (&count, "0.5", "no u32"),
+            (&count, "0.5", "of type u32"),
             (&vector, "\"unit_rgb\"", "is a domain for a vec3 of f32"),
             (&vector, "\"hemisphere above 0.5\"", "is a domain for a vec3 of f32"),
             (

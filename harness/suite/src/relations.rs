@@ -223,6 +223,6 @@ mod tests {
             assert!(error.contains(part), "{text}: {error}");
         }
         let number = of(&[("x", Shape::Scalar(Scalar::F32))], "x = { perpendicular_to = \"x\" }");
-        assert!(number.expect_err("a number").contains("no f32"));
+        assert!(number.expect_err("a number").contains("f32"));
     }
 }
