@@ -287,8 +287,7 @@ impl CaseFailure {
                 ),
                 Unit::Conditioning => {
                     let expected = expected.and_then(|expected| expected.get(lane));
-                    // A few operations can make such a value smaller than 1.2e-38, where subnormal numbers
-                    // begin.
+                    // A few operations can make such a value subnormal: smaller than 1.2e-38.
                     let flushed = expected.is_some_and(|value| value.abs() < 1e-37);
                     let advice = if flushed {
                         "; a driver may flush a value so near to 0: allow this with `Spec.or(Abs(1e-37))`, \

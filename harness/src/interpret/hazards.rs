@@ -493,8 +493,7 @@ impl Interpreted {
             }
             let of_quad = (lane..lane + self.lanes()).flat_map(|pixel| {
                 let all = wrong.get(&pixel).into_iter().flatten();
-                // A hazard at another pixel of the quad isn't one of this case, unless that pixel doesn't take a
-                // derivative.
+                // A hazard at another pixel of the quad counts only if that pixel takes no derivative.
                 all.filter(move |((kind, _), _)| pixel == lane || *kind == Kind::Barrier)
             });
             let mut told = BTreeSet::new();
