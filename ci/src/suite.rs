@@ -217,7 +217,7 @@ fn strangers() -> Command {
     for quads in [
         "derivatives_over_quads",
         "implicit_levels_of_detail",
-        "loops_that_a_driver_leaves",
+        "loops_of_functions_that_drivers_cut_short",
         "structures_vary_over_quads",
         "textures_are_parameters",
     ] {

@@ -97,7 +97,7 @@ impl Server {
         self.desk.review.pending()
     }
 
-    /// Answers requests until a [`Stop`] stops the server. Then it completes a decision that has begun, begins no other
+    /// Answers requests until another thread stops the server. Then it completes a decision that has begun, begins no other
     /// decision, and doesn't wait for clients.
     pub fn run(&self) {
         let desk = Arc::clone(&self.desk);
