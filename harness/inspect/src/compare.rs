@@ -88,7 +88,8 @@ pub struct Compared {
     pub function: String,
     /// The function's position, `file:line:column`. It refers to the edited package if that contains the function.
     pub location: String,
-    /// The features that the comparison turned on in both packages, because the edit has no effect without them.
+    /// The features that the comparison turned on in both packages, because the edit has no effect without them. They
+    /// are off by default.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub under: Vec<String>,
     /// The effect of the edit.
@@ -366,7 +367,7 @@ impl Request {
                 let there = Pair::There(old.get(name).copied(), new.get(name).copied());
                 all.insert(name.clone(), there);
             }
-            // A changed file may have only functions that are the same, because a condition excludes the edited code.
+            // A changed file may also have code that a condition excludes, which belongs to none of these functions.
             if is_same {
                 continue;
             }

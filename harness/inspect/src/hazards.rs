@@ -182,7 +182,7 @@ pub struct Hazards {
     pub found: Vec<Hazard>,
     /// Findings that the callers meet or don't reach, and findings whose wrong value is dropped.
     pub others: Vec<Hazard>,
-    /// The functions for which `karat.toml` accepts a finding, although they have no fault. You can remove these
+    /// The functions for which `karat.toml` accepts a fault that Karat doesn't find. You can remove these
     /// acceptances.
     pub needless: Vec<String>,
     /// The number of findings that are left out because `karat.toml` accepts them.

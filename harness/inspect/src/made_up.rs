@@ -709,7 +709,8 @@ impl MadeUp {
     /// Generates the resources of a compute pass, with content number `case`. Sizes follow from the dispatch. In the
     /// first two cases, indices in buffers also follow from the dispatch.
     ///
-    /// # Errors If the entry point isn't valid, or a resource can't be generated.
+    /// # Errors
+    /// If the entry point isn't valid, or a resource can't be generated.
     pub fn of_pass(
         (package, name): (&Package, &str),
         overrides: &BTreeMap<String, f64>,

@@ -115,7 +115,8 @@ impl Usual {
 /// Makes a pass over generated resources. The resources' sizes follow from `invocations`, or otherwise from the usual
 /// dispatch. The resources in `given` replace generated ones, and some inputs may come from another content.
 ///
-/// # Errors If the pass isn't valid, or a resource can't be generated.
+/// # Errors
+/// If the pass isn't valid, or a resource can't be generated.
 pub(crate) fn arbitrary(
     package: &Package,
     name: &str,

@@ -243,7 +243,7 @@ fn a_finding_in_a_called_function_is_judged_at_its_callers() {
         (vec![], Class::Requirement, "root"),
         (vec![good], Class::Met, "root"),
         (vec![good, shaded], Class::Met, "root"),
-        // One suitable caller is enough, whatever its position is.
+        // The worst of several callers decides the class, whatever its position in the file is.
         (vec![good, shaded, bad], Class::Requirement, "bad"),
         (vec![good, bad, always], Class::Fault, "always"),
         // A caller that wasn't checked doesn't count. Then the function is judged without callers.
@@ -756,8 +756,8 @@ fn nothing_runs_when_the_process_ends() {
     }
 }
 
-/// The inputs of a fragment function: the position of a pixel, which differs by 1 between neighbours, and interpolated
-/// values.
+/// Checks fragment functions. Their inputs are the position of a pixel, which differs by 1 between neighbours, and
+/// interpolated values.
 #[test]
 fn entry_points_of_draws_are_looked_at() {
     let text = "struct In { @builtin(position) pixel: vec4f, @location(0) n_dot_l: f32 }\n\
@@ -779,7 +779,7 @@ fn entry_points_of_draws_are_looked_at() {
     );
 }
 
-/// A pass over two workgroups of 8 x 8 in each direction.
+/// Checks passes over two workgroups of 8 x 8 in each direction.
 #[test]
 fn compute_passes_are_looked_through() {
     let head = "struct Size { width: u32, height: u32 }\n\
@@ -824,7 +824,7 @@ fn compute_passes_are_looked_through() {
         assert!(found.location.contains(":10:"), "{}", found.location);
         assert!(found.arguments[0].1.starts_with("local ("), "{found:#?}");
     }
-    // A loop over tiles without the barrier at its end. The loop has two rounds only for some sizes.
+    // The barrier at the end of this loop over tiles may be missing. The loop has two rounds only for some sizes.
     let tiles = |barrier: &str| {
         look(&format!(
             "struct Dims {{ m: u32, n: u32, k: u32 }}\n\
@@ -937,7 +937,7 @@ fn a_pass_without_results_is_checked_for_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
-/// One divisor is 0 over one of eight contents. The other divisor is 0 over all contents.
+/// One divisor is 0 for only one of eight sets of buffer contents. The other divisor is 0 for all sets.
 #[test]
 fn a_hazard_of_one_buffer_content_is_a_requirement() {
     let pass = |divisor: &str| {
@@ -1373,7 +1373,8 @@ fn each_function_is_reported_when_it_is_done() {
     assert_eq!(found, [("a", true), ("b", false), ("c", true)]);
 }
 
-/// Cases that a reader of the guide found. Each case had no finding, or a finding with a wrong class or name.
+/// Tests shaders that a reader of the guide tried. An earlier version reported no finding for them, or a finding with a
+/// wrong class or name.
 // Lesson 98
 #[test]
 fn free_inputs_are_drawn() {
@@ -1437,8 +1438,8 @@ fn free_inputs_are_drawn() {
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["x".to_owned()][..]));
 }
 
-/// Shaders of other projects without a fault. In their hosts, an array is longer than the dispatch, a matrix is a
-/// projection, or another function has set a private variable.
+/// Karat finds no fault in these correct shaders of other projects. In their hosts, an array is longer than the
+/// dispatch, a matrix is a projection, or another function has set a private variable.
 // Lesson 98
 #[test]
 fn inputs_of_the_host_cause_no_fault() {

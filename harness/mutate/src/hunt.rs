@@ -40,7 +40,7 @@ pub struct Candidate {
     pub id: String,
     /// The mutated module.
     pub module: String,
-    /// The file that its author wrote.
+    /// The path of the module's file, as its author wrote it.
     pub file: PathBuf,
     /// The file's text when Karat read it. The mutation's position refers to this text.
     pub text: Arc<str>,
@@ -53,7 +53,7 @@ pub struct Candidate {
 pub struct Tried {
     /// The mutant.
     pub candidate: Candidate,
-    /// Its fate.
+    /// The mutant's fate.
     pub fate: Fate,
 }
 
@@ -82,11 +82,11 @@ pub enum Fate {
         /// closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
-        /// `true` if all of these tests show the values that they compare. Then no test saw a difference, unless
-        /// `hidden` names one.
+        /// `true` if all of these tests show the values that they compare. Then no test saw a difference, except for
+        /// the test in `hidden`, if there is one.
         #[serde(skip)]
         seen: bool,
-        /// The reason why it lived.
+        /// The reason why the mutant lived.
         why: Lived,
     },
     /// No test uses the mutated code.
@@ -96,7 +96,7 @@ pub enum Fate {
     },
     /// The mutant is equivalent to the original, so no test can see it. Karat ran no test on it.
     Equal {
-        /// The proof that the two are equivalent.
+        /// The proof that the mutant is equivalent.
         by: Equality,
     },
     /// The mutant isn't valid WGSL, so it proves nothing about the tests.
@@ -111,7 +111,7 @@ pub enum Fate {
         /// The reason in `karat.toml`.
         reason: String,
     },
-    /// The mutant has no verdict, because Karat can't find its tests.
+    /// The mutant has no verdict, because Karat can't find the tests that use its code.
     Unknown {
         /// The reason.
         reason: String,
@@ -169,7 +169,8 @@ pub enum MutateError {
         /// The reason.
         reason: String,
     },
-    /// A program prints the modules from their files, so it would never read mutants in memory.
+    /// The program `preprocess` prints the modules from their files, so the program would never read mutants, which
+    /// exist only in memory.
     #[error(
         "the program `preprocess` in karat.toml prints these modules from their files, so it can't read mutants, which \
          exist only in memory: run `karat mutate` on a folder with the program's output"
@@ -213,17 +214,17 @@ pub trait Others: Sync {
 pub struct Judged {
     /// The number of tests that use the mutated code.
     pub concerned: usize,
-    /// The test that failed on the mutant.
+    /// The test that failed on the mutant; `None` if no test failed.
     pub killed: Option<String>,
     /// A test that saw other values with the mutant and tolerated them.
     pub hidden: Option<Hidden>,
-    /// A test that ended without a verdict, and the reason.
+    /// A test that ended without a verdict, with the reason; `None` if each test had a verdict.
     pub stopped: Option<(String, String)>,
 }
 
 struct Judge {
     name: String,
-    /// The text that the test links; `None` if Karat can't determine it.
+    /// The text that the test links; `None` if Karat can't determine this text.
     made_of: Option<String>,
     /// The values that the test's checks compare without a mutant.
     seen: Seen,

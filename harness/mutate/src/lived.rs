@@ -138,7 +138,6 @@ pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -
 
 /// The combined result of several comparisons: a difference if one was found, otherwise an unknown result, otherwise no
 /// difference. `None` if nothing was compared.
-/// nothing was compared.
 fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>) -> Option<Lived> {
     let (mut cases, mut unknown) = (0, None);
     for one in compared {

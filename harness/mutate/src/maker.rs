@@ -85,8 +85,8 @@ impl Mutant {
         format!("{}{}{}", &text[..self.range.start], self.replacement, &text[self.range.end..])
     }
 
-    /// The changed lines before and after the mutation, with single blanks and without comments. They stay equal if the
-    /// lines move.
+    /// The changed lines before and after the mutation, with single blanks and without comments. These texts stay the
+    /// same if the lines move.
     #[must_use]
     pub fn lines(&self, text: &str) -> [String; 2] {
         let start = text[..self.range.start].rfind('\n').map_or(0, |at| at + 1);
@@ -647,7 +647,7 @@ fn numbers(text: &str) -> Vec<String> {
     } else {
         vec![2.0 * number, 1.01 * number]
     };
-    // With the digits of an `f32`.
+    // Writes each number with the digits of an `f32`.
     #[expect(clippy::cast_possible_truncation, reason = "it is written into a shader")]
     let written = |other: f64| with_suffix(format!("{:?}", other as f32));
     others.into_iter().map(written).filter(|other| !other.starts_with("inf")).collect()

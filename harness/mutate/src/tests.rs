@@ -110,12 +110,12 @@ fn equal_mutants_are_no_gaps() {
     assert_eq!(fate("f", "x * 1.0", "x"), same);
     let differs = fate("f", "1.0", "2.0");
     assert!(matches!(differs, Fate::Lived { why: Lived::Differs(_), .. }), "{differs:?}");
-    // The two functions differ for only one of 2^32 numbers.
+    // The results of the mutant and of the original differ for only one of 2^32 numbers.
     assert!(matches!(fate("g", "1.0", "2.0"), Fate::Lived { .. }));
 }
 
-/// Removing a guard that never acts gives an equivalent function. Removing a guard that acts for some argument doesn't.
-/// doesn't.
+/// Removing a guard that never acts gives an equivalent function. Removing a guard that acts for some argument gives
+/// another function.
 #[test]
 fn guards_that_never_act_are_equal() {
     let shader = "fn f(n: i32) -> f32 { let x = f32(n); return max(abs(x), 0.0); }\n\

@@ -145,7 +145,7 @@ const TAKEN: [(&str, &[&str]); 8] = [
     ("up_to_order", &["equals", "table", "agrees_with"]),
 ];
 
-/// The assertions with sampled arguments. A table isn't one of them, because its rows are the arguments.
+/// The assertions whose arguments are sampled. `table` isn't in this list, because the table's rows have the arguments.
 const DRAWN: [&str; 14] = [
     "agrees_with",
     "golden",

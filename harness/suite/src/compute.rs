@@ -660,7 +660,7 @@ impl Assertion {
                 let key = format!("after.{}", self.variable);
                 Err(Misdeclared::from(error.to_string()).below(&key).into())
             }
-            // This function can't read a texture's contents before the passes.
+            // `untyped::before` can't read textures, so this returns the contents after the passes.
             Err(_) => {
                 let left = untyped::left(compute, Route::CPU)?;
                 let names: Vec<String> = left.iter().map(|one| one.name.clone()).collect();

@@ -527,7 +527,7 @@ pub(crate) fn read(
             message => with_nearest(message),
         };
         wrong.push(Diagnostic::new(message).at(at(range), ""));
-        // Replace the table by blanks, and read the other tables.
+        // Replaces the table with the error by blanks, and reads the other tables.
         let blank = |c: char| if c == '\n' { "\n".to_owned() } else { " ".repeat(c.len_utf8()) };
         let blank: String = text[table.clone()].chars().map(blank).collect();
         text.replace_range(table, &blank);

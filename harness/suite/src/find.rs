@@ -117,7 +117,7 @@ fn stem_of(name: &str) -> Option<&str> {
 /// Checks if a file with another name, such as `tests.toml`, declares tests. Its author probably expects them to run.
 fn declares(file: &Path, name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
-    // Copies from editors and git, and files of Cargo.
+    // Skips the copies that editors and git make, and Cargo's files.
     let is_other = lower.ends_with('~')
         || [".bak", ".orig", ".rej", ".old", ".swp"].iter().any(|ending| lower.ends_with(ending))
         || lower == "cargo.toml";

@@ -301,7 +301,7 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     }
     let several = kind.arrayed || kind.dimension != Dimension::D2;
     let layers = match (texel(value), value) {
-        // One value for all texels.
+        // The value is one colour for all texels.
         (Some(texel), _) => {
             let count = if kind.dimension == Dimension::Cube { 6 } else { 1 };
             let height = if kind.dimension == Dimension::D1 { 1 } else { SIDE };

@@ -12,7 +12,6 @@ use crate::domains::lanes;
 ///
 /// # Errors
 /// If the text isn't JSON, or an object has two members with the same name.
-/// If it isn't JSON, or an object has two members with the same name.
 pub fn json(text: &str) -> Result<Value, serde_json::Error> {
     serde_json::from_str::<Strict>(text).map(|strict| strict.0)
 }

@@ -13,7 +13,7 @@ use crate::{Kind, Suite, Test};
 
 impl Suite {
     /// Everything on which a test's verdict depends, except for the driver, and the comments and blanks of shaders.
-    /// `None` if Karat can't determine it, for example for an invalid shader.
+    /// `None` if Karat can't determine all of this, for example if a shader is invalid.
     #[must_use]
     pub fn normalized_text(&self, test: &Test) -> Option<String> {
         match &test.kind {
@@ -104,7 +104,7 @@ fn content(file: &Path) -> Option<String> {
     Some(blake3::hash(&bytes).to_hex().to_string())
 }
 
-/// The values of a table that may be file names. A `range` such as `"0..1"` isn't one.
+/// The values of a table that may be file names. A `range` such as `"0..1"` isn't a file name.
 fn values(table: &toml::Table) -> Vec<&Value> {
     table.iter().filter(|(key, _)| *key != "range").map(|(_, value)| value).collect()
 }

@@ -9,7 +9,7 @@ use toml::Value;
 
 use crate::domains::no_such;
 
-/// The key of such a domain.
+/// The key that declares such a domain.
 pub(crate) const KEY: &str = "perpendicular_to";
 
 /// A vector in the arguments: `n`, `surface.tangent`, `frames[1].t`.
@@ -40,7 +40,7 @@ pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
     })
 }
 
-/// Adds the relations that a test declares to a domain.
+/// Adds to a domain that its vectors are perpendicular to others, as `over` declares.
 pub(crate) fn related(
     domain: Dynamic,
     parameters: &[(String, Shape)],

@@ -403,7 +403,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), assertion)?;
             let expect = |words: &[u32], lanes: &mut Vec<f64>| match table.expected.get(words) {
                 Some(expected) => lanes.extend(expected),
-                // An argument that was flushed or simplified isn't in the table.
+                // The table doesn't have flushed or simplified arguments, so they have no expected result.
                 None => lanes.extend(vec![f64::NAN; result.lanes().len()]),
             };
             Ok(check.try_agrees_with(&expect, criterion))
@@ -635,7 +635,7 @@ fn bound(
     let known = || bindings.iter().map(Binding::name);
     let mut all = Vec::new();
     for (name, value) in with {
-        // The key is the name in the variable's module, or the path that messages use.
+        // The key is the variable's name in its module, or the variable's path, which messages show.
         let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
         let Some(binding) = bindings.iter().find(is_it) else {
             let message = match bindings {
@@ -651,7 +651,8 @@ fn bound(
     Ok(all)
 }
 
-/// A frame. If one of its functions doesn't exist, also the key with the function's name.
+/// A frame, or its error. If one of the frame's functions doesn't exist, the first value is the key that names the
+/// function.
 type Drawn<'p> = (Option<String>, Result<karat::Frame<'p>, FrameError>);
 
 impl Suite {

@@ -133,7 +133,8 @@ fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
     lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
 }
 
-/// The position of a table's row, counted from 0, as the end of a message.
+/// The position of a table's row in the file, as the end of a message. `row` is the row's number, counted from 0.
+/// `None` if the file has no such row.
 pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     let text = read_file(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
@@ -141,7 +142,7 @@ pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     Some(format!("  row of the {what}: {}:{line}:1\n", shown(file)))
 }
 
-/// The records of a table, each with the byte position of the reader before it.
+/// The records of a table, each with the byte position in `text` from which the reader read the record.
 fn placed_rows<'r>(
     reader: &'r mut csv::Reader<&[u8]>,
     text: &'r [u8],
@@ -155,7 +156,7 @@ fn placed_rows<'r>(
     })
 }
 
-/// The byte position of the reader before a record.
+/// The byte position in `text` from which the reader reads a record. Blank lines may precede the record there.
 fn begins(text: &[u8], position: Option<&csv::Position>) -> usize {
     let below = usize::try_from(position.map_or(0, csv::Position::byte)).unwrap_or(0);
     (head_of(text) + below).min(text.len())

@@ -92,7 +92,8 @@ impl Bindings {
         self.0.iter()
     }
 
-    /// The binding that a resource has in the translation, found by the resource's WGSL group and binding.
+    /// The binding that a resource has in the translation, found by the resource's WGSL group and binding; `None` if
+    /// the shader has no such resource.
     #[must_use]
     pub fn of(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         self.iter().find(|resource| resource.wgsl == (group, binding)).map(|r| r.translated)

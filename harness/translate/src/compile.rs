@@ -101,7 +101,7 @@ pub fn compiler(target: Target) -> Option<&'static str> {
 pub(crate) fn arguments(target: Target, one: &EntryPoint, file: &str) -> Option<Vec<String>> {
     let own: &[&str] = match target {
         Target::Glsl | Target::GlslEs => &[],
-        // HLSL's offsets, because naga relies on them.
+        // `--hlsl-offsets` selects HLSL's layout of buffers, on which naga's HLSL relies.
         Target::Hlsl => &["-D", "--hlsl-offsets", "-e", &one.name],
         Target::Hlsl6 => return Some(of_dxc(one, file)),
         Target::Msl | Target::Spirv | Target::Wgsl => return None,
@@ -301,7 +301,7 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
 mod tests {
     use super::*;
 
-    /// Code that multiplies the length has bytes already: a later glslang may multiply it itself.
+    /// If the code multiplies the length by 4, the length is already in bytes: a later glslang may write such code.
     // Lesson 159
     #[test]
     fn lengths_in_words_differ_from_lengths_in_bytes() {

@@ -201,7 +201,7 @@ impl Shader {
 
 impl Shader {
     /// Wraps the WGSL from which the shader was [parsed](Self::parse) as a [`Translation`] without translating it.
-    /// Executors that run naga's modules use it.
+    /// Executors that run naga's modules use this translation.
     ///
     /// # Errors
     /// If the shader has no such entry point.

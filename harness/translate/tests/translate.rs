@@ -280,7 +280,7 @@ fn overrides_have_their_values() {
 
 #[test]
 fn the_reported_version_is_that_of_the_lock_file() {
-    // The lock file of the repository, or its copy in a published package.
+    // Reads the lock file of the repository, or the lock file's copy in a published package.
     let package = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let read = |folder: &str| std::fs::read_to_string(package.join(folder).join("Cargo.lock")).ok();
     let lock = read("../..").or_else(|| read("")).expect("a lock file exists");

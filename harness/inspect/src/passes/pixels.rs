@@ -22,7 +22,8 @@ const SEED: u64 = 0x7069_7865_6c73; // "pixels"
 /// Makes the pixels of a draw, or a single pixel. Inputs and resources are generated; the resources' sizes follow from
 /// the number of pixels.
 ///
-/// # Errors If the function isn't valid, or an input or a resource can't be generated.
+/// # Errors
+/// If the function isn't valid, or an input or a resource can't be generated.
 pub(crate) fn of_pixels(
     package: &Package,
     name: &str,
