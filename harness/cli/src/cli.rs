@@ -132,8 +132,8 @@ enum Command {
     #[command(
         after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
                             It shows invalid modules as you type, and failures of the last `karat test`. After each\n\
-                            save it runs the tests without Rust. It hides verdicts of files that have changed\n\
-                            since. A lens beside each function shows the function's worst error, and\n\
+                            save the server runs the tests without Rust. It shows no verdicts of files that you\n\
+                            have edited after their tests ran. A lens beside each function shows the function's worst error, and\n\
                             runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
                             Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without asking."
     )]

@@ -161,7 +161,12 @@ const QUESTIONS: [Question; 21] = [
         "an invalid shader is `refused`, with its pass and a message; the next job runs",
         refusal,
     ),
-    ("levels", Some(Ability::Textures), "a texture has its levels, the top row first", levels),
+    (
+        "levels",
+        Some(Ability::Textures),
+        "a texture keeps the contents of each mip level, with the top row first",
+        levels,
+    ),
     ("sampling", Some(Ability::Textures), "samplers filter and repeat as the job says", sampling),
     ("depths", Some(Ability::Textures), "depth textures are compared with a reference", depths),
     (

@@ -247,7 +247,7 @@ impl TestGroup {
             let mut names = Vec::new();
             let types = test.types(&mut structs).ok()?;
             for ((name, shape), ty) in
-                test.parameters().expect("tests without are run otherwise").iter().zip(types)
+                test.parameters().expect("only tests with parameters come here").iter().zip(types)
             {
                 let name = format!("karat_{which}_{name}");
                 list.push(format!("{name}: {ty}"));

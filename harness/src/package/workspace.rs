@@ -34,7 +34,7 @@ fn locked<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 fn entries<K: Kind>(any: &mut (dyn Any + Send)) -> &mut Entries<K> {
-    any.downcast_mut().expect("a kind has entries of its own type")
+    any.downcast_mut().expect("the entries of each kind have their own Rust type")
 }
 
 /// Calls `work` with the locked entries of a kind. `work` must not use the same kind again.

@@ -99,7 +99,7 @@ impl Kept {
                 let (from, to) = (before.as_image_copy(), live.as_image_copy());
                 encoder.copy_texture_to_texture(from, to, live.size());
             }
-            _ => unreachable!("both are of one kind"),
+            _ => unreachable!("both values have the same kind"),
         }
     }
 

@@ -102,7 +102,9 @@ fn found<'a>(
     };
     let length = number()?;
     if !numbered || !here {
-        return Err("its table of chunks points to another chunk or to none".to_owned());
+        return Err(
+            "an entry of its chunk table points to a wrong chunk, or to no chunk".to_owned()
+        );
     }
     usize::try_from(length)
         .ok()
