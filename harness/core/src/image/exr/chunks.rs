@@ -103,7 +103,7 @@ fn found<'a>(
     let length = number()?;
     if !numbered || !here {
         return Err(
-            "an entry of its chunk table points to a wrong chunk, or to no chunk".to_owned()
+            "its chunk table has an entry that points to a wrong chunk, or to no chunk".to_owned()
         );
     }
     usize::try_from(length)
