@@ -148,8 +148,8 @@ pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(D
     })
 }
 
-/// Half vectors with `v` mirrored at each of them, up to the polar angle `limit`, which is a function of the azimuth's
-/// cosine.
+/// Half vectors, and `v` mirrored at each half vector. The half vectors go up to the polar angle `limit`, a function of
+/// the azimuth's cosine.
 ///
 /// theta = alpha sinh(y) spreads a lobe and its tail evenly: the rule has `rings` Gauss-Legendre points in y. Each
 /// quarter of azimuth has `spokes` points. They are denser at right angles to the plane of `v`, where a grazing view
@@ -209,7 +209,8 @@ fn mirrored(v: DVec3, h: DVec3) -> DVec3 {
 mod tests {
     use super::*;
 
-    /// Widths and views, from narrow to wide lobes, and from straight above to 89 degrees.
+    /// Pairs of a width and a view direction: widths from narrow to wide lobes, and views from straight above to 89
+    /// degrees.
     fn views() -> impl Iterator<Item = (f64, DVec3)> {
         let alphas = [0.01, 0.1, 0.5, 1.0];
         let angles = [0.0, 30.0, 60.0, 80.0, 89.0];
@@ -221,8 +222,8 @@ mod tests {
         DVec3::new(0.6 * sin, -0.8 * sin, cos)
     }
 
-    /// The area over which a sampler spreads a unit square of random numbers, by central differences. It is the inverse
-    /// of the density.
+    /// The solid angle of the sampled directions, divided by the area of their random numbers `u`, by central
+    /// differences. The quotient is 1 / density.
     fn spread(sample: impl Fn(DVec2) -> DVec3, u: DVec2) -> f64 {
         let step = 1e-5;
         let x = sample(u + DVec2::X * step) - sample(u - DVec2::X * step);

@@ -37,8 +37,8 @@ impl Setup {
     }
 }
 
-/// Returns the direction in which a camera sees the point `ndc`, of any length: from the point on the near plane to the
-/// point on the far plane, by the inverse projection.
+/// Returns the direction, of any length, in which a camera sees the point `ndc`: from the point on the near plane to
+/// the point on the far plane, by the inverse projection.
 #[must_use]
 pub fn view_direction(view_projection: DMat4, ndc: DVec2) -> DVec3 {
     let inverse = view_projection.inverse();

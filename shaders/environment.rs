@@ -200,8 +200,8 @@ pub fn parallax_sphere(position: DVec3, direction: DVec3, centre: DVec3, radius:
     q + (-b + (b * b - 4.0 * a * c).sqrt()) / (2.0 * a) * direction
 }
 
-/// Computes the level of Krivanek and Colbert 2008: max(0, 1/2 log2(Omega_s / Omega_p)). The sample has Omega_s = 1 /
-/// (N pdf) sr, and the mean texel Omega_p = 4 pi / (6 size^2) sr.
+/// Computes the level of Krivanek and Colbert 2008: max(0, 1/2 log2(Omega_s / Omega_p)). A sample covers Omega_s = 1 /
+/// (N pdf) sr, and a texel covers Omega_p = 4 pi / (6 size^2) sr on average.
 #[must_use]
 pub fn mip_level(pdf: f64, samples: u32, size: u32) -> f64 {
     let sample = 1.0 / (f64::from(samples) * pdf);
@@ -220,8 +220,8 @@ pub fn half_sky(axis: DVec3) -> impl Fn(DVec3) -> DVec3 {
     move |d| DVec3::splat(if axis.dot(d) >= 0.0 { 1.0 } else { 0.0 })
 }
 
-/// Returns a black sky with a sun around the unit vector `axis`. The sun's radius is `half_angle` in radians. Its
-/// irradiance on a surface that faces the sun is pi, as that of a white sky.
+/// Returns a black sky with a sun around the unit vector `axis`. The sun's radius is `half_angle` in radians. A surface
+/// that faces the sun gets the irradiance pi, as below a white sky.
 pub fn small_sun(axis: DVec3, half_angle: f64) -> impl Fn(DVec3) -> DVec3 {
     // The radiance is pi / int cos dw = pi / (pi sin^2).
     let radiance = half_angle.sin().powi(-2);

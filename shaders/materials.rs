@@ -77,8 +77,8 @@ pub fn masked_roughness(roughness: f64, painted: f64, mask: f64) -> f64 {
     roughness + (painted - roughness) * mask
 }
 
-/// Computes the material of glTF 2.0, appendix B.2: `metallic` blends the base colour and 0.04 with black and the base
-/// colour.
+/// Computes the material of glTF 2.0, appendix B.2: `metallic` blends the albedo from the base colour to black, and f0
+/// from 0.04 to the base colour.
 #[must_use]
 pub fn material_from_texels(base_color: DVec3, metallic: f64) -> MaterialMirror {
     let dielectric_f0 = DVec3::splat(f64::from(DIELECTRIC_F0));

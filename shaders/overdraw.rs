@@ -2,9 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
-/// The height of a band, a quarter of the radius. Each band has a hole at its bottom.
+/// The height of a band of a sphere, as a share of the radius. Each band has a hole at its bottom.
 const BAND: f64 = 0.25;
-/// The height of a hole.
+/// The height of a hole, as a share of the radius.
 const HOLE: f64 = 0.1;
 
 /// Checks if the sphere has a hole where its normal is `normal`.
@@ -20,7 +20,7 @@ pub fn from_edge(normal: DVec3) -> f64 {
     above.min(BAND - above).min((above - HOLE).abs())
 }
 
-/// The depth of a step, in the range 0..=1.
+/// The difference between neighbouring steps of depth. Depths are in 0..=1.
 pub const STEP: f64 = 1.0 / 16.0;
 
 /// Rounds `depth` down to a whole number of steps.

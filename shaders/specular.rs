@@ -39,7 +39,8 @@ pub fn filtered_estimate(
     mean(f0, alpha, n, v, samples, |l, pdf| radiance(l, level(pdf)))
 }
 
-/// The level for a density. For a mirror the density is infinite, and the result is the first level.
+/// The mip level for a sample with the density `pdf`. For a mirror the density is infinite, and the result is the first
+/// level.
 fn pdf_level(pdf: f64, samples: u32, size: u32) -> f64 {
     if pdf == f64::INFINITY { 0.0 } else { environment::mip_level(pdf, samples, size) }
 }
@@ -145,7 +146,7 @@ mod tests {
         for alpha in [0.0, 1e-4, 0.05, 0.3, 0.5, 1.0] {
             for degrees in [0.0, 30.0, 60.0, 80.0, 89.0, 89.9] {
                 let white = furnace(alpha, degrees, 1 << 14);
-                // The quadrature has an error of 1e-3. With 64 normals it is 5e-3.
+                // The quadrature has an error of 1e-3. With 64 normals, the error would be 5e-3.
                 assert!(white > 0.0 && white < 1.001, "{alpha}, {degrees}: {white}");
             }
         }
@@ -273,8 +274,8 @@ mod tests {
 
     #[test]
     fn the_split_sum_in_the_studio() {
-        // The mean difference over 100 normals, relative to the mean. It is small if the view is along the normal, and
-        // large where the true lobe stretches.
+        // The mean difference between split sum and estimator, divided by the mean. It is small if the view is along
+        // the normal, and large where the true lobe stretches.
         let difference = |alpha: f64, n_dot_v: f64| {
             let mut sum = DVec2::ZERO;
             for i in 0..100 {

@@ -84,8 +84,8 @@ fn lambert_pdf() {
     PBR.function("brdf::lambert_pdf").over(UnitVector).agrees_with(brdf::lambert_pdf, Ulp(3.0));
 }
 
-/// D is a squared quotient of sums of positive terms (24 ulp). G / (4 N.L N.V) takes 16 ulp and F 12 ulp. The error of
-/// V.H (4 ulp) counts at most five times, where F is at most f0 = 0.02.
+/// D is a squared quotient of sums of positive terms (24 ulp). G / (4 N.L N.V) adds 16 ulp, and F adds 12 ulp. The
+/// error of V.H (4 ulp) counts at most five times, where F is at most f0 = 0.02.
 // Lesson 15: `eval`
 #[test]
 fn microfacet_eval() {
@@ -125,7 +125,7 @@ fn microfacet_sample() {
         .agrees_with(brdf::microfacet_sample, Abs(4e-3));
 }
 
-/// D takes 24 ulp and G1 10 ulp.
+/// The error of D is 24 ulp, and G1 adds 10 ulp.
 #[test]
 fn microfacet_pdf() {
     PBR.function("brdf::microfacet_pdf").over(lobes()).agrees_with(brdf::microfacet_pdf, Ulp(40.0));
@@ -199,8 +199,8 @@ fn tri_ace_eval() {
         .agrees_with(brdf::tri_ace_eval, EXPONENTIAL.or(VANISHED));
 }
 
-/// Below 1/2, the function divides x (2.5 ulp) by 1 plus a term of at most 1/12, so the errors of this term hardly count.
-/// From 1/2 on, exp(-2 x) is at most 0.37, with an error of 3 + 4 x ulp: 1.5e-7 at 1/2. The exponential shrinks faster
+/// Below 1/2, the function divides x (2.5 ulp) by 1 plus a term of at most 1/12, so the errors of this term hardly
+/// count. From 1/2 on, exp(-2 x) is at most 0.37, with an error of 3 + 4 x ulp: 1.5e-7 at 1/2. The exponential shrinks faster
 /// than its error grows. Its error counts 1 / 0.63 times in the difference and 1 / 1.37 times in the sum: 3.5e-7. The
 /// roundings of the difference and of the sum and the division add 4.2e-7.
 // Lesson 32
@@ -349,7 +349,8 @@ fn reflectances_are_reciprocal() {
         .invariant_under(|(albedo, f0, n, v, l)| (albedo, f0, n, l, v), Ulp(4.0));
 }
 
-/// tri-Ace's diffuse part depends on N.L but not on N.V. From above to grazing it gives black, and in reverse 1 / pi.
+/// tri-Ace's diffuse part depends on N.L but not on N.V. Light along the horizon and a view from above give black. With
+/// both directions exchanged, the result is 1 / pi.
 #[test]
 fn tri_ace_is_not_reciprocal() {
     let swapped = PBR
@@ -376,7 +377,7 @@ fn tri_ace_is_not_reciprocal() {
     narrow(Vec3::Z, low).agrees_with(expected, Ulp(16.0)); // 0.302
 }
 
-/// Widths and views for integrals, 8 x 8, with views up to 89 degrees.
+/// 8 widths combined with 8 views, for integrals. The views go up to 89 degrees.
 fn views() -> impl Domain<Value = (f32, Vec3)> {
     (Grid::linear(0.01..=1.0, 8), Grid::linear(0.0..=89.0, 8))
         .map(|(alpha, degrees)| (alpha, view(degrees)))
@@ -521,7 +522,7 @@ fn densities_integrate_to_what_stays_above() {
         .agrees_with(|_| 1.0, Abs(1e-4));
 }
 
-/// An estimate with each sampler of the library: f cos / pdf, or 0 for samples below the horizon.
+/// A package with an estimator for each sampler of the library: f cos / pdf, or 0 for samples below the horizon.
 fn estimators() -> Package {
     let names = ["lambert", "microfacet", "cook_torrance", "tri_ace"];
     let import =

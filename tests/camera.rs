@@ -4,7 +4,8 @@ use glam::{DVec2, DVec3, Mat4, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, camera, scene};
 
-/// The rows of the matrix also serve as its inverse. The directions agree, but not their lengths.
+/// The shader uses the rows of the matrix in place of its inverse. Shader and reference return parallel vectors of
+/// different lengths.
 #[test]
 fn view_direction() {
     let cameras = (0.5..=3.0_f32, -1.0..=1.0_f32, -1.0..=1.0_f32)

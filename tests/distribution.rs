@@ -29,7 +29,8 @@ fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
         })
 }
 
-/// The squared quotient has twice the division's 2.5 ulp, twice the roundings of its parts, and those of two products.
+/// The squared quotient has twice the division's 2.5 ulp, and twice the roundings of its parts. Two products add their
+/// roundings.
 #[test]
 fn ggx() {
     PBR.function("distribution::ggx")
@@ -55,7 +56,7 @@ fn beckmann() {
 }
 
 /// The exponent is at most 87, and has twice the relative error of N.H. Because tan^2 < 87, N.H > 0.1, and the error of
-/// the dot product is at most 1e-7 / 0.1 = 1e-6. The result has 2 * 87 * 1e-6.
+/// the dot product is at most 1e-7 / 0.1 = 1e-6. So the relative error of the result is 2 * 87 * 1e-6.
 #[test]
 fn beckmann_from_vectors() {
     PBR.function("distribution::beckmann_from_vectors")

@@ -121,8 +121,8 @@ fn a_texel_is_found_at_its_centre() {
         );
 }
 
-/// The error of a linear filter with weights of 8 bits: 1/512 for each of two directions and for the level, between
-/// values that differ by at most 1.
+/// The error of a linear filter with weights of 8 bits: 1/512 for each of two directions and for the level, in each
+/// case between values that differ by at most 1.
 const FILTER: Abs = Abs(3.0 / 512.0);
 
 /// The error of the linear filter on drivers that cut off bits.
@@ -282,7 +282,7 @@ fn equirectangular_uv() {
 }
 
 /// Converting a direction to uv and back gives the same direction, also at the poles and at the seam. Each of the two
-/// angles has the 4096 ulp of atan2.
+/// angles has an error of 4096 ulp, from atan2.
 #[test]
 fn equirectangular_uv_finds_every_direction() {
     PBR.function("environment::equirectangular_uv").over(UnitVector).satisfies(
@@ -341,8 +341,8 @@ fn parallax_box() {
 }
 
 /// The result is continuous where two walls meet. There, rounding decides which of two walls a ray hits, and a slightly
-/// turned ray hits nearly the same point. The point moves by turn way^2 / distance: the way is at most 35, and the
-/// distance to a wall is at least 1/10 of a side of 1.1.
+/// turned ray hits nearly the same point. The point moves by the angle of the turn times way^2 / distance. The way to
+/// the point is at most 35, and the distance to a wall is at least 1/10 of a side of 1.1.
 #[test]
 fn parallax_box_is_continuous() {
     let turn = 1e-5_f32;

@@ -95,7 +95,8 @@ fn smith_schlick_ggx() {
 }
 
 /// The approximation of erf has an error of 1.5e-7. G1 multiplies it by a, and its denominator has a term of 2 a, so
-/// half of the error arrives. The other 14 ulp come from the exponential (5 ulp at a = 1), a square root and divisions.
+/// the result has half of this error. The other 14 ulp come from the exponential (5 ulp at a = 1), a square root and
+/// divisions.
 #[test]
 fn smith_g1_beckmann() {
     PBR.function("geometry::smith_g1_beckmann")

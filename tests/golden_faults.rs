@@ -23,9 +23,9 @@ const HEIGHT: u32 = 360;
 /// The scene, with parameters that plant faults.
 #[derive(Clone, Copy)]
 struct Scene {
-    /// The factor of the light on the second sphere.
+    /// The factor by which the light on the second sphere is multiplied.
     second: f64,
-    /// The factor of highlights.
+    /// The factor by which highlights are multiplied.
     highlights: f64,
     /// The distance by which shadows move to the right, in widths of a pixel on the floor.
     shadow: f64,
@@ -176,7 +176,7 @@ enum Verdict {
     Fault,
 }
 
-/// A change, its expected verdict, and the range of the largest tile that HDR-FLIP should find.
+/// A change, its expected verdict, and the range in which HDR-FLIP's largest mean error of a tile should lie.
 struct Row {
     name: &'static str,
     verdict: Verdict,
@@ -247,7 +247,7 @@ fn rows(golden: &Image) -> Vec<Row> {
 }
 
 /// Checks the same changes with noise in golden and frame, judged by the variances of both images. Benign changes pass
-/// as noise, and faults still fail. Noise is accepted by no other criterion.
+/// as noise, and faults still fail. No other criterion accepts the noise.
 fn under_noise(rows: &[Row], table: &mut String, complaints: &mut Vec<String>) {
     let golden = &RIGHT.draw();
     let [ours, theirs] = [3, 4].map(noise);

@@ -30,9 +30,9 @@ impl Kind {
 
 enum Column {
     Prose,
-    /// Any number of names of this kind.
+    /// Each cell has any number of names of this kind.
     Names(Kind),
-    /// All names of this kind, each once.
+    /// The cells together have each name of this kind exactly once.
     List(Kind),
 }
 
@@ -254,7 +254,7 @@ fn the_inventory_names_what_is_there() {
     assert!(found.is_empty(), "shaders/README.md:\n{}", found.join("\n"));
 }
 
-/// The test looks up each name in each row: with another letter appended, each name is unknown.
+/// Each name in each row is looked up: if the test appends a letter to a name, the name is reported as unknown.
 #[test]
 fn every_name_of_the_inventory_is_read() {
     let known = known();

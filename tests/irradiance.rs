@@ -13,10 +13,11 @@ use crate::drivers::{SINE, SWIFTSHADER};
 /// The error of sampling a smooth environment with radiance near 1.
 ///
 /// A face has 64 x 64 texels, so texels are 1/32 of half a face apart. The error of linear interpolation is at most 1/8
-/// of the square of this distance, times the curvature, at most 2: 2.5e-4. Weights have 8 bits, and the difference
-/// between texels is 1/32: 6e-5. On GL, half floats have an error of 2.4e-4 in 1..2. Also on GL, 3 % of directions are
-/// within half a texel of a face's edge. They read only their own face, with an error of 1/64 at the edge. Both errors
-/// of GL have either sign, and don't show in a mean.
+/// of the square of this distance times the curvature. The curvature is at most 2, so this error is at most 2.5e-4.
+/// Weights have 8 bits, and neighbouring texels differ by 1/32: the weights' rounding adds 6e-5. On GL, half floats
+/// have an error of 2.4e-4 in 1..2. Also on GL, 3 % of directions are within half a texel of a face's edge. Look-ups in
+/// these directions read only one face, with an error of 1/64 at the edge. Both errors of GL have either sign, and
+/// don't show in a mean.
 const INTERPOLATION: f64 = 3e-4;
 
 const SIZE: u32 = 64;
@@ -131,8 +132,8 @@ fn the_loop_is_off_by_what_it_says() {
         .satisfies("is 1.0014", |_, light: Vec3| (light - 1.0014).abs().max_element() < 5e-5);
 }
 
-/// The error of means over at least 64 directions. Weights have 8 bits, and the error is that of the last bit, with
-/// either sign, times a difference of 1/32 between texels.
+/// The error of means over at least 64 directions. Weights have 8 bits. The error of the last bit has either sign, and
+/// is multiplied by the difference between texels, 1/32.
 const WEIGHTS: Abs = Abs(6e-5);
 
 /// The error on GL if all directions within half a texel of an edge (3 %) have an error of 1/64 with equal signs.
@@ -167,7 +168,8 @@ fn they_agree_with_their_twins() {
 }
 
 /// The test uses few steps, so each step counts. Between texels, two weights of 8 bits have an error in the last bit,
-/// times a difference of 1/32. On GL a step within half a texel of a face's edge has an error of half a texel, 1/64.
+/// which multiplies the difference between texels, 1/32. On GL a step within half a texel of a face's edge has an error
+/// of half a texel, 1/64.
 // Lesson 32
 #[test]
 fn few_steps_agree_with_their_twin() {
@@ -233,10 +235,10 @@ fn below_bands(n: DVec3) -> DVec3 {
     irradiance::sh_irradiance(BANDS.map(DVec3::splat), n)
 }
 
-/// Irradiance divided by pi, by normal, in closed form.
+/// A closed form: from the normal to the irradiance divided by pi.
 type Below = fn(DVec3) -> DVec3;
 
-/// Three environments, each with the irradiance below it.
+/// Three environments, each with the closed form of its irradiance.
 fn environments() -> [(CubeMap, Below); 3] {
     [(cube_map(sky), below_sky), (cube_map(lamp), below_lamp), (cube_map(banded), below_bands)]
 }
@@ -252,8 +254,8 @@ fn estimates_approach_the_closed_forms() {
     }
 }
 
-/// 32 rings are pi/64 apart. The error of a midpoint rule is 1/24 of the square of that (1e-4), times the second
-/// derivative.
+/// 32 rings are pi/64 apart. The error of a midpoint rule is 1/24 of the square of this distance (1e-4), times the
+/// second derivative.
 #[test]
 fn rings_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -265,7 +267,7 @@ fn rings_approach_the_closed_forms() {
 }
 
 /// Without interpolation, the error is that of the midpoint rule for texels 1/32 wide (4e-5 times the second
-/// derivative), and of rounding.
+/// derivative). Rounding adds to it.
 #[test]
 fn texels_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -299,8 +301,8 @@ fn filtered(n: DVec3, samples: u32, size: u32, map: &CubeMap) -> DVec3 {
     irradiance::filtered_estimate(n, samples, size, light)
 }
 
-/// The colour of each level is its number, so the result is the mean level. Drivers quantise the weight between levels,
-/// most to 8 bits: the error is 1/512, or 4e-3 on a driver that truncates.
+/// The colour of each level is the level's number, so the result is the mean level. Most drivers quantise the weight
+/// between levels to 8 bits: the error is 1/512, or 4e-3 on a driver that truncates.
 #[test]
 fn filtered_directions_ask_for_the_right_levels() {
     let levels = (0..7_u16).map(|level| {
@@ -314,9 +316,9 @@ fn filtered_directions_ask_for_the_right_levels() {
         .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(4e-3));
 }
 
-/// 1024 directions need texels that are 0.08 wide, 64 directions need 0.31. A box and a tent of width w turn light by
-/// w^2 / 4, which leaves 0.9985 and 0.975 of a gradient. A little less remains on GL, which doesn't filter coarse
-/// texels across the edges of faces.
+/// 1024 directions need texels that are 0.08 wide, and 64 directions need texels that are 0.31 wide. A box and a tent
+/// of width w turn light by w^2 / 4, which leaves 0.9985 and 0.975 of a gradient. A little less remains on GL, which
+/// doesn't filter coarse texels across the edges of faces.
 #[test]
 fn filtered_directions_blur_as_much_as_their_texels() {
     let map = cube_map(sky).with_mips();

@@ -48,7 +48,8 @@ fn masked_base() {
         .agrees_with(layering::masked_base, Ulp(4.0).or(Abs(1e-30)));
 }
 
-/// The function is a sum of positive terms. The share of the base consists of four sums and six products.
+/// The function is a sum of positive terms. To compute the share of the base, the function needs four sums and six
+/// products.
 #[test]
 fn plastic() {
     PBR.function("layering::plastic")

@@ -35,8 +35,8 @@ fn faces_become_the_cube_map_that_they_show() {
     let own = CubeMap::from_fn(side, color);
     let texels = |cube: &CubeMap| cube.texels(0).expect("a first level").concat();
     for (found, expected) in texels(&cube).into_iter().zip(texels(&own)) {
-        // The first cube map's directions are rounded before they are normalised. The second one's are rounded
-        // afterwards.
+        // The first cube map's directions are rounded before they are normalised. The directions of the second cube map
+        // are rounded afterwards.
         assert!((found - expected).abs() <= 1e-6, "{found} for {expected}");
     }
 }

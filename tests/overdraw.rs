@@ -46,8 +46,8 @@ fn a_pre_pass_shades_each_pixel_once() {
     }
 }
 
-/// Fragment functions that discard or write their depth are tested late. If the pre-pass discards and writes depth in
-/// the same way, the image doesn't change.
+/// If a fragment function discards or writes its depth, the depth test runs after the function. If the pre-pass
+/// discards and writes depth in the same way, the image doesn't change.
 #[test]
 fn fragments_that_change_depth_come_out_the_same() {
     for (fragment, depth) in [
@@ -62,8 +62,8 @@ fn fragments_that_change_depth_come_out_the_same() {
     }
 }
 
-/// Shows the fault that the rule prevents. A pre-pass that writes the depth of all triangles hides the spheres that are
-/// visible through holes.
+/// Shows why a pre-pass must discard as the frame does. A pre-pass that writes the depth of all triangles hides the
+/// spheres that are visible through holes.
 #[test]
 fn a_pre_pass_without_the_holes_changes_the_image() {
     for path in open_paths() {
@@ -140,8 +140,8 @@ fn rays(camera: &Camera) -> Vec<Option<Vec<Hit>>> {
     pixels.map(|(x, y)| hits(camera, DVec2::new(centre(x, SIZE.0), -centre(y, SIZE.1)))).collect()
 }
 
-/// Checks if a pixel shows the sphere and the point of a hit. The distance of a facet moves the point along the ray,
-/// and across the ray by at most 8 times as much, because the rim is 0.02 wide.
+/// Checks if a pixel shows the sphere and the point of a hit. The distance between facet and sphere ([`FACET`]) moves
+/// the point along the ray, and across the ray by at most 8 times as much, because the rim is 0.02 wide.
 fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     let Some(hit) = hit else { return pixel[..3] == [0.0; 3] };
     let expected = overdraw::label(hit.instance, hit.normal).to_array();

@@ -73,8 +73,8 @@ fn tone_map() {
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
 }
 
-/// The square of such a white point is below any f32, so all colours except black are brighter than white. A channel of
-/// 0 stays 0. The test uses dark colours, so the results don't exceed f32.
+/// The square of a white point next to 0 is below any f32, so all colours except black are brighter than white. A
+/// channel of 0 stays 0. The test uses dark colours, so the results don't exceed f32.
 // Lesson 31
 #[test]
 fn a_white_next_to_black() {
@@ -149,7 +149,7 @@ fn srgb_from_linear() {
         .agrees_with(sensor::srgb_from_linear, Rel(5e-6).or(UNDERFLOW));
 }
 
-/// As above, log2 has an error. Its magnitude is at most 3.5 and its error 7.2e-7, which y = 2.4 and ln 2 turn into
+/// The magnitude of log2 is at most 3.5, and its error is 7.2e-7. The factors y = 2.4 and ln 2 turn this error into
 /// 1.2e-6. Rounding the base adds 4 ulp times y (1.2e-6), and exp2(8.3) adds 20 ulp (2.4e-6).
 #[test]
 fn linear_from_srgb() {

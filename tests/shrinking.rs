@@ -30,7 +30,7 @@ fn simplest(found: &Disagreement) -> Vec<String> {
     first
 }
 
-/// A fault where one of a function's three arguments is above 0.3.
+/// A function that is wrong where `x` is between 0.3 and 0.9 and `i` is above 4.
 const THREE: &str = "fn f(n: vec3f, x: f32, i: u32) -> f32 {\n    \
                      return select(n.z, 2.0, x > 0.3 && x < 0.9 && i > 4u);\n}";
 
@@ -76,7 +76,7 @@ fn mapped_and_filtered_domains_are_reduced_within() {
     assert_eq!(simplest(&disagreement(found)), ["(0.8, 0, 0.6)", "(0, 0, 1)"]);
 }
 
-/// Samples from 1/2 to 1. The domain offers 0, 1/4 and 3/4 as simpler values.
+/// A domain with samples from 1/2 to 1. It offers 0, 1/4 and 3/4 as simpler values.
 #[derive(Debug)]
 struct Upper;
 
@@ -153,7 +153,7 @@ fn block<'a>(text: &'a str, title: &str) -> Vec<&'a str> {
     text[from..].lines().skip(1).take_while(|line| line.starts_with("   ")).collect()
 }
 
-/// The environment of the replay command that follows `title`.
+/// The environment variables of the replay command that follows `title`.
 #[track_caller]
 fn replay<'a>(text: &'a str, title: &str) -> Vec<(&'a str, &'a str)> {
     let from = text.find(title).unwrap_or_else(|| panic!("`{title}` is missing in:\n{text}"));

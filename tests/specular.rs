@@ -101,11 +101,11 @@ fn on_one_face(d: DVec3, level: f64) -> bool {
     (uv - DVec2::splat(0.5)).abs().max_element() <= 0.5 - margin
 }
 
-/// The weights of the filter have 8 bits. Their error is multiplied by half a texel's slope (1/64) and by the weights
-/// of samples, up to 2.
+/// The error of filtered colours. The weights of the filter have 8 bits, and their error is multiplied by half a
+/// texel's slope (1/64) and by the weights of samples, up to 2.
 const COLOUR: Abs = Abs(2.0 * 3.0 / 512.0 / 64.0);
 
-/// On GL texels have 11 bits.
+/// The error of filtered colours on GL, where texels have 11 bits.
 const COLOUR_OF_HALVES: Abs = Abs(2.0 * (3.0 / 512.0 / 64.0 + 2.5e-4));
 
 /// The light depends on the direction, so the test covers the direction, the weight and the Fresnel reflectance of each
@@ -161,8 +161,8 @@ fn filtered_estimate_of_colours() {
     );
 }
 
-/// The colour of each level is its number, so the result is the mean level of the samples over the whole sphere.
-/// Fractions of levels have 8 bits.
+/// The colour of each level is the level's number, so the result is the mean level of the samples over the whole
+/// sphere. Fractions of levels have 8 bits.
 #[test]
 fn the_levels_of_filtered_estimate() {
     let levels = (0..7).map(|level| vec![[level as f32; 4]; 6 << (2 * (6 - level))]).collect();

@@ -285,8 +285,8 @@ fn a_pdf_of_the_wrong_scale_is_rejected() {
     assert_eq!(ggx_power("scaled_pdf", 1 << 18), 1.0);
 }
 
-/// If a density integrates to more than 1, it leaves out less than nothing, and this isn't a finding of its own. If the
-/// integral exceeds 1 only by rounding, each sample outside the domain is a finding.
+/// If a density integrates to more than 1, it leaves out a negative part, and the check doesn't report this part as a
+/// finding. If the integral exceeds 1 only by rounding, each sample outside the domain is a finding.
 // Lesson 68
 #[test]
 fn a_density_above_one_leaves_nothing_out() {

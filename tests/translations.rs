@@ -105,7 +105,7 @@ fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
     }
 }
 
-/// Replaces every word that means at least valid by one word, because details depend on the driver.
+/// Replaces each word that means at least `valid` by one word, because the exact status depends on the driver.
 fn as_far_as_valid(words: &mut Words, columns: &[String]) {
     for (_, word) in words.values_mut().flatten().filter(|(column, _)| columns.contains(column)) {
         if ["valid", "executed", "agrees", "known"].contains(&word.as_str()) {

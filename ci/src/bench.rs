@@ -13,10 +13,10 @@ const PAGE: &str = "docs/speed.md";
 
 /// Runs the benchmarks, and passes `arguments` to them.
 pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
-    // Some benchmarks run the program: `karat watch`.
+    // Some benchmarks run the program `karat`, as `karat watch`.
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", "--bin", "karat"]))?;
     // Uses the profile of `cargo test`, because authors wait for such a build. The benchmark itself contains the loops
-    // with which the harness is compared. They are optimised as the library is.
+    // with which the harness is compared. These loops are optimised in the same way as the library.
     const OPTIMISED: &str = "profile.dev.package.tests.opt-level=2";
     let karat = ["bench", "--workspace", "--locked", "--profile", "dev", "--bench", "karat"];
     let mut bench = command::cargo(&karat);

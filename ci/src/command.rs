@@ -36,8 +36,8 @@ pub(crate) fn karat(arguments: &[&str]) -> Result<Command> {
     Ok(command)
 }
 
-/// Runs a command to its end, with the output of this program. If the command fails, the error has the exit status: see
-/// [`exit_code`].
+/// Runs a command to its end. The command writes to this program's output. If the command fails, the error has the
+/// command's exit status: see [`exit_code`].
 pub(crate) fn run(command: &mut Command) -> Result<()> {
     let line = describe(command);
     let status = command.status().with_context(|| {

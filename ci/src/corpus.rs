@@ -56,18 +56,18 @@ pub(crate) fn run_compilers(list: Option<PathBuf>) -> Result<()> {
     table(list, "corpus_compilers", None, ("docs/corpus-compilers.md", COMPILERS_HEAD))
 }
 
-/// Takes the shaders of a list through each translation.
+/// Translates the shaders of a list on each route, and runs the translations.
 pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {
     table(list, "corpus_matrix", json, ("docs/corpus-translations.md", ROUTES_HEAD))
 }
 
-/// A program of `ci/corpus`.
+/// The command that runs a program of `ci/corpus`.
 pub(crate) fn program(name: &str) -> Command {
     command::cargo(&["run", "--locked", "--bin", name, "--"])
 }
 
-/// Runs a program over the shaders of a list, and prints its table. The table of the usual list is a page of the
-/// documentation.
+/// Runs a program over the shaders of a list, and prints the program's table. Without a list, the program reads
+/// `ci/corpus.toml`, and the table also becomes a page of the documentation.
 fn table(
     list: Option<PathBuf>,
     name: &str,

@@ -77,7 +77,7 @@ fn shader_tests(which: &[&str]) -> anyhow::Result<()> {
 mod tests {
     use super::*;
 
-    /// The tests don't run the demo, so only this test detects a wrong name.
+    /// No test runs the demo, so only this test detects a wrong name of a program or module in the demo.
     #[test]
     fn the_demo_names_programs_that_are_there() {
         let manifest = std::fs::read_to_string(command::root().join("tests/Cargo.toml"));

@@ -9,10 +9,11 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::{command, setup, suite};
 
-/// The glibc version of Debian 10 and RHEL 8. A statically linked program couldn't open Vulkan.
+/// The oldest glibc on which the program runs: the version of Debian 10 and RHEL 8. A statically linked program would
+/// need no glibc, but couldn't open Vulkan.
 const GLIBC: &str = "2.28";
 
-/// The largest sizes of the program and of the archive, in bytes. They allow a download within seconds.
+/// The largest sizes of the program and of the archive, in bytes. Files of these sizes download within seconds.
 const MOST_BYTES: [u64; 2] = [28_000_000, 11_000_000];
 
 /// The shells with completions, and the names of the completion files.
@@ -23,7 +24,7 @@ const SHELLS: [(&str, &str); 4] = [
     ("powershell", "karat.ps1"),
 ];
 
-/// Builds the packages of a target.
+/// Builds the packages for a target.
 pub(crate) fn run(target: Option<&str>) -> Result<()> {
     let host = host()?;
     let target = target.unwrap_or(&host);
@@ -55,7 +56,7 @@ pub(crate) fn run(target: Option<&str>) -> Result<()> {
         let bytes = fs::metadata(file)?.len();
         ensure!(bytes <= most, "`{}` has {bytes} bytes, more than {most}", file.display());
     }
-    // On Windows the programs of npm and Python have other names, and nobody has run these commands there.
+    // On Windows the programs of npm and Python have other names, and these commands have never run there.
     if target == host && cfg!(unix) { walk(&packages) } else { Ok(()) }
 }
 

@@ -16,7 +16,7 @@ use crate::{command, dist, glams, matrix, setup, suite, swiftshader};
 /// The page with the last result.
 const PAGE: &str = "docs/swiftshader.md";
 
-/// Only Vulkan, with SwiftShader as its only driver.
+/// The only path of the runs. SwiftShader is this path's only driver.
 const PATHS: &str = "vulkan";
 
 /// Runs every test with SwiftShader as the only driver, and writes the result.
@@ -41,7 +41,7 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
-/// The library's tests that fail on a path of the web, with their reasons.
+/// The file that lists the shader library's tests that fail on a path of the web (WebGPU in Node or in a browser).
 const KNOWN: &str = "tests/web.txt";
 
 /// Runs the tests of the whole shader library on a path of the web. Exactly the tests in [`KNOWN`] must fail.
@@ -58,8 +58,8 @@ fn on_the_web(path: &str) -> Result<()> {
     Ok(())
 }
 
-/// Failed tests that the list doesn't contain, and passed tests that it contains. A test marked `sometimes` may pass or
-/// fail.
+/// A message for each failed test that `list` doesn't name, and for each test that `list` names and that didn't fail. A
+/// test marked `sometimes` may pass or fail.
 fn others(list: &str, failed: &[String]) -> Vec<String> {
     let known = list.lines().filter(|line| !line.starts_with('#') && !line.is_empty());
     let (mut always, mut sometimes) = (Vec::new(), Vec::new());
@@ -114,7 +114,7 @@ fn on_swiftshader() -> Result<()> {
     }
 }
 
-/// The counts from libtest's lines, for all test programs together.
+/// The results in libtest's output, for all test programs together.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Sum {
     pub(crate) passed: u64,

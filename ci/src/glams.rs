@@ -35,14 +35,15 @@ pub(crate) fn run() -> Result<()> {
     };
     write("Cargo.toml", &manifest)?;
     write("src/lib.rs", &tests)?;
-    // The project gets the versions that this workspace uses.
+    // With this lock file, the project uses the same versions of crates as this workspace.
     std::fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock"))?;
     let mut test = command::cargo(&["test", "--manifest-path"]);
     test.arg(folder.join("Cargo.toml")).env("KARAT_PATHS", "cpu");
     command::run(&mut test)
 }
 
-/// A test that uses the engine's vector types in a domain, and as arguments and results of a reference.
+/// A test that uses the vector types of the project's glam version in a domain, and as arguments and results of a
+/// reference.
 const TEST: &str = r#"
 #[cfg(test)]
 mod glam_VERSION_is_the_engines {

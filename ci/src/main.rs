@@ -35,7 +35,7 @@ mod suite;
 #[expect(unreachable_pub, reason = "Karat offers it to programs around tests")]
 mod swiftshader;
 
-/// Everything that CI runs, run the same way here.
+/// Run the parts of CI on this machine, in the same way as CI does.
 #[derive(Parser)]
 #[command(name = "cargo ci", bin_name = "cargo ci", after_help = EXAMPLES)]
 struct Cli {
@@ -58,11 +58,10 @@ No GPU is needed: Mesa's lavapipe (Vulkan) and llvmpipe (GL) run on the processo
 enum Task {
     /// Find the execution paths, and install Mesa's software drivers where one is missing.
     ///
-    /// On Linux both Vulkan and GL must be loadable, in software or hardware. On Debian, Fedora
-    /// and Arch (and their relatives) it installs missing packages; elsewhere it prints their names.
-    /// macOS and Windows include Metal and DX12, so nothing is installed there. It also installs a
-    /// Chromium, which the tests of the review page need, and Tint, by npm, outside the working tree.
-    /// Then it builds the harness, which opens each path.
+    /// On Linux both Vulkan and GL must be loadable, in software or hardware. On Debian, Fedora and Arch (and their
+    /// relatives) the command installs missing packages; on other systems it prints their names. macOS and Windows
+    /// include Metal and DX12, so nothing is installed there. It also installs a Chromium, which the tests of the
+    /// review page need, and Tint, by npm, outside the working tree. Then it builds the harness, which opens each path.
     Setup {
         /// Only report: install nothing, and fail if a path is missing.
         #[arg(long)]
@@ -70,9 +69,9 @@ enum Task {
     },
     /// Set up, build, and run the shader tests on every path; stop at the first failure.
     Demo,
-    /// Run all of CI: set up, lint, then every test. Later steps run even if one fails.
+    /// Run all of CI: set up, lint, then every test. Later steps run even if an earlier step fails.
     Test,
-    /// Run the suites that are too long for each change: every test on SwiftShader alone.
+    /// Run the suites that are too long for each change: every test with SwiftShader as the only driver.
     ///
     /// The result goes to docs/swiftshader.md. `cargo ci test` runs a sample.
     Full,
@@ -82,14 +81,14 @@ enum Task {
     Once,
     /// Run the checks that find faults of released shaders
     ///
-    /// Each has to fail on the released crate, and to pass with the change that repairs it. The pages
-    /// go to docs/found.
+    /// Each check must fail on the released crate, and pass with the change that repairs the fault. The command writes
+    /// the pages in docs/found.
     Found,
-    /// Test a project on each glam that karat has a feature for, and one on mint
+    /// Test a project with each version of glam for which karat has a feature, and a project with mint
     Glams,
     /// Test each operator and builtin function on each path, and write pages of the differences
     ///
-    /// The pages go to docs/divergences; those of drivers that aren't on this machine stay unchanged.
+    /// The pages go to docs/divergences; pages of drivers that this machine lacks stay unchanged.
     Divergences,
     /// Check the shaders of published crates: whether they open, link, validate and can be called.
     ///
@@ -97,14 +96,13 @@ enum Task {
     Corpus {
         /// The list of crates and folders [default: ci/corpus.toml]
         list: Option<PathBuf>,
-        /// Take each function through every translation, instead; the table goes to
-        /// docs/corpus-translations.md
+        /// Instead, run each function in every translation; the table goes to docs/corpus-translations.md
         #[arg(long)]
         routes: bool,
-        /// Ask naga and Tint about each module, instead; the table goes to docs/corpus-compilers.md
+        /// Instead, validate each module with naga and with Tint; the table goes to docs/corpus-compilers.md
         #[arg(long, conflicts_with_all = ["routes", "json"])]
         compilers: bool,
-        /// Write the rows as JSON, too; with --routes, into a folder
+        /// Also write the rows as JSON to this file, or with --routes into this folder
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
     },
@@ -122,7 +120,7 @@ enum Task {
     Matrix,
     /// Build and test the crates as they would be published: packed, unpacked, away from the repository.
     ///
-    /// Cargo takes each from the unpacked folders in place of the registry. This takes minutes.
+    /// Cargo uses the unpacked packages in place of those in the registry. This takes minutes.
     Package,
     /// Run tests with cargo-nextest, once whole and once in three parts, and compare the reports.
     Nextest,
@@ -133,7 +131,7 @@ enum Task {
     /// An archive with its checksum, npm packages and a Python wheel, in target/dist/packages. Needs python3 with
     /// `venv`, and for this machine's own target also npm.
     Dist {
-        /// Another target than this machine's, such as aarch64-unknown-linux-gnu
+        /// The target to build for [default: this machine's], such as aarch64-unknown-linux-gnu
         #[arg(long, value_name = "TRIPLE")]
         target: Option<String>,
     },
@@ -144,26 +142,27 @@ enum Task {
     },
     /// Print a random sample of the sentences that people read, for a reader who has never seen them.
     Sentences {
-        /// Where they come from
+        /// The texts from which the sentences come
         from: sentences::Source,
-        /// How many
+        /// The number of sentences
         #[arg(long, default_value_t = 30)]
         count: usize,
-        /// Another seed gives another sample
+        /// The seed of the sample: another seed gives other sentences
         #[arg(long, default_value_t = 0)]
         seed: u64,
     },
-    /// Measure the harness: lines, public items, and over how many files an idea is spread.
+    /// Measure the harness: lines, public items, and the number of files that mention a verb, a path or a subcommand.
     Size {
         /// A revision to compare the working tree with.
         revision: Option<String>,
     },
     /// Try every mutant of the shader library, and check that its tests kill it; this takes hours.
     ///
-    /// Runs `karat mutate`, of which `cargo ci test` tries a few mutants. The fate of each is written to
+    /// Runs `karat mutate`, of which `cargo ci test` tries a few mutants. The result for each mutant is written to
     /// `target/karat/mutation.json`.
     Mutants {
-        /// Only these: a module, a function, or the id of a mutant, such as `brdf`, `brdf::schlick` or `b778d00e`.
+        /// Try only mutants of this module or function, or the mutant with this id, such as `brdf`, `brdf::schlick` or
+        /// `b778d00e`.
         names: Vec<String>,
     },
 }

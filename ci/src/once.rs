@@ -1,7 +1,7 @@
 //! Checks that Cargo compiles each dependency and each library only once, into one file.
 //!
-//! Cargo compiles a crate once for each set of its features, and again if one of its dependencies is compiled again. The
-//! features depend on the packages and targets that a command names. [`COMMANDS`] lists the commands that people,
+//! Cargo compiles a crate once for each set of its features, and again if one of its dependencies is compiled again.
+//! The features depend on the packages and targets that a command names. [`COMMANDS`] lists the commands that people,
 //! `cargo ci demo` and `cargo ci test` run. Each command must reuse the output of the commands before it.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,7 +23,7 @@ const COMMANDS: [&[&str]; 6] = [
     &["test", "--workspace", "--locked", "--no-run"],
 ];
 
-/// Files of each package's library, each with the features with which it was compiled.
+/// For each package, the compiled files of its library, each with the features of its compilation.
 type Compiled = BTreeMap<String, BTreeMap<Utf8PathBuf, Vec<String>>>;
 
 /// Reads Cargo's build messages for each command, and names the code that was compiled more than once.
@@ -108,12 +108,13 @@ fn note(
     Ok(())
 }
 
-/// Checks if a library was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
+/// Checks if a library was compiled for build scripts and macros: such libraries have the optimisation level 0, from
+/// `[profile.dev.build-override]`.
 fn is_for_host(artifact: &Artifact, hosts: &BTreeSet<PackageId>) -> bool {
     hosts.contains(&artifact.package_id) && artifact.profile.opt_level == "0"
 }
 
-/// A line for each library in several files, with the difference in features.
+/// A line for each library that was compiled into several files, with the features that differ between the files.
 fn twice(compiled: &Compiled) -> Vec<String> {
     let several = compiled.iter().filter(|(_, files)| files.len() > 1);
     let line = |(package, files): (&String, &BTreeMap<Utf8PathBuf, Vec<String>>)| {

@@ -11,11 +11,11 @@ use cargo_metadata::{Metadata, MetadataCommand, Package};
 use crate::command;
 use crate::step::Steps;
 
-/// Each package has a copy of the licences, because a registry shows only files of the package. On Windows git would write
-/// a link as a text file.
+/// Each package has copies of these files, because a registry shows only files of the package. Links instead of copies
+/// would fail on Windows, where git writes a link as a text file.
 const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
 
-/// The limit of crates.io.
+/// The largest number of keywords that crates.io accepts.
 const MOST_KEYWORDS: usize = 5;
 
 const PRIVATE: [&str; 3] = ["ci", "shaders", "tests"];
@@ -86,7 +86,7 @@ fn extension() -> Result<Vec<String>> {
     Ok(problems)
 }
 
-/// The fields that are missing in the manifest.
+/// A message for each field that a package's manifest lacks, or that has too many values.
 fn untold(package: &Package) -> Vec<String> {
     let is_library = package.targets.iter().any(|target| target.is_lib());
     let said = [
@@ -104,7 +104,7 @@ fn untold(package: &Package) -> Vec<String> {
     missing.map(|(what, _)| format!("its manifest has no `{what}`, or too many")).collect()
 }
 
-/// Copies of licences that differ from the repository's licences.
+/// A message for each copy of a licence that differs from the repository's licence, or is missing.
 fn unlike_ours(package: &Package) -> Result<Vec<String>> {
     let folder = package.manifest_path.parent().context("a manifest has a folder")?;
     let mut problems = Vec::new();
@@ -185,8 +185,8 @@ fn unpack() -> Result<()> {
     for (name, version) in names()? {
         let member = format!("{name}-{version}");
         let file = target().join("package").join(format!("{member}.crate"));
-        // `m` gives files the current time. In the archive all files have the same date, so Cargo would mistake a
-        // package for that of the last run.
+        // `m` gives files the current time. In the archive all files have the same date, so Cargo would mistake a new
+        // package for the package of the last run.
         command::run(Command::new("tar").arg("-xzmf").arg(&file).arg("-C").arg(&folder))?;
         patches.push_str(&format!("{name} = {{ path = \"{member}\" }}\n"));
         members.push(member);

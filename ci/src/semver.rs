@@ -17,13 +17,13 @@ use crate::command;
 const FILE: &str = "ci/baseline.txt";
 const BASELINE: &str = include_str!("../baseline.txt");
 
-/// The libraries with stable interfaces. The others are internal parts of Karat.
+/// The libraries with stable interfaces. Other libraries are internal parts of Karat.
 const PROMISED: [&str; 3] = ["karat", "karat-gallery", "karat-suite"];
 
 const TOOLS: [&str; 2] = ["cargo-semver-checks", "cargo-public-api"];
 
-/// Compares with a revision. Without a revision, compares with the newest release, or with the revision in
-/// `ci/baseline.txt` if there is no release.
+/// Compares the interfaces with those of a revision. Without a revision, compares them with the newest release, or with
+/// the revision in `ci/baseline.txt` if there is no release.
 pub(crate) fn run(revision: Option<String>) -> Result<()> {
     for tool in TOOLS {
         let name = tool.trim_start_matches("cargo-");
@@ -209,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_missing_revision_is_an_error_with_a_remedy() {
-        // An object name is never all zeros.
+        // No object of git has a name of only zeros.
         let gone = "0".repeat(40);
         let why = expect_there(&gone, FILE).expect_err("there is none").to_string();
         assert!(why.contains("names `000") && why.contains("git fetch --unshallow"), "{why}");

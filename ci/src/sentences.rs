@@ -33,12 +33,15 @@ const WRITTEN: [&str; 5] = [
 /// The fewest words of a message. A shorter text is a name or a part of a sentence.
 const FEWEST_WORDS: usize = 5;
 
+/// Code before a string literal that no user sees.
+const UNSEEN: [&str; 4] = ["expect(", "expect_err(", "unreachable!(", "reason ="];
+
 /// A sentence, with the text before it.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 struct Sentence {
-    /// The line on which its paragraph begins.
+    /// The line on which the sentence's paragraph begins.
     line: usize,
-    /// The heading above it, or the code that a comment documents.
+    /// The heading above the sentence, or the code that the sentence's comment documents.
     about: String,
     /// The sentence before this one in its paragraph or row.
     before: String,
@@ -140,7 +143,8 @@ fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
     found
 }
 
-/// Whole string literals of Rust code, without their line breaks.
+/// The string literals of Rust code that people see, without their line breaks. Raw strings are shaders, and the texts of
+/// `expect` and `unreachable!` appear only in a bug report. `ci` compiles before everything else, so it has no parser.
 fn literals(text: &str) -> Vec<Paragraph> {
     let (mut found, mut rest, mut line) = (Vec::new(), text, 1);
     while let Some(first) = rest.chars().next() {
@@ -162,7 +166,10 @@ fn literals(text: &str) -> Vec<Paragraph> {
             let end = end.map_or(rest.len(), |at| at + 2);
             let words = rest[1..end - 1].replace("\\\n", "").replace("\\n", " ");
             let words: Vec<_> = words.split_whitespace().collect();
-            found.push((line, String::new(), words.join(" ")));
+            let code = text[..text.len() - rest.len()].trim_end();
+            if !UNSEEN.iter().any(|before| code.ends_with(before)) {
+                found.push((line, String::new(), words.join(" ")));
+            }
             end
         } else {
             first.len_utf8()
@@ -173,7 +180,8 @@ fn literals(text: &str) -> Vec<Paragraph> {
     found
 }
 
-/// Cuts a paragraph at the cells of a table, and at each point that a capital or code follows.
+/// Cuts a paragraph into sentences: between the cells of a table, and after each full stop before a capital letter or
+/// code.
 fn cut((line, about, paragraph): Paragraph) -> Vec<Sentence> {
     let mut marked = paragraph.replace("| ", "|\n");
     for first in ('A'..='Z').chain(['`', '*', '[', '"']) {
@@ -211,7 +219,7 @@ mod tests {
                 "9 [A head of five words here] () - An item of five words"
             ]
         );
-        let code = "/// Adds a number to\n/// another one.\n#[must_use]\nfn f() { bail!(\"can't read a \\\n    file of {x}\") } // not this line here at all\nlet quote = '\"'; \"a message after a quotation mark\"";
+        let code = "/// Adds a number to\n/// another one.\n#[must_use]\nfn f() { bail!(\"can't read a \\\n    file of {x}\") } // not this line here at all\nlet quote = '\"'; \"a message after a quotation mark\"; x.expect(\"a text that no user sees\")";
         assert_eq!(
             found(Source::Comments, code),
             [r#"1 [fn f() { bail!("can't read a \] () Adds a number to another one."#]

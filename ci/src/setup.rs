@@ -1,7 +1,7 @@
 //! `cargo ci setup`: checks that the execution paths that the tests require can load.
 //!
 //! This step only looks at files, so it takes milliseconds and doesn't need the harness. `karat doctor` opens the
-//! paths; the commands that build it run it afterwards.
+//! paths. The commands of `cargo ci` that build `karat` run `karat doctor` afterwards.
 
 use anyhow::{Result, bail};
 

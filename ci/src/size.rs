@@ -1,5 +1,5 @@
 //! `cargo ci size`: measures the size of the harness, and the number of files that mention a verb, a path or a
-//! subcommand. You can compare two revisions: it reads only text.
+//! subcommand. The command reads only text, so it also measures older revisions.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -13,8 +13,8 @@ use crate::command;
 /// The folder with the sources to measure: all packages, without their tests.
 const HARNESS: &str = "harness";
 
-/// A verb, a path and a subcommand with unique names. A new verb, path or subcommand would change about as many files
-/// as the files that mention such a name.
+/// A verb, a path and a subcommand with unique names. The number of files that mention such a name shows how many files
+/// a new verb, path or subcommand would change.
 const SPREAD: [(&str, &str, &str); 3] = [
     ("files of a verb", "harness", "is_unit"),
     ("files of a path", "harness/src", "Api::Dx12"),
@@ -189,7 +189,8 @@ fn reads_message(line: &str) -> bool {
     })
 }
 
-/// Groups of modules in a room that use each other in a cycle, such as `check: sample, session`.
+/// Groups of modules that use each other in a cycle, such as `check: sample, session`. The modules of a group are in
+/// one room, which is a folder of the sources.
 fn circles(all: &[Source]) -> Vec<String> {
     // `check/integral/sum.rs` belongs to the module `integral` of the room `check`.
     let mut rooms: BTreeMap<&str, BTreeMap<&str, BTreeSet<String>>> = BTreeMap::new();
@@ -230,7 +231,7 @@ fn circles(all: &[Source]) -> Vec<String> {
     rooms.iter().flat_map(of_room).collect()
 }
 
-/// The names that follow in a path: one name, or the names in braces.
+/// The names at the beginning of `text`, which is the rest of a path: one name, or the names in braces.
 fn first_names(text: &str) -> Vec<String> {
     let Some(inner) = text.strip_prefix('{') else { return vec![word(text)] };
     let (mut depth, mut names, mut begins) = (0_usize, Vec::new(), true);
@@ -285,10 +286,11 @@ fn word(text: &str) -> String {
 mod tests {
     use super::*;
 
-    /// The number of functions above [`LONG`] lines. Split one before you write another.
+    /// The largest number of functions with more than [`LONG`] lines. Split such a function before you write a new one.
     const MOST_LONG: usize = 60;
 
-    /// The lines of code of each room: a folder of the library's sources, or a package beside it.
+    /// The number of lines of code in each room. A room is a folder of the library's sources, or a package beside the
+    /// library.
     fn rooms(all: &[Source]) -> BTreeMap<String, usize> {
         let mut rooms = BTreeMap::new();
         for source in all {
@@ -331,8 +333,8 @@ mod tests {
         assert_eq!(circles(&circle), ["a: b, c, d"]);
     }
 
-    /// The lines that ARCHITECTURE.md allows each room. If you need more, write the new number and the reason in the
-    /// same commit.
+    /// ARCHITECTURE.md limits the number of lines of each room. If you need more lines, write the new number and the
+    /// reason in the same commit.
     #[test]
     fn no_folder_exceeds_its_line_budget() {
         let page = std::fs::read_to_string(command::root().join("ARCHITECTURE.md")).expect("it is");

@@ -28,8 +28,8 @@ impl Steps {
         Self { task, started: Instant::now(), done: Vec::new() }
     }
 
-    /// Runs one step, and keeps its verdict. Returns `true` if the step passed. A command that chains its steps with `&&`
-    /// stops at the first failure.
+    /// Runs one step, and keeps its verdict. Returns `true` if the step passed. A command that chains its steps with
+    /// `&&` stops at the first failure.
     pub(crate) fn run(&mut self, name: &'static str, work: impl FnOnce() -> Result<()>) -> bool {
         eprintln!("== {name}");
         let started = Instant::now();
@@ -72,7 +72,7 @@ impl Steps {
     }
 }
 
-/// The exit code of work that is a single step. Prints its error first.
+/// The exit code of a command that is a single step. If the step failed, prints its error first.
 pub(crate) fn verdict(outcome: Result<()>) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -53,8 +53,8 @@ pub(crate) fn build() -> Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// Runs the example without Rust. Other steps run the examples for wgpu and npm. `cargo ci full` runs the example that
-/// fetches Bevy's shaders.
+/// Runs the example project that has no Rust. Other steps run the examples for wgpu and npm. `cargo ci full` runs the
+/// example that fetches Bevy's shaders.
 fn examples() -> Result<()> {
     command::run_aside(&mut command::karat(&["test", "harness/examples/folder/shaders"])?)
 }
@@ -76,7 +76,7 @@ fn both_compilers() -> Result<()> {
     command::run_aside(&mut check)
 }
 
-/// Runs every test. `karat` later reads the recorded verdicts as the last run.
+/// Runs every test. `karat` later reads the recorded verdicts as those of the last run.
 fn test() -> Result<()> {
     let records = output().join("record");
     let running = Running::begin(&records)
@@ -201,7 +201,7 @@ fn behind_a_pipe() -> Result<()> {
     Ok(())
 }
 
-/// Tests of these modules of the shader library, on Karat's engine in another process.
+/// The command that tests these modules of the shader library, on Karat's engine in another process.
 pub(crate) fn piped(modules: &[&str]) -> Command {
     let mut test = in_another_process("library", "cpu");
     // Frames need a driver, and so does the test of a fault in a driver's `pow`.
@@ -210,7 +210,7 @@ pub(crate) fn piped(modules: &[&str]) -> Command {
     test
 }
 
-/// Tests of resources, passes and frames on Vulkan in another process.
+/// The command that tests resources, passes and frames on Vulkan in another process.
 fn strangers() -> Command {
     let mut test = in_another_process("strangers", "vulkan");
     // Derivatives need a quad that a driver draws.
@@ -238,7 +238,7 @@ pub(crate) fn long() -> Command {
     test
 }
 
-/// A test program on a path that runs jobs in another process.
+/// The command that runs a test program on a path that runs jobs in another process.
 fn in_another_process(program: &str, path: &str) -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     test.args(["--test", program, "--"]);
@@ -263,7 +263,7 @@ fn report(passed: bool) -> Result<()> {
     }
 }
 
-/// Checks that some test compares each golden. Otherwise the golden is useless, or its test is missing.
+/// Checks that some test compares each golden. A golden that no test compares is useless, or its test is missing.
 fn unreferenced() -> Result<()> {
     command::run_aside(&mut command::karat(&["unreferenced"])?)
 }

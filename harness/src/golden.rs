@@ -282,7 +282,7 @@ impl Goldens {
     /// without its own golden uses the golden for all profiles, and never a golden of another profile.
     fn used(&self, case: &str, profile: &Profile) -> (PathBuf, bool) {
         let own = self.golden_of(case, profile);
-        // A broken link counts as the profile's own golden: somebody made that golden once.
+        // A broken link counts as the profile's own golden, because an author made that link.
         if own.symlink_metadata().is_ok() { (own, true) } else { (self.golden(case), false) }
     }
 

@@ -1,4 +1,4 @@
-//! Dependencies between modules go in one direction, and only some modules name the large crates.
+//! Tests that dependencies between modules go in one direction, and that only some modules name the large crates.
 //!
 //! The tests parse the sources, so they find each path in code, and ignore comments and strings.
 
@@ -10,7 +10,7 @@ use syn::visit::{self, Visit};
 /// A row of the table of modules in ARCHITECTURE.md.
 struct Row {
     module: String,
-    /// The crates with owners that this module may name.
+    /// The large crates that this module may name: see [`LARGE`].
     crates: Vec<String>,
 }
 
@@ -32,7 +32,7 @@ fn order() -> Vec<Row> {
     rows
 }
 
-/// Crates with owners: only the modules that ARCHITECTURE.md lists may name these crates.
+/// The large crates. Only the modules that ARCHITECTURE.md lists for such a crate may name the crate.
 const LARGE: [&str; 11] = [
     "wgpu",
     "naga",
@@ -53,10 +53,10 @@ const CORE: usize = 13;
 /// The number of rows, at the end of the table, that belong to the crate `karat-inspect`.
 const INSPECT: usize = 8;
 
-/// The most direct dependencies of the library, which a user's tests compile.
+/// The largest number of direct dependencies that the library may have. A user's tests compile all of them.
 const MOST_DEPENDENCIES: usize = 26;
 
-/// The most names at the root, without modules and macros. A new user reads these names first.
+/// The largest number of names at the library's root, without modules and macros. A new user reads these names first.
 const MOST_NAMES: usize = 36;
 
 /// The modules of the library and the crates that a module's code names.
@@ -70,7 +70,7 @@ struct Names {
 }
 
 impl Names {
-    /// Notes a path in a file that is `up` modules below the root of the library.
+    /// Records a path in a file that is `up` modules below the root of the library.
     fn path(&mut self, parts: &[String]) {
         let supers = parts.iter().take_while(|part| *part == "super").count();
         let rest = &parts[supers..];
@@ -99,7 +99,7 @@ impl Names {
         }
     }
 
-    /// Notes paths in the arguments of a macro, which `syn` doesn't parse: `word :: word`.
+    /// Records paths in the arguments of a macro, which `syn` doesn't parse: `word :: word`.
     fn tokens(&mut self, text: &str) {
         let text = text.replace(" :: ", "::");
         let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));
@@ -244,7 +244,7 @@ fn only_their_owners_name_the_large_crates() {
     }
 }
 
-/// The parser finds paths in code, and none in comments and strings.
+/// The parser finds paths in code, and ignores paths in comments and strings.
 #[test]
 fn paths_are_found_wherever_they_stand() {
     let text = r#"
@@ -461,7 +461,8 @@ impl Promise {
         Self { names }
     }
 
-    /// The promised public items of a file, with the methods of promised types in other files.
+    /// The file's public items that belong to the stable part, including methods of stable types that other files
+    /// define.
     fn items(&self, file: &Path, below: &Path) -> Vec<Item> {
         let room = below.iter().next().expect("it is in a room").to_string_lossy();
         let room = room.strip_suffix(".rs").unwrap_or(&room);
@@ -508,8 +509,8 @@ fn paths_of(before: &[String], tree: &syn::UseTree, paths: &mut Vec<Vec<String>>
     }
 }
 
-/// The most names that the library promises: types, functions, methods, traits and macros. Users rely on each name, so
-/// avoid a new one.
+/// The largest number of names that the library may promise: types, functions, methods, traits and macros. Users rely
+/// on each name, so avoid a new one.
 const MOST_PROMISED: usize = 312;
 
 /// The documentation of each promised item shows how to use the item.

@@ -34,7 +34,7 @@ fn print(x: f32, n: u32) -> Result<String, ProbeError> {
     asserted.map(|()| text)
 }
 
-/// A line prints the value of its expression each time when control reaches it.
+/// A `print` comment prints the value of its expression each time control reaches the comment's line.
 // Lesson 37
 #[test]
 fn a_call_prints_its_values() {
@@ -93,7 +93,7 @@ fn assertions_are_evaluated_in_each_kind_of_check() {
     assert!(told.to_string().contains("the assertion `x < 0.5` is false"), "{told}");
 }
 
-/// The engine evaluates assertions. If it can't evaluate one, the check fails.
+/// If the engine can't evaluate an assertion, the check fails.
 // Lesson 37: nothing is silent
 #[test]
 fn an_assertion_that_is_not_looked_at_is_an_error() {
@@ -149,7 +149,8 @@ fn passes_assert_and_print() {
     assert!(tables.is_err());
 }
 
-/// A frame fails if an assertion is false in a pixel, also inside a loop, and prints the values of its lines.
+/// The check of a frame fails if an assertion is false in a pixel, also inside a loop. A tap reads the values of a
+/// `print` comment in the frame's shader.
 // Lesson 37
 #[test]
 fn frames_assert_and_print() {
@@ -215,8 +216,8 @@ fn vertex_functions_are_not_looked_at() {
     }
 }
 
-/// A line can't change a value: calls that write and atomics are refused. An assertion that reads out of bounds isn't
-/// true.
+/// Assertions and prints can't change a value: Karat refuses atomics and calls that write. An assertion that reads out
+/// of bounds is false.
 // Lesson 37
 #[test]
 fn assertion_comments_cannot_write_or_read_out_of_bounds() {
@@ -246,7 +247,7 @@ fn assertion_comments_cannot_write_or_read_out_of_bounds() {
     assert!(outside.contains("`all[i] > 0.0` reads outside of an array"), "{outside}");
 }
 
-/// NaN is counted, and is neither the smallest nor the largest value.
+/// The message counts the NaNs among printed values. NaN is neither the smallest nor the largest value.
 // Lesson 37
 #[test]
 fn nan_is_counted() {

@@ -1,4 +1,4 @@
-//! Modules as engines write them: conditions, directives of `naga_oil`, files that include other files, and
+//! Modules as game engines write them: conditions, directives of `naga_oil`, files that include other files, and
 //! preprocessors that Karat doesn't have.
 
 use insta::assert_snapshot;
@@ -446,7 +446,7 @@ fn an_include_guard_is_read() {
     let wrong = Package::from_modules("m", [("a", guard(&twice.replace("2.0", "nonsense")))]);
     let invalid = wrong.try_is_valid().expect_err("an unknown name").to_string();
     assert!(invalid.contains("<a>:3:34"), "{invalid}");
-    // If the author sets the name, the text is left out, and a message says so.
+    // If the author sets the guard's name, the module's text is left out, and a message says so.
     let left_out = error(&package.feature("G", true), "a::twice");
     assert!(left_out.contains("is declared under `#ifndef G`"), "{left_out}");
     // Tests inside the guard run, too.
@@ -648,8 +648,8 @@ fn karat_toml_says_what_expands_modules() {
     }
 }
 
-/// Texts that a host joins share their names. For a missing name the error says which module declares it. A declared
-/// name isn't a placeholder.
+/// Texts that a host program joins see each other's names. If a name is missing, the error says which module declares
+/// the name. A name that some module declares isn't a placeholder.
 #[test]
 fn files_that_the_host_concatenates_share_their_names() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -775,7 +775,7 @@ fn the_first_import_syntax_of_naga_oil_is_accepted() {
     assert!(said.contains("half"), "{said}");
 }
 
-/// A package may import from itself by its own name, as in Bevy's WESL modules.
+/// A module may import from its own package by the package's name, as in Bevy's WESL modules.
 #[test]
 fn a_package_imports_from_itself_by_its_name() {
     let modules = [
@@ -788,7 +788,7 @@ fn a_package_imports_from_itself_by_its_name() {
     assert!(said.contains("has no dependency `demo`"), "{said}");
 }
 
-/// An include finds a file by its path, although a module declares the file's name as its own.
+/// An include finds a file by the file's path, even if another module declares the same path as its import path.
 #[test]
 fn a_file_is_included_beside_a_module_of_its_name() {
     let package = Package::from_modules(
@@ -886,7 +886,7 @@ fn f(x: f32) -> f32 {
     }
 }
 
-/// For a misspelt condition the error names the condition, and not the feature that seems unused.
+/// If a condition is misspelt, its feature seems unused. The error names the condition, not the feature.
 #[test]
 fn a_misspelt_condition_is_shown_beside_its_feature() {
     let text =
@@ -932,7 +932,7 @@ fn conditions_end_where_they_should() {
         .agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
 }
 
-/// Values in `karat.toml` replace the placeholders that an engine's code would replace.
+/// Values in `karat.toml` replace the placeholders that a game engine's code would replace.
 // Lesson 145
 #[test]
 fn values_stand_for_placeholders() {

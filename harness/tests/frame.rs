@@ -90,7 +90,8 @@ fn attributes_reach_the_vertex_function() {
     }
 }
 
-/// The columns have the values 0, 1, 2, 3. The means of two columns are 1/2 and 5/2, and the mean of all is 3/2.
+/// The columns of the texture have the values 0, 1, 2 and 3. So the next mip level has the values 1/2 and 5/2, and the
+/// last level has the value 3/2.
 #[test]
 fn levels_are_means() {
     for image in drawn("levels", true) {
@@ -139,7 +140,7 @@ fn the_mean_of_a_rectangle_is_what_is_expected() {
     assert!(is_mean(&error), "{error}");
 }
 
-/// The paths that open, each with the selector of its driver there: `gl@llvmpipe`.
+/// The paths that open, each with the selector of its driver, such as `gl@llvmpipe`.
 fn drivers() -> Vec<(Path, String)> {
     let adapters = Path::ALL
         .into_iter()
@@ -147,7 +148,8 @@ fn drivers() -> Vec<(Path, String)> {
     adapters.map(|(path, adapter)| (path, format!("{path}@{}", adapter.family()))).collect()
 }
 
-/// A tolerance for a driver replaces the tolerance for its path, and that one replaces the general tolerance.
+/// A tolerance for a driver replaces the tolerance for the driver's path. A tolerance for a path replaces the general
+/// tolerance.
 #[test]
 fn the_most_particular_tolerance_holds() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -28,7 +28,7 @@ fn image(width: u32, height: u32, value: impl Fn(u32, u32, u32) -> f32) -> Image
     Image::new(width, height, (0..width * height).map(pixel).collect())
 }
 
-/// The pairs of `data/flip/vectors.py`.
+/// The golden and the other image of the pair that `data/flip/vectors.py` calls `name`.
 fn pair(name: &str) -> (Image, Image) {
     let noise = |seed: u32| move |x: u32, y: u32, c: u32| random(x, y, c, seed);
     let sized = |value: &dyn Fn(u32, u32, u32) -> f32| image(WIDTH, HEIGHT, value);
@@ -69,7 +69,7 @@ fn published(name: &str) -> Vec<f32> {
     bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
-/// Name, first and last exposure, pixels per degree.
+/// Each case has a name, the first and the last exposure, and the number of pixels per degree.
 const CASES: [(&str, f64, f64, f32); 6] = [
     ("noise", -3.0, 2.0, Flip::MEAN.pixels_per_degree),
     ("edges", -6.0, 1.0, Flip::MEAN.pixels_per_degree),
@@ -102,7 +102,8 @@ fn flip_values_equal_those_of_the_published_implementation() {
     println!("largest difference from the published implementation: {largest:e}");
 }
 
-/// The exposure with the largest error is that of FLIP's authors, if Karat's additional exposures show no larger error.
+/// The exposure with the largest error is the one that the program of FLIP's authors reports, if Karat's additional
+/// exposures show no larger error.
 #[test]
 fn exposures_are_those_of_flips_authors() {
     let mut same = 0;
@@ -179,7 +180,7 @@ fn exposures_tell_highlights_from_shadows() {
     assert!(masked.at(104, 95).is_none() && masked.at(105, 95).is_some(), "{masked:?}");
 }
 
-/// LDR-FLIP of the same images, as a display shows them. Only one half of `far` differs, so only that half is
+/// LDR-FLIP compares the same images as a display shows them. Only one half of `far` differs, so only that half is
 /// computed.
 #[test]
 fn ldr_flip_is_what_its_authors_compute() {
@@ -339,7 +340,7 @@ fn an_image_is_stored_as_precisely_as_the_gate_compares() {
         image.pixels_mut()[64 * 20 + 9][channel] = value;
         image
     };
-    // The key is near 8, so values below 8e-4 are compared as if they were 8e-4.
+    // The image's key is near 8, so values below 8e-4 are compared as if they were 8e-4.
     for (channel, value, expected) in [
         (1, 65504.0, Precision::Half),
         (1, 7e4, Precision::Float),

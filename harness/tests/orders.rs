@@ -153,7 +153,7 @@ fn tests_nearly_always_find_outcomes_of_unusual_orders() {
             continue;
         }
         let outcome = &all[random.below(all.len() as u64) as usize];
-        // All invocations in one workgroup, or each in its own.
+        // All invocations are in one workgroup, or each has its own.
         let places: Vec<u32> = match random.below(2) {
             0 => (0..program.len() as u32).map(|who| 2 * who + 1).collect(),
             _ => (0..program.len() as u32).map(|who| 8 * who + who).collect(),
@@ -177,7 +177,7 @@ fn tests_nearly_always_find_outcomes_of_unusual_orders() {
 #[test]
 fn outcomes_of_no_order_are_never_met() {
     for (first, second) in [
-        // Two reads of one word see its writes in order.
+        // Two reads of one atomic see the writes to it in order.
         (
             "atomicStore(&a[0], 1u); atomicStore(&a[0], 2u);",
             "let x = atomicLoad(&a[0]); let y = atomicLoad(&a[0]); out[0] = 1u + u32(x == 2u && y == 1u);",
@@ -218,7 +218,8 @@ fn litmus(first: &str, second: &str, workgroups: u32) -> String {
 }
 
 /// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*). Karat finds each outcome that WGSL allows
-/// and that no order of sequentially consistent atomics has, except one that needs a store before an earlier load.
+/// and that no order of sequentially consistent atomics has. The only exception needs a store that takes effect before
+/// an earlier load.
 // Lesson 217
 #[test]
 fn outcomes_of_relaxed_atomics_are_met() {
@@ -290,7 +291,8 @@ fn outcomes_of_relaxed_atomics_are_met() {
     assert!(!order.to_string().contains("atomics are relaxed"), "{order}");
 }
 
-/// Two atomics are ordered by a barrier, by the same word, or by a pass boundary, and by nothing else.
+/// Two atomic operations of an invocation have an order only if a barrier or a pass boundary lies between them, or if
+/// both use the same `u32`.
 // Lesson 217
 #[test]
 fn only_barriers_passes_and_the_same_word_order_two_atomics() {

@@ -67,7 +67,7 @@ fn imports_are_followed_through_modules_and_packages() {
     assert!(!kernel.contains("square"), "{kernel}");
 }
 
-/// A function of a dependency has the name that an import uses. The package's own functions come first.
+/// A test names a function of a dependency in the same way as an import does. The package's own functions come first.
 #[test]
 fn a_function_agrees_with_one_of_another_package() {
     let shaders = |factor: &str| {

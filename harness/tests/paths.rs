@@ -65,7 +65,7 @@ struct Fake {
 /// A compiled function of the executor.
 struct Ready {
     name: String,
-    /// The number of words of the arguments and of the result.
+    /// The number of `u32`s of the arguments. `words` is the number of `u32`s of the result.
     width: usize,
     words: usize,
     fault: Fault,
@@ -171,7 +171,7 @@ impl Prepared for Ready {
                     let v = [0, 1].map(|lane| f32::from_bits(row[lane]));
                     vec![off(-v[1], v[0] + 1.0), v[0]]
                 }
-                // A wrong frame is left-handed.
+                // A wrong basis is left-handed.
                 "frame" => vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, off(1.0, -1.0)],
                 // A test in WGSL with one expectation.
                 _ => {
@@ -496,7 +496,7 @@ fn a_path_that_refuses_is_declared_by_itself() {
     }
 }
 
-/// Programs can match each kind of error.
+/// A program can match on each kind of error.
 // Lesson 172
 #[test]
 fn failures_of_paths_are_data() {

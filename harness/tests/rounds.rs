@@ -54,7 +54,7 @@ fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
     }
 }
 
-/// The rounds of all loops of an invocation are added up, including loops in called functions.
+/// Karat adds up the rounds (iterations) of all loops of an invocation, including loops in called functions.
 // Lesson 55
 #[test]
 fn rounds_of_all_loops_of_an_invocation_are_added() {
@@ -74,8 +74,8 @@ fn rounds_of_all_loops_of_an_invocation_are_added() {
     }
 }
 
-/// The driver counts a round for a loop that no case enters, each time when the code around the loop runs. So it leaves
-/// other loops after fewer rounds.
+/// The driver counts a round for a loop that no case enters, each time when the code around the loop runs. So the
+/// driver leaves other loops after fewer rounds.
 // Lesson 55
 #[test]
 fn loops_that_are_never_entered_count() {
@@ -106,7 +106,7 @@ fn loops_that_are_never_entered_count() {
     counts("before", 65_000, &[65_535, 131_072]);
 }
 
-/// The invocations of one vector share the driver's counter of rounds. Each of these cases is short enough alone.
+/// The invocations of one vector share the driver's counter of rounds. Each of these cases alone has few enough rounds.
 // Lesson 55
 #[test]
 fn a_loop_is_not_stopped_by_the_rounds_of_other_invocations() {

@@ -15,7 +15,7 @@ fn package(text: &str) -> Package {
     Package::from_source("spec", text)
 }
 
-/// A check of a function with one argument from 0 to 1, on the engine.
+/// Checks the function `f`, with an argument from 0 to 1, on a driver without a fault.
 fn check(
     text: &str,
     reference: impl Fn(f64) -> f64 + Sync,
@@ -163,7 +163,8 @@ fn a_specification_that_judges_nothing_is_an_error() {
     }
 }
 
-/// WGSL doesn't bound the sine of such angles. The checks run on the paths that the environment selects.
+/// A function with the sine of angles for which WGSL gives no bound. Its checks run on the paths that the environment
+/// selects.
 const WAVE: &str = "fn f(x: f32) -> f32 { return 0.5 * sin(4.0 + 40.0 * x); }";
 
 // Lesson 92
@@ -185,7 +186,7 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
     let need = DeviceSpec.needing(Rel(1e-3)).or(Abs(1e-4));
     let agreement = check(WAVE, wave, need.clone().into()).expect("it agrees");
     assert_eq!(agreement.cases, 4096);
-    // The error is larger than that of any measured adapter.
+    // This reference is wrong by more than the error of any measured adapter.
     let off = |x: f64| 0.5 * (4.0 + 40.0 * x).sin() + 1e-2;
     let wrong = disagreement(check(WAVE, off, DeviceSpec.needing(Abs(1e-3)).into()));
     assert!(wrong.paths[0].census.shader > 2000, "{wrong}");
@@ -351,7 +352,7 @@ fn a_function_agrees_with_itself_in_any_order() {
     let over = (1.0..=4.0, 1.0..=4.0, 0.0..=4.0, 1e-3..=1.0);
     let sum = |x: f64, y: f64, t: f64, z: f64| x * (1.0 - t) + y * t + z;
     four.function("f").over(over).agrees_with(sum, Spec.or(Abs(1e-4)));
-    // `x % y` is "inherited from x - y * trunc(x / y)": a product, and a sum of three with `s`.
+    // `x % y` is "inherited from x - y * trunc(x / y)": a product, and a sum of three terms with `s`.
     let wrapped = package("fn f(a: f32, b: f32, s: f32) -> f32 { return a * b % 289.0 + s; }");
     let over = (1.0..=300.0, 1.0..=300.0, 0.0..=1.0);
     let reference = |a: f64, b: f64, s: f64| a * b % 289.0 + s;
@@ -470,7 +471,7 @@ impl Random {
     }
 }
 
-/// An executor of this machine under another name.
+/// An executor of this machine under the name `cpu@here`.
 #[derive(Debug)]
 struct Here(&'static dyn Executor);
 
@@ -488,8 +489,8 @@ impl Executor for Here {
     }
 }
 
-/// The function for which Mesa's drivers return a result outside WGSL's bound, with the reason. The test fails if they
-/// don't.
+/// The function for which Mesa's drivers return a result outside WGSL's bound, with the reason. The test fails if the
+/// drivers return a result within the bound.
 const BEYOND: [(&str, &str, &str); 1] = [(
     "gl",
     "dot(vec2f(p1.x, p1.y), vec2f(p1.y, p1.x))",

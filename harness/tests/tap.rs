@@ -252,7 +252,8 @@ fn several_targets_and_depth_stay() {
     }
 }
 
-/// One draw reads up to 32 bytes per pixel. Several values in one draw are the same as each value in its own draw.
+/// One draw reads up to 32 bytes per pixel. If one draw reads several values, each value is the same as if the draw
+/// read only this value.
 // Lesson 214
 #[test]
 fn values_read_in_one_draw_equal_values_read_alone() {
@@ -277,7 +278,7 @@ fn values_read_in_one_draw_equal_values_read_alone() {
             beside.iter().zip(&all).all(|(a, b)| a.lanes == b.lanes && a.changed == Some(0)),
             "{path}"
         );
-        // If one value is unknown, all are refused.
+        // If one value is unknown, Karat refuses all values.
         let wrong = frame.taps(path, &[Tap::new("column"), Tap::new("colunm")]);
         assert!(wrong.is_err_and(|error| error.to_string().contains("did you mean `column`?")));
     }
@@ -412,7 +413,7 @@ fn a_traced_pixel_has_the_derivatives_of_its_quad() {
                 );
             }
         }
-        // A function that writes storage runs for one pixel, and a note says so at other places of a quad.
+        // A function that writes storage runs for one pixel, and a note says so at other pixels of a quad.
         let logged = package.frame("", 4, 2).with("log", Storage::new([0.0_f32; 4]));
         let logged = logged.fragment("logged");
         for (pixel, is_noted) in [((2, 0), false), ((1, 0), true)] {

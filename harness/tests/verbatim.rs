@@ -176,8 +176,8 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
                         (a, b) = (a + 1, b + 1);
                         continue;
                     }
-                    // Back to the start of the word, then over it on both sides. The author's may
-                    // be a path, of which all but the first word is blanked.
+                    // Goes back to the start of the word, then skips the word in both texts. If the author's word is
+                    // part of a path, the linked text has blanks in place of the path's other words.
                     let started = (0..a).rev().take_while(|i| is_word(&linked[*i])).count();
                     assert!(started <= b, "{}", item.name);
                     let (from_a, from_b) = (a - started, b - started);
@@ -242,7 +242,7 @@ fn pieces(text: &str) -> Vec<String> {
     pieces
 }
 
-/// Texts that a damage inserts.
+/// Texts that the tests insert into files to damage them.
 const STRANGE: [&str; 40] = [
     "$",
     "'",
@@ -289,7 +289,7 @@ const STRANGE: [&str; 40] = [
 // Lesson 49: files have naga's verdict
 #[test]
 fn damaged_files_have_nagas_verdict() {
-    /// The number of damaged files. Half of them have one damage, and the others up to three.
+    /// The number of damaged files. Half of the files have one damaged position, and the other files have up to three.
     const DAMAGES: usize = 10_000;
     // Only smaller texts, so that each check takes a millisecond.
     let mut texts = plain_texts();
@@ -334,14 +334,14 @@ fn damaged(texts: &[Vec<String>], number: usize) -> String {
     pieces.concat()
 }
 
-/// Compares the verdicts. Returns `true` if both accept the text.
+/// Compares Karat's verdict on a text with naga's. Returns `true` if both accept the text.
 fn compare(text: &str, number: usize) -> bool {
     let package = Package::from_source("damaged", text);
     let karat = Program::of_module(&package, "");
     // WGSL, section 3.1, forbids the null character. Browsers also refuse it in comments, and naga doesn't.
     let naga = naga_accepts(text) && !text.contains('\0');
     if let Err(error) = &karat {
-        // Karat's own syntax is invalid. naga must refuse the text, too.
+        // Karat refuses the text, so naga must refuse it, too.
         assert!(!naga, "damage {number}: naga accepts, Karat says {error}\n{text}");
     }
     // A text that naga refuses may be WESL.

@@ -34,7 +34,7 @@ fn view(degrees: f64) -> Vec3 {
     DVec3::new(sin, 0.0, cos).as_vec3()
 }
 
-/// Directions of light, with their weights times the cosine.
+/// Directions of light, each with its weight times the cosine.
 fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
     brdf::half_vector_rule(f64::from(alpha), v.as_dvec3(), 32, 32)
         .into_iter()

@@ -54,7 +54,7 @@ fn a_mirror_has_no_normal() {
     PBR.function("sampling::ggx_normal").over(edge()).agrees_with(normal, Ulp(0.0));
 }
 
-/// Arguments, and the tangent that the sampler should return for them. The sine loses all digits.
+/// Widths and random numbers for which the printed sampler's sine loses its digits.
 fn smooth() -> impl Domain<Value = (f32, Vec2)> {
     // Samples well inside the lobe, along -X, for which sine and cosine of the azimuth are nearly exact.
     (1e-4..=1e-3_f32, (0.0..=0.0_f32, 0.1..=0.9_f32).map(|(x, y)| Vec2::new(x, y)))

@@ -60,7 +60,8 @@ pub(super) fn run() {
     }
 }
 
-/// Times the sanitizer, and other orders of invocations, relative to a run of the pass only.
+/// Times the sanitizer, and the runs in other orders of invocations. Both times are relative to a plain run of the
+/// pass.
 pub(super) fn sanitizer() {
     println!(
         "\na pass of 65,536 invocations in the engine: the part beside a plain run [ratio of times]"
@@ -83,8 +84,8 @@ pub(super) fn sanitizer() {
 /// The number of orders that the benchmark runs.
 const ORDERS: &str = "6";
 
-/// A shader in which each workgroup has a tile of 64 words, and its invocations add up the tile one after another. Each
-/// invocation then increments a counter, so the order matters.
+/// A shader in which each workgroup has a tile of 64 `u32`s. The workgroup's invocations add up the tile one after
+/// another. Each invocation then increments a counter, so the order of the invocations matters.
 const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
     @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
     @group(0) @binding(2) var<storage, read_write> tickets: atomic<u32>;

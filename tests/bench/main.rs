@@ -162,7 +162,7 @@ fn throughput() {
     }
 }
 
-/// Measures how much of the time of many cases each step takes.
+/// Measures each step's share of the time of a check with many cases.
 fn costs() {
     const CASES: u32 = 1_000_000;
     println!("\nsampling::ggx_normal with 1,000,000 cases: where the time goes [ns a case]");

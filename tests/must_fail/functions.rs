@@ -57,7 +57,7 @@ fn swapped_arguments() {
     disagreement(coat);
 }
 
-/// One of 65,536 inputs gives NaN or an infinity. Even the loosest tolerance finds it.
+/// One of 65,536 inputs gives NaN or an infinity. Even with the loosest tolerance, the check finds this input.
 // Lesson 5
 #[test]
 fn one_bad_result_of_65536() {
@@ -177,7 +177,7 @@ fn nothing_to_compare() {
     assert_eq!(error, "the domain of `g` is empty: the range of `alpha` ends at NaN");
 }
 
-/// The transformation has no effect, or the bounds exclude no value.
+/// Karat refuses checks that can't fail: a transformation has no effect, or bounds exclude no value.
 // Lesson 13
 #[test]
 fn a_check_that_could_not_fail() {
@@ -445,7 +445,8 @@ fn every_edge_of_a_tuple_is_tried() {
     }
 }
 
-/// A flushed result isn't a relative error, and Karat refuses a tolerance that bounds nothing.
+/// If a driver flushes a result to 0, this doesn't count as a relative error. Karat refuses a tolerance that bounds
+/// nothing.
 #[test]
 fn bounds_near_zero() {
     let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x * y; }");

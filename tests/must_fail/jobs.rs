@@ -56,8 +56,8 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
             "the kernel of `half` wrote no result for 4096 of 4096 cases on path `process@mine`",
             "`data` after `add` fails",
         ),
-        // The pass leaves its first word unchanged, so a dropped write has no effect. It has two words, and rotating
-        // two words by two has no effect either.
+        // The pass leaves its first word unchanged, so a dropped write has no effect. The result has two `u32`s, so
+        // rotating it by two has no effect either.
         ("dropped", "never wrote 1 of 4096 result words", "pass: agrees"),
         ("shifted", "wrote no result for", "pass: agrees"),
         ("wrong", "`half` fails agrees_with", "`data` after `add` fails"),
@@ -194,8 +194,8 @@ fn a_check_that_needs_more_is_refused() {
     assert!(text.contains("function: agrees"), "{text}");
 }
 
-/// Verdicts of a program on jobs with known results, by name. Also checks that the exit code says if all results are
-/// right.
+/// The verdict on a program for each job with a known result, by the job's name. Also checks that the exit code says if
+/// all results are right.
 fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
     let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
@@ -228,7 +228,7 @@ fn honest_programs_conform() {
     }
 }
 
-/// The jobs that test an ability find each wrong claim about it, and the reason shows the reply.
+/// For each faulty program, the result of a job is wrong. The reason shows the difference, or the program's reply.
 // Lesson 87
 #[test]
 fn lies_do_not_conform() {
@@ -257,7 +257,7 @@ fn lies_do_not_conform() {
     assert_eq!(plain.values().filter(|one| one["answer"] == "right").count(), 12, "{plain:?}");
 }
 
-/// The first part of a value that violates a schema. Supports only the parts of the schema language that
+/// The first part of `value` that violates `schema`, or `None`. Supports only the parts of the schema language that
 /// `jobs.schema.json` uses.
 fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
     if let Some(name) = schema["$ref"].as_str() {

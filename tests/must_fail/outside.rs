@@ -1,4 +1,5 @@
-//! Tests reads outside arrays. Some matter, because WGSL allows other results for them. Others don't matter.
+//! Tests reads outside arrays. WGSL allows several results for such a read. Some reads matter, because another result
+//! changes what the pass writes. Other reads don't matter.
 
 use karat::check::HazardKind;
 use karat::prelude::*;

@@ -161,7 +161,7 @@ fn settings_with_a_slip() {
     }
 }
 
-/// Karat simplifies a fault that only appears on the last path on that path.
+/// If a fault appears only on the last path, Karat simplifies the failing case on that path.
 // Lesson 73
 #[test]
 fn a_fault_of_the_last_path_is_reduced_there() {
@@ -233,7 +233,7 @@ fn no_adapter() {
     assert!(!output.status.success() && text.contains("did you mean `vulkan`?"), "{text}");
 }
 
-/// Karat reports a shader that never ends within the deadline, and leaves no process running.
+/// If a shader never ends, Karat reports it before the deadline, and leaves no process running.
 // Lesson 23
 #[test]
 fn an_endless_loop() {
@@ -245,7 +245,7 @@ fn an_endless_loop() {
         let environment = [("KARAT_TIMEOUT", "1.5"), ("KARAT_PATHS", path.name())];
         let (output, text) = planted(&["endless_loop"], &environment);
         assert!(!output.status.success(), "{text}");
-        // On a fast driver the limit of rounds ends the loop, and then the engine finds it.
+        // On a fast driver the limit on loop rounds ends the loop, and then the engine reports the loop.
         let driver = format!("`endless` (<planted>:1:1) on path {path}");
         let by_driver = text.contains(&driver) && text.contains("did not finish within 1.5 s");
         let engine =

@@ -99,7 +99,8 @@ if i == 0u { for (var k = 0u; k < 64u; k++) { sums[0] += tile[k]; } }";
     assert!(races(&reduce.replace("sums[0]", "sums[group.x]"), 2).is_empty());
 }
 
-/// One invocation of each workgroup uses a counter that another invocation may have changed since.
+/// One invocation of each workgroup reads a counter and uses the value later. In between, another invocation may change
+/// the counter.
 #[test]
 fn a_count_that_another_workgroup_changes_meanwhile() {
     let package = |takes: &str, fills: &str| {

@@ -37,8 +37,8 @@ const DEVIATIONS: f64 = 5.0;
 /// largest error of a copy.
 const RARE: f64 = 1.5;
 
-/// The relative error in `f32` of sums of 512 terms. The directions have errors of 1e-6, in front of the edges of
-/// lights. A golden in half floats adds 4.9e-4.
+/// The relative error in `f32` of sums of 512 terms. The directions have errors of 1e-6, which change the light near
+/// the edges of lights. A golden in half floats adds 4.9e-4.
 const ROUNDING: f64 = 1.5e-3;
 
 /// The relative error on wgpu's GL, where texels and frames are half floats with an error of 4.9e-4 each. Roughness and
@@ -112,7 +112,8 @@ impl Spheres {
         (0..scene::SIDE * scene::SIDE).flat_map(of_sphere).collect()
     }
 
-    /// The pixel that shows the point of a sphere with this normal, seen from the front, and the surface at its middle.
+    /// The pixel that shows a point of a sphere, and the surface at the pixel's middle. The normal of the point has the
+    /// X and Y of `at`, and points to the front. `None` if the pixel's middle doesn't show the sphere.
     fn shown(&self, instance: u32, at: DVec2) -> Option<((u32, u32), Surface)> {
         let normal = at.extend((1.0 - at.length_squared()).sqrt());
         let pixel = self.scene.pixel_of(scene::sphere_centre(instance) + normal);
@@ -268,8 +269,9 @@ fn snapped_complaint(
     (!good).then(|| format!("snapped {pixel:?}: {seen}, which isn't in {low} to {high}"))
 }
 
-/// Complaints about the pixels of a frame of the 64 spheres. In a sample, the test checks every third sphere. It checks
-/// each pixel by formula. It also checks a third of the golden's pixels by integral, which takes longer.
+/// Complaints about the pixels of a frame of the 64 spheres. If `whole` is false, only every third sphere is checked.
+/// Each pixel is compared with the formula. A third of the golden's pixels are also compared with the integral, which
+/// takes longer.
 fn complaints(name: &str, exhibit: &Exhibit, whole: bool) -> Vec<String> {
     let image = &exhibit.image;
     let spheres = Spheres::new(name, (image.width(), image.height()));

@@ -44,7 +44,7 @@ impl Surface {
         self.n.dot(self.v)
     }
 
-    /// Reads scale and bias of f0 for this width and view.
+    /// Reads the scale and the bias of f0 from the table, for the surface's width and view.
     fn entry(&self, table: &Texture) -> DVec2 {
         table.sample(DVec2::new(self.n.dot(self.v), self.alpha)).truncate().truncate()
     }
@@ -52,9 +52,9 @@ impl Surface {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Gather<'a> {
-    /// Uses the samples of the shader.
+    /// Uses the same samples as the shader.
     Same(&'a Samples),
-    /// Reads mip levels, with the samples of the shader.
+    /// Uses the same samples as the shader, and reads mip levels.
     Filtered(&'a Samples),
     /// Uses the shader's densities, at these points of the unit square.
     Moved { diffuse: &'a [DVec2], specular: &'a [DVec2] },

@@ -52,7 +52,7 @@ impl Wanted {
         self.krate.clone().or_else(|| self.folder.clone()).unwrap_or_default()
     }
 
-    /// The package with the features of all modules.
+    /// Opens the package with the features that hold for all its modules.
     pub(crate) fn open(&self) -> Result<Package, PackageError> {
         let package = match (&self.krate, &self.folder) {
             (Some(krate), _) => Package::open_crate(Path::new("."), krate, self.root.as_deref()),
@@ -70,7 +70,8 @@ impl Wanted {
     }
 }
 
-/// Copies modules below `target`, and adds a `karat.toml`. In its text, `{ci}` stands for the folder of the list.
+/// Copies modules into a folder below `target`, and adds a `karat.toml` with `text`. In `text`, `{ci}` stands for the
+/// folder of the list.
 fn copied(from: &Path, name: &str, text: &str) -> PathBuf {
     let ci = std::env::current_dir().unwrap_or_default().join("ci");
     let to = Path::new("target/corpus").join(name);

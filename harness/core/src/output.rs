@@ -1,4 +1,4 @@
-//! Writes text for people. The text can't send commands to a terminal. If nobody reads the output, a command still does
+//! Writes text for people. The text can't send commands to a terminal. If the output has no reader, a command still does
 //! the same work.
 //!
 //! Names of files and drivers, and the texts of shaders, can't be trusted. So every character is escaped (`\u{1b}`)
@@ -185,7 +185,7 @@ fn styled(text: &str) -> String {
 /// A writer of text for people, line by line.
 ///
 /// Writing never fails. If the reader closes the stream, the rest of the text is dropped. So a command does the same
-/// work and has the same exit code if nobody reads its output. [`finish`](Self::finish) returns any other error.
+/// work and has the same exit code if its output has no reader. [`finish`](Self::finish) returns any other error.
 #[derive(Debug)]
 pub struct Output<W: Write> {
     inner: W,

@@ -229,7 +229,7 @@ pub struct Turn {
     pub behind: Option<Site>,
 }
 
-/// What a run is asked to do in addition to computing results.
+/// The options of a run: the observations to make in addition to computing results.
 pub(crate) struct Watch<'w> {
     groups: Option<&'w [usize]>,
     explorer: Option<&'w mut Explorer>,

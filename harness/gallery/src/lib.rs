@@ -182,7 +182,7 @@ impl Gallery {
             Ok(failed) if failed.is_empty() => ExitCode::SUCCESS,
             Ok(_) => ExitCode::from(1),
             Err(error) => {
-                // If stderr is closed, nobody can read the error.
+                // If stderr is closed, the error can't be shown.
                 drop(report(&mut err, "", &error));
                 ExitCode::from(2)
             }

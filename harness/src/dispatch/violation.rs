@@ -13,7 +13,7 @@ pub struct ViolationAccess {
     pub place: String,
     /// The invocation, such as `local (3, 0, 0) of workgroup (1, 0, 0)`.
     pub invocation: String,
-    /// What the invocation does, such as `writes 7`, `reads 0.5`, `reaches it` or `doesn't`.
+    /// The invocation's action, such as `writes 7`, `reads 0.5`, `reaches it` or `doesn't`.
     pub does: String,
 }
 

@@ -337,7 +337,7 @@ impl Watched {
     /// Prepares a function. Returns `None` if the function has no such lines.
     ///
     /// # Errors
-    /// If the engine can't execute the function. An assertion that nobody evaluates would prove nothing.
+    /// If the engine can't execute the function. An assertion without an evaluation would prove nothing.
     pub(crate) fn of(probed: &Probed, fixtures: &Fixtures) -> Result<Option<Self>, ProbeError> {
         if !has_lines(&probed.program) {
             return Ok(None);

@@ -50,7 +50,7 @@ pub enum Value {
     Bool(bool),
 }
 
-/// The largest number of steps in a trace. A loop has many steps, and nobody reads more.
+/// The largest number of steps in a trace. A loop can have many steps, and a longer trace would be unreadable.
 const MOST: usize = 1000;
 
 #[derive(Clone, Copy)]

@@ -71,7 +71,7 @@ impl Drop for Dispatch<'_> {
     fn drop(&mut self) {
         if !self.waited.get() {
             let _turn = self.device.turn();
-            // Ignores an error, because nobody needs the results. The next user of the device gets the error.
+            // Ignores an error, because these results aren't needed. The next user of the device gets the error.
             drop(self.device.wait());
         }
     }

@@ -27,7 +27,7 @@ fn files(folder: &Path) -> Vec<String> {
 /// The variable with the file that the child process of `a_full_disk_leaves_the_old_file` writes.
 const PLACE: &str = "KARAT_TEST_FULL_DISK";
 
-/// The test below runs this one in a process in which no file may grow beyond 8 or 16 KB.
+/// The next test runs this test in a process in which no file may grow beyond 8 or 16 KB.
 #[cfg(target_os = "linux")]
 #[test]
 fn child_on_a_full_disk() {
@@ -80,7 +80,7 @@ fn places_that_cannot_be_written_stay_as_they_are() {
     assert!(files(&folder.path().join("folder.exr")).is_empty());
 }
 
-/// Root may write anywhere, so the test can fail only for other users.
+/// Root may write anywhere, so for root the test proves nothing.
 #[cfg(unix)]
 #[test]
 fn a_folder_without_permission_is_an_error() {

@@ -8,7 +8,7 @@ use super::data;
 
 const WIDTH: u32 = 16;
 
-/// Multiples of 1/16 below 4.
+/// The value of a pixel's channel: a multiple of 1/16 below 4.
 fn pattern(x: u32, y: u32, channel: u32) -> f32 {
     ((x * 7 + y * 13 + channel * 5) % 64) as f32 / 16.0
 }

@@ -50,7 +50,7 @@ struct Seed {
 }
 
 impl Seed {
-    /// A file of another writer: the positions of its chunks aren't known.
+    /// A file that another program wrote. The test doesn't know the positions of its chunks.
     fn unknown(name: &str) -> Self {
         let bytes = std::fs::read(data(name)).expect("readable");
         let tables = bytes.len() / 2;
@@ -204,7 +204,7 @@ fn damaged(kind: usize, seed: &Seed, other: &Seed, random: &mut Random) -> Vec<u
     bytes
 }
 
-/// The bytes of pixels that all data windows of a file declare, within Karat's limits.
+/// The number of bytes that the pixels of all data windows of a file need, or Karat's limit if that is smaller.
 fn announced(bytes: &[u8]) -> u64 {
     let name = b"dataWindow\0box2i\0";
     let windows = bytes.windows(name.len() + 20).filter(|window| window.starts_with(name));

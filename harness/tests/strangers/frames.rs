@@ -1,4 +1,4 @@
-//! Frames as engines draw them. For each state, the image shows if a path ignores the state.
+//! Frames as engines draw them. For each kind of pipeline state, the image shows if a path ignores the state.
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::Path;
@@ -97,7 +97,7 @@ fn targets_have_formats() {
             .formats([format])
             .draw(red(all(0.5)))
     };
-    // 8 bits keep 0.2 and 0.4, and 0.25 as 64 / 255; in sRGB 0.2 is 124 / 255, 0.25 is 137 / 255.
+    // 8 bits store 0.2 and 0.4 exactly, and 0.25 as 64 / 255; in sRGB 0.2 is 124 / 255, 0.25 is 137 / 255.
     let quarter = 64.0 / 255.0;
     let lacking = [Format::Rgba32Float, Format::R32Float, Format::Rg11b10Ufloat];
     for (format, kept) in [
@@ -551,7 +551,8 @@ fn targets_and_outputs_are_the_same() {
     }
 }
 
-/// Targets that aren't colours have their own comparison: integers must be equal, and depths equal within rounding.
+/// Karat doesn't compare integers and depths as colours: integers must be equal, and depths must be equal within
+/// rounding.
 #[test]
 fn integers_and_depths_are_no_colours() {
     let project = super::values::Project::new();

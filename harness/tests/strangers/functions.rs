@@ -10,7 +10,7 @@ fn check(text: &str) -> Package {
     Package::from_source("f", text)
 }
 
-/// The value behind a pointer is an argument, and after the call another result.
+/// The value behind a pointer is an argument. The value that the call leaves there is an additional result.
 // Lesson 123
 #[test]
 fn pointers_are_values_in_and_out() {
@@ -294,7 +294,7 @@ fn each_case_begins_with_the_same_storage_and_returns_its_content() {
     wrong.expect_err("it writes");
 }
 
-/// The mirror of `Bins` in WGSL: atomics are their scalars.
+/// The Rust type for the structure `Bins` in WGSL. Atomics become scalars.
 #[derive(Clone, Debug)]
 struct Bins {
     total: u32,
@@ -315,7 +315,7 @@ impl karat::unstable::value::Mirror for Bins {
     }
 }
 
-/// Workgroup variables are zero at the start of each case, and one invocation passes a barrier alone. Storage that
+/// Workgroup variables are zero at the start of each case, and a case's only invocation passes barriers. Storage that
 /// could be written, but is only read, isn't a result.
 // Lesson 133
 #[test]
@@ -375,7 +375,7 @@ fn storage_textures_are_read_back() {
         .over(places())
         .agrees_with(
             |at: UVec2| {
-                // As many channels as the format keeps.
+                // Each expected texel is one number, because the format has one channel.
                 let mut texels: [u32; 6] = std::array::from_fn(|i| {
                     let i = i as u32;
                     10 * (i / 3) + i % 3
@@ -387,7 +387,8 @@ fn storage_textures_are_read_back() {
         );
 }
 
-/// An argument is a value with its derivatives. The check judges the result at the upper left pixel.
+/// Each argument is a value with its derivatives over a quad of pixels. The check judges the result at the quad's upper
+/// left pixel.
 // Lesson 126
 #[test]
 fn derivatives_over_quads() {
@@ -448,7 +449,7 @@ fn structures_vary_over_quads() {
     package.function("f").over((quads,)).agrees_with(expect, Abs(0.0));
 }
 
-/// Sampling with an implicit level of detail, and with a bias.
+/// Functions sample with an implicit level of detail, and with a bias.
 // Lesson 126
 #[test]
 fn implicit_levels_of_detail() {
@@ -479,7 +480,8 @@ fn implicit_levels_of_detail() {
     );
 }
 
-/// In a cube map, a step moves on the face to which the direction points. For a longer direction it moves less.
+/// In a cube map, a step to the next pixel moves the sampled point on the face to which the direction points. The
+/// longer the direction, the less the point moves.
 #[test]
 fn implicit_levels_of_detail_of_cubes() {
     let package = check(
@@ -652,7 +654,7 @@ fn textures_are_parameters() {
         .with("second", ramp(1.0))
         .over(Grid::linear(0.0625..=0.9375, 8))
         .agrees_with(|u: f64| 4.0 * texel(u), Abs(1e-5));
-    // Swapped values fail.
+    // The check fails if the two values are swapped.
     let swapped = two().with("gain", Uniform::new(2.0_f32));
     let swapped = swapped.with("first", ramp(1.0)).with("second", ramp(3.0));
     let swapped = swapped.over(Grid::linear(0.0625..=0.9375, 8));

@@ -209,7 +209,8 @@ fn frames_have_goldens() {
     first_frame::dusk();
 }
 
-/// The chapters with their names. `None` in a published package, which doesn't contain the guide.
+/// The file name and the text of each chapter of the guide. `None` in a published package, which doesn't contain the
+/// guide.
 fn chapters() -> Option<Vec<(String, String)>> {
     let package = FilePath::new(env!("CARGO_MANIFEST_DIR"));
     let folder = package.join("../docs/guide");
@@ -227,7 +228,7 @@ fn chapters() -> Option<Vec<(String, String)>> {
     Some(chapters)
 }
 
-/// The code blocks in one language in a chapter.
+/// The code blocks of a chapter that are in `language`.
 fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
     let opening = format!("```{language}\n");
     let parts: Vec<&str> = text.split(opening.as_str()).skip(1).collect();
@@ -260,10 +261,10 @@ fn the_guide_has_these_samples() {
     assert_eq!(count, 18);
 }
 
-/// Each shader is one that the samples test, but for three: WESL's conditions, which `harness/tests/package.rs` and
-/// `harness/cli/tests/cli/asserts.rs` test, and an import of Bevy's, which would fetch a crate; tests in WGSL are run
-/// by karat-suite. `cargo ci dist` runs those of the page for the web, and `harness/cli/tests/cli/tutorial.rs` those of
-/// the tutorial.
+/// The samples test each shader of the guide, with some exceptions. `harness/tests/package.rs` and
+/// `harness/cli/tests/cli/asserts.rs` test WESL's conditions. No test imports Bevy's shader, because the test would
+/// fetch a crate. karat-suite runs tests in WGSL. `cargo ci dist` runs the shaders of the page for the web, and
+/// `harness/cli/tests/cli/tutorial.rs` runs the shaders of the tutorial.
 // Lesson 137
 #[test]
 fn the_guide_has_these_shaders() {

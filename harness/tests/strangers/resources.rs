@@ -6,7 +6,7 @@ use karat::fixture::{Address, Buffer, Compare, Filter, Fixture};
 use karat::prelude::*;
 use karat::unstable::probe::ProbeError;
 
-/// The weights of a texture filter have at least 8 bits.
+/// The largest error of a texture filter. Its weights have at least 8 bits.
 const FILTERED: Abs = Abs(0.006);
 
 fn ramp() -> Texture {
@@ -555,7 +555,7 @@ fn buffers_that_encase_writes_are_taken_as_they_are() {
         .agrees_with(|i: u32| 2.0 * f64::from(weights[i as usize]) + 3.0, Abs(0.0));
 }
 
-/// GLSL has another stride for columns of such matrices, without any error.
+/// In GLSL, the columns of such matrices have another stride, and the compiler reports no error.
 #[test]
 fn narrow_matrices_are_right_or_refused() {
     let package = Package::from_source(

@@ -1,7 +1,7 @@
 //! Checks shaders of other projects: which modules open, link and validate, and which functions can be called.
 //!
 //! `cargo run --bin corpus -- LIST.toml [--json FILE]` reads the crates and folders of a list. cargo fetches them, and
-//! doesn't compile them. `cargo ci corpus` runs it over `ci/corpus.toml`.
+//! doesn't compile them. `cargo ci corpus` runs the program over `ci/corpus.toml`.
 //!
 //! ```toml
 //! [[shaders]]
@@ -9,14 +9,15 @@
 //! root = "src"                # if karat doesn't find it
 //! [shaders.features]
 //! MATERIAL_BIND_GROUP = 3
-//! [shaders.with]              # of modules that mean nothing without them
+//! [shaders.with]              # more features, for modules that aren't valid without them
 //! "ssr" = ["DEPTH_PREPASS"]
 //! ```
 //!
 //! `--verbose` prints the reason why a module isn't valid.
 //!
-//! If naga accepts a module unchanged, Karat must accept the module byte for byte, and each function must be at the
-//! author's line. Otherwise Karat has a fault. Panics, and files that take too long, are also faults: see `SLOWEST`.
+//! If naga accepts a module unchanged, Karat must also accept the module, and must not change a byte. The line that
+//! Karat reports for a function must be the author's line. Otherwise Karat has a fault. Panics, and files that take too
+//! long, are also faults: see `SLOWEST`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -50,7 +51,7 @@ struct Row {
     whole: usize,
     functions: usize,
     callable: usize,
-    /// The number of functions and modules that are refused, by reason.
+    /// For each reason, the number of functions that Karat refuses.
     reasons: BTreeMap<String, usize>,
     /// The time of the slowest module.
     slowest_ms: u128,
@@ -208,7 +209,8 @@ impl Row {
     }
 }
 
-/// The counts of a module, and the contradictions between Karat and naga or the author's file.
+/// Returns the counts of a module, and a message for each contradiction between Karat and naga, or between Karat and
+/// the author's file.
 fn of(package: &Package, module: &str, as_it_is: bool, verbose: bool) -> (Row, Vec<String>) {
     let (mut row, mut faults) = (Row { modules: 1, ..Row::default() }, Vec::new());
     let Some(text) = text_of(package, module) else {
@@ -275,7 +277,8 @@ fn text_of(package: &Package, module: &str) -> Option<String> {
     ["wgsl", "wesl"].into_iter().find_map(|extension| std::fs::read_to_string(file(extension)).ok())
 }
 
-/// The complaint if the author's line doesn't declare the function. The line is read without Karat's lexer.
+/// Returns a complaint if the line that Karat reports for the function doesn't declare the function. Reads the line
+/// without Karat's lexer.
 fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     let (line, column) = item.span.file.line_column(item.span.range.start);
     let name = item.name.rsplit("::").next().unwrap_or_default();
@@ -286,7 +289,7 @@ fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     (!sound).then(|| format!("`{}` isn't at line {line}: {author}", item.name))
 }
 
-/// Checks if a text has the syntax of 2021: `[[block]]`, or `;` between the members of a structure.
+/// Checks if a text has WGSL's syntax of 2021: `[[block]]`, or `;` between the members of a structure.
 fn is_of_2021(text: &str) -> bool {
     let bodies = text.split("struct ").skip(1);
     let mut bodies = bodies.map(|body| body.split('}').next().unwrap_or_default());
@@ -326,7 +329,7 @@ const INVALID: &[(&str, &str)] = &[
     ("", "invalid for naga"),
 ];
 
-/// The first reason that a message contains.
+/// The reason that belongs to the first part of `reasons` that occurs in the message.
 fn reason(message: &str, reasons: &[(&str, &'static str)]) -> &'static str {
     let found = reasons.iter().find(|(part, _)| message.contains(part));
     found.map_or("", |(_, reason)| reason)

@@ -1,7 +1,7 @@
 //! Checks shaders of other projects with both WGSL compilers, naga and Tint, and counts the reasons for rejections.
 //!
-//! `cargo run --bin corpus_compilers -- LIST.toml` reads the modules of each crate and folder of a list
-//! (see `corpus.rs`), and prints tables. `cargo ci corpus --compilers` runs it over `ci/corpus.toml`.
+//! `cargo run --bin corpus_compilers -- LIST.toml` reads the modules of each crate and folder of a list (see
+//! `corpus.rs`), and prints tables. `cargo ci corpus --compilers` runs the program over `ci/corpus.toml`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -21,10 +21,10 @@ mod list;
 
 use list::{List, Wanted};
 
-/// The number of inputs for each function. It is enough to distinguish translations.
+/// The number of inputs for each function. So many inputs are enough to show that a translation is wrong.
 const CASES: usize = 64;
 
-/// The words in cells that report a fault, in addition to the statuses.
+/// The names of faults. Each name heads a column of the printed table, as each status does.
 const WRONG: [&str; 5] = ["DIFFERS", "INVALID", "NO VERDICT", "PANICS", "unsupported"];
 
 /// The counts of a crate, or of all crates together.
@@ -33,7 +33,7 @@ struct Sum {
     rows: usize,
     judged: usize,
     wrong: usize,
-    /// The number of rows by column and status.
+    /// For each column of the matrix, the number of rows with each status or fault.
     counts: BTreeMap<String, BTreeMap<String, usize>>,
     /// Problems by their first line, each with its count and the first row that has it.
     reasons: BTreeMap<String, (usize, String)>,
@@ -41,7 +41,7 @@ struct Sum {
     error: Option<String>,
 }
 
-/// The arguments that follow the list, in the process for one crate.
+/// The arguments after the list's name, for the process that computes the matrix of one crate.
 struct One {
     index: usize,
     journal: PathBuf,
@@ -156,7 +156,6 @@ fn first_line(text: &str) -> String {
 }
 
 impl Sum {
-    /// Adds a crate's rows.
     fn add(&mut self, name: &str, matrix: &Matrix) {
         let judged: Vec<_> = matrix.rows.iter().filter(|row| row.error.is_none()).collect();
         for row in &judged {
@@ -233,12 +232,13 @@ impl Sum {
     }
 }
 
-/// The column and the problem, without the parts that differ between rows.
+/// The column and the first line of the problem. Numbers become `#`, so that equal problems of several rows have one
+/// text.
 fn reason(column: &str, stop: &Stop) -> String {
     let text = stop.text();
     let line = match stop {
         Stop::Differs(_) => "other results".to_owned(),
-        // The first line is the command, which contains the name of a file.
+        // The first line is the command, which contains a file's name. Another line describes the error.
         Stop::Rejected(_) => {
             let line = text.lines().find(|line| line.contains("rror")).map(str::to_owned);
             line.unwrap_or_else(|| first_line(text))

@@ -1,8 +1,9 @@
 //! Lists the expressions for which drivers, and naga's translations, violate WGSL.
 //!
 //! `cargo run --bin divergences -- docs/divergences` tests each operator and builtin function on each path of
-//! `KARAT_PATHS`, and writes a page for each path and driver. `cargo ci divergences` runs the program. It leaves pages
-//! of drivers that this machine lacks unchanged. Paths such as `vulkan:glsl` use one of naga's translations.
+//! `KARAT_PATHS`, and writes a page for each path and driver. `cargo ci divergences` runs the program. The program
+//! doesn't change the pages of drivers that this machine lacks. Paths such as `vulkan:glsl` use one of naga's
+//! translations.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -81,8 +82,9 @@ macro_rules! questions {
     };
 }
 
-/// The domains are those for which WGSL bounds the result. For `sin` and `cos` the domain is -pi to pi. The bounds of
-/// `asin` and `acos` follow from `atan2`, so their domain is where `atan2` is away from 0.
+/// The tested expressions. WGSL bounds the results for all arguments in their domains. For `sin` and `cos` the domain
+/// is -pi to pi. The bounds of `asin` and `acos` follow from `atan2`, so their domains leave out arguments for which
+/// `atan2` is near 0.
 const QUESTIONS: &[Question] = questions! {
     "x + y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x + y, within();
     "x - y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x - y, within();
@@ -197,7 +199,7 @@ fn inserted(a: u32, b: u32, offset: u32, count: u32) -> u32 {
     }
 }
 
-/// The four bytes of a word as signed integers.
+/// The four bytes of a `u32` as signed integers, the lowest byte first.
 fn bytes(word: u32) -> impl Iterator<Item = i32> {
     word.to_le_bytes().into_iter().map(|byte| i32::from(byte.cast_signed()))
 }
@@ -217,7 +219,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The results of each path for all questions.
+/// For each path, its adapter and its answers to all questions.
 type Answers = BTreeMap<String, (Adapter, Vec<Answer>)>;
 
 fn write_all(folder: &Path) -> Result<(), String> {
@@ -257,7 +259,8 @@ fn write_all(folder: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Asks a question on each path. Returns an error if the failure isn't the path's fault.
+/// The answer of each path to a question that was asked. Returns an error if the check failed for a reason that isn't a
+/// fault of a path.
 fn answers(
     asked: Result<Agreement, Failure>,
     question: &Question,
@@ -321,7 +324,8 @@ fn page(adapter: &Adapter, answers: &[Answer]) -> String {
     page
 }
 
-/// The table cell with the simplest case that differs.
+/// The table cells for a path: the share of wrong cases, and the arguments, the result and the allowed values of the
+/// simplest wrong case.
 fn row(path: &PathDisagreement) -> String {
     let case = path.simplest.as_ref().map_or(&path.worst, |simplest| &simplest.failure);
     let share = 100.0 * path.census.failures as f64 / path.census.cases as f64;

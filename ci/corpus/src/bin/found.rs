@@ -21,9 +21,9 @@ use karat::prelude::*;
 karat::shareable! {
     /// The tiles that vello allocates for a path.
     pub struct TilePath mirrors TilePathMirror {
-        /// Tiles, from the first to one beyond the last.
+        /// The rectangle of tiles: column and row of the first tile, then column and row one beyond the last tile.
         bbox: UVec4,
-        /// The first of its tiles.
+        /// The index of the path's first tile.
         tiles: u32,
     }
 }
@@ -410,7 +410,8 @@ fn open(found: &Found) -> Result<Package, String> {
     Package::open_crate(Path::new("."), found.krate, None).map_err(|error| error.to_string())
 }
 
-/// Runs a check in its own process, which may use an overlay. Exit code 1 means that the check fails.
+/// Runs a check in this process, which may have an overlay. The exit code is 0 if the check passes, 1 if a case fails,
+/// and 2 if the check has an error.
 fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     let found = FOUND.iter().find(|found| found.name == name);
     let Some((found, check)) = found.and_then(|found| Some((found, which(found)?))) else {
@@ -426,7 +427,6 @@ fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     };
     let (code, text) = match check(&package) {
         Verdict::Passes(text) => (0, text),
-        // A fault needs a failing case.
         Verdict::Fails(text) => (1, text),
         Verdict::Errs(text) => (2, text),
     };
@@ -480,7 +480,7 @@ fn all(folder: &Path) -> Result<(), String> {
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
 }
 
-/// Passes of repositories that people checked once by hand.
+/// Results of people who checked passes of other repositories once, by hand.
 const DISPATCHED: &str = "
 ## Passes with the sizes of their host
 
@@ -569,7 +569,7 @@ fn page(found: &Found) -> Result<String, String> {
     Ok(page)
 }
 
-/// The lines of this file between a marker and the marker's end.
+/// The lines of this file between a marker comment and the comment that ends it.
 fn own_text(marker: &str, name: &str) -> String {
     let own = include_str!("found.rs");
     let text = own.split(&format!("// {marker}: {name}\n")).nth(1);

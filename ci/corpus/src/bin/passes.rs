@@ -1,9 +1,8 @@
 //! Compares compute passes of a released crate with a reference in Rust. The passes compute the prefix sum over path
-//! tags of vello 0.11, over a scene of 4,096 words.
+//! tags of vello 0.11, over a scene of 4,096 `u32`s.
 //!
 //! `cargo run --bin passes` fetches the crate through cargo, and compares the passes. Then it plants two faults in the
 //! shader, and checks that Karat finds them. `cargo ci found` runs the program.
-//! planted in the shader are found; `cargo ci found` runs it.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -14,22 +13,23 @@ use karat::fixture::Buffer;
 use karat::prelude::*;
 
 karat::shareable! {
-    /// Vello's counts before a word of tags.
+    /// Vello's counts over all tags before a `u32`, which has four tags.
     pub struct TagMonoid mirrors TagMonoidMirror {
-        /// Transforms.
+        /// The number of transforms.
         trans_ix: u32,
-        /// Segments.
+        /// The number of segments.
         pathseg_ix: u32,
-        /// Words of coordinates.
+        /// The number of `u32`s with coordinates.
         pathseg_offset: u32,
-        /// Words of styles.
+        /// The number of `u32`s with styles.
         style_ix: u32,
-        /// Paths.
+        /// The number of paths.
         path_ix: u32,
     }
 }
 
-/// The number of words in the scene. Each word has four tags, and the words need 16 workgroups.
+/// The number of `u32`s in the scene. Each `u32` has four tags. A workgroup reads 256 of them, so there are 16
+/// workgroups.
 const WORDS: u32 = 4096;
 
 /// Tags with random bits, from the generator of Park and Miller.
@@ -42,9 +42,9 @@ fn scene() -> Vec<u32> {
     (0..WORDS).map(|_| (0..4).fold(0, |word, _| word << 8 | byte())).collect()
 }
 
-/// The counts that one tag adds, by the bits that `vello_encoding::PathTag` documents. The bits mean segments of 1 to 3
-/// points, another point at the end of a subpath, 32-bit coordinates instead of 16-bit coordinates, and marks of paths,
-/// transforms and styles.
+/// The counts that one tag adds, in the order of [`TagMonoid`]'s members. `vello_encoding::PathTag` documents the bits
+/// of a tag: segments of 1 to 3 points, another point at the end of a subpath, 32-bit coordinates instead of 16-bit
+/// coordinates, and marks of paths, transforms and styles.
 fn of_tag(tag: u32) -> [u32; 5] {
     let segment = tag & 3;
     let points = segment + (tag >> 2 & 1);
@@ -52,7 +52,7 @@ fn of_tag(tag: u32) -> [u32; 5] {
     [tag >> 5 & 1, u32::from(segment != 0), words, 2 * (tag >> 6 & 1), tag >> 4 & 1]
 }
 
-/// The sums of the counts before each word.
+/// For each `u32` of the scene, the sums of the counts of all earlier tags.
 fn sums(scene: &[u32]) -> Vec<TagMonoidMirror> {
     let mut sum = [0; 5];
     let mut before = Vec::new();
@@ -72,7 +72,7 @@ fn check(package: &Package) -> Result<ComputeAgreement, ComputeError> {
     let expected = sums(&scene);
     package
         .compute()
-        // The tags begin at the first word: `pathtag_base` is 0, like all other numbers of the configuration.
+        // The tags begin at the first `u32`: `pathtag_base` is 0, like all other numbers of the configuration.
         .with("config", Buffer::zeros(96))
         .with("scene", Storage::new(scene))
         .with("reduced", Buffer::zeros(16 * 20))
@@ -98,7 +98,7 @@ const FAULTS: [[&str; 3]; 2] = [
     ["shared/pathtag", "n_points & (((tag_word >> 3u)", "n_points & (((tag_word >> 2u)"],
 ];
 
-/// Runs the comparison in its own process, which may use an overlay. Returns the exit code and the output.
+/// Runs the comparison in another process, with the overlay if there is one. Returns the exit code and the output.
 fn run(overlay: Option<&Path>) -> Result<(Option<i32>, String), String> {
     let mut command = Command::new(std::env::current_exe().map_err(|error| error.to_string())?);
     command.arg("--check").env_remove("KARAT_OVERLAY").env_remove("KARAT_REQUIRE");
@@ -143,7 +143,7 @@ fn all() -> Result<(), String> {
     Ok(())
 }
 
-/// Checks if an element is wrong on some path.
+/// Checks if the comparison found a wrong element on some path.
 fn differs(failure: &ComputeError) -> bool {
     match failure {
         ComputeError::Differs(_) => true,

@@ -79,8 +79,8 @@ pub(super) fn validate(
     Ok(validate_found(&found, &[], all, out)?.0)
 }
 
-/// Does the work of [`validate`], and also returns the opinions of other compilers than naga. A package that nobody
-/// declared is validated with the features that its tests use.
+/// Does the work of [`validate`], and also returns the opinions of other compilers than naga. An undeclared package is
+/// validated with the features that its tests use.
 fn validate_found(
     found: &[Found],
     uses: &[Package],

@@ -1,4 +1,4 @@
-//! Tests that the reader of the output has no effect on the verdict, even if nobody reads the output.
+//! Tests that the verdict is the same if the output has no reader, or if its reader stops early.
 
 use super::pending::{LAVAPIPE, pending_frame, write_frame};
 use super::report::function;
@@ -181,7 +181,7 @@ fn an_output_that_cannot_be_written_is_an_error() {
     let (code, err) = run(&["accept", "new", "--because", "why"]);
     assert_eq!(code, Some(2), "{err}");
     assert!(folder.join("golden/new.exr").is_file() && !folder.join("golden/new.new.exr").exists());
-    // If nobody reads standard error, the verdict is unchanged.
+    // If standard error has no reader, the verdict is the same.
     let ran = command(folder, &["accept", "room", "--because", "why"]).stderr(full()).status();
     assert_eq!(ran.expect("it runs").code(), Some(1));
 }

@@ -135,7 +135,7 @@ fn an_address_of_an_unknown_frame_is_reported() {
     let (_server, mut browser, tab) = open(&project, "#rooms/gone%");
     let message = browser.text(&tab, "#message");
     assert!(
-        message.starts_with("`rooms/gone%` isn't pending: somebody has accepted or rejected it"),
+        message.starts_with("`rooms/gone%` isn't pending: it was accepted or rejected"),
         "{message}"
     );
     assert_eq!(browser.text(&tab, "#name"), "", "no other takes its place");

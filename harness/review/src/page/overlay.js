@@ -124,7 +124,7 @@
       return "This browser has no WebGL 2, which the page needs to show float images. Turn on hardware acceleration, or open the page in a current Firefox, Chrome, Edge or Safari.";
     }
     if (stage.gl.isContextLost()) return "The browser has taken the graphics memory back. The page continues when it gets the memory again; otherwise reload the page.";
-    if (!current && state.absent && state.cases.length) return `\`${state.absent}\` isn't pending: somebody has accepted or rejected it, or it has another name. Choose a frame from the list.`;
+    if (!current && state.absent && state.cases.length) return `\`${state.absent}\` isn't pending: it was accepted or rejected, or it has another name. Choose a frame from the list.`;
     if (!current) return "Nothing is pending.";
     if (current.error) return current.error;
     if (!current.data) return "Loading …";

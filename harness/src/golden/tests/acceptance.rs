@@ -102,7 +102,7 @@ fn a_golden_that_would_not_change_is_not_written() {
     let accepted = project.accept(&same, "again", None).expect("nothing speaks against it");
     assert!(!accepted.written && accepted.warnings[0].contains("has these pixels and facts"));
     assert_eq!(std::fs::read(&golden_file).expect("there"), before);
-    // Accepting replaces facts that somebody edited by hand.
+    // Accepting replaces facts that were edited by hand.
     let sidecar = golden_file.with_extension("toml");
     let facts = std::fs::read_to_string(&sidecar).expect("there");
     std::fs::write(&sidecar, facts.replace("first", "edited")).expect("written");

@@ -26,7 +26,7 @@ const NAMES: [&str; 3] = ["golden", "actual", "flip"];
 /// The precision of file times: some file systems store whole seconds.
 const COARSE: Duration = Duration::from_secs(1);
 
-/// Removes the pictures that an earlier run made of a frame, so that nobody mistakes them for pictures of this run.
+/// Removes the pictures that an earlier run made of a frame, so that they can't be mistaken for pictures of this run.
 pub(super) fn clear(record: &Record, names: &Names, folder: &Path) -> anyhow::Result<()> {
     let Subject::Frame { golden, folder: goldens, .. } = &record.subject else { return Ok(()) };
     let case = &file_name(golden, goldens, names);

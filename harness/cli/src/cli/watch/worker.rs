@@ -90,7 +90,7 @@ impl Said {
 pub(in crate::cli) enum Reads {
     /// These files, with links resolved.
     These(BTreeSet<PathBuf>),
-    /// Any file, because nobody knows which files a program or a Rust test will read.
+    /// Any file, because Karat can't know which files a program or a Rust test will read.
     #[default]
     Any,
 }

@@ -23,8 +23,8 @@ const FEWEST: u64 = 1024;
 /// this limit, the errors of all cells shift chi-square by at most a thousandth of its degrees of freedom.
 const QUADRATURE: f64 = 0.03;
 
-/// The largest allowed error of the integral of eval cos over a cell. With this limit, the errors of 512 cells
-/// are together at most 2e-5. For large integrals, `ESTIMATE_RELATIVE` limits the relative error to a tenth of
+/// The largest allowed error of the integral of eval cos over a cell. If the errors of 512 cells are independent,
+/// their sum is about sqrt(512) times this limit: 2e-5. For large integrals, `ESTIMATE_RELATIVE` limits the relative error to a tenth of
 /// the rounding error.
 const ESTIMATE: f64 = 1e-6;
 const ESTIMATE_RELATIVE: f64 = 0.1 * ROUNDING;

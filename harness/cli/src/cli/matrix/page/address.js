@@ -70,7 +70,7 @@ function change(changes, { step = false } = {}) {
   clearTimeout(saving);
   const save = () => {
     const to = address();
-    // If the fragment isn't the known one, somebody has just typed it. The event for it follows, and takes precedence.
+    // If the fragment isn't the known one, the reader has just typed it. The event for it follows, and takes precedence.
     if (location.hash !== known || to === (location.hash || "#")) return;
     try {
       // An address without a fragment keeps the page's own fragment.
