@@ -41,7 +41,7 @@ const UNSEEN: [&str; 4] = ["expect(", "expect_err(", "unreachable!(", "reason ="
 struct Sentence {
     /// The line on which the sentence's paragraph begins.
     line: usize,
-    /// The heading above the sentence, or the code that the sentence's comment documents.
+    /// The heading above the sentence, the code that its comment documents, or the code before the message.
     about: String,
     /// The sentence before this one in its paragraph or row.
     before: String,
@@ -167,8 +167,9 @@ fn literals(text: &str) -> Vec<Paragraph> {
             let words = rest[1..end - 1].replace("\\\n", "").replace("\\n", " ");
             let words: Vec<_> = words.split_whitespace().collect();
             let code = text[..text.len() - rest.len()].trim_end();
-            if !UNSEEN.iter().any(|before| code.ends_with(before)) {
-                found.push((line, String::new(), words.join(" ")));
+            let about = code.lines().last().unwrap_or_default().trim();
+            if !UNSEEN.iter().any(|before| about.ends_with(before)) {
+                found.push((line, about.to_owned(), words.join(" ")));
             }
             end
         } else {
@@ -226,7 +227,10 @@ mod tests {
         );
         assert_eq!(
             found(Source::Messages, code),
-            ["4 [] () can't read a file of {x}", "6 [] () a message after a quotation mark"]
+            [
+                "4 [fn f() { bail!(] () can't read a file of {x}",
+                "6 [let quote = '\"';] () a message after a quotation mark"
+            ]
         );
     }
 }
