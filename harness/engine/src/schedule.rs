@@ -113,8 +113,8 @@ pub(crate) trait Turns {
     }
 }
 
-/// The largest number of turns in a row. Then other actors get a turn, because a loop may wait for them without being
-/// noticed.
+/// The largest number of turns that one actor gets in a row. Then other actors get a turn, because a loop may wait for
+/// them without being noticed.
 const MOST_IN_A_ROW: u32 = 1 << 12;
 
 pub(crate) struct ByPriority<'s> {
