@@ -82,7 +82,8 @@ pub(super) fn file(name: &str) -> Result<PathBuf, String> {
     if extension == "png" || extension == "exr" {
         return Ok(path);
     }
-    Err("name a .png (colours) or an .exr (the errors themselves)".to_owned())
+    Err("the heatmap's file must end in .png (for colours) or .exr (for the errors as numbers)"
+        .to_owned())
 }
 
 #[cfg(test)]

@@ -131,7 +131,7 @@ fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
     let mut command = match &**program {
         "cargo" => Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())),
         "karat" => {
-            Command::new(std::env::current_exe().context("can't find this program's own file")?)
+            Command::new(std::env::current_exe().context("can't find karat's executable file")?)
         }
         other => anyhow::bail!("the record's command is another program, `{other}`"),
     };

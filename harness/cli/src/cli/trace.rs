@@ -133,7 +133,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     if !any {
         return Ok(None);
     }
-    let program = std::env::current_exe().context("can't find this program's own file")?;
+    let program = std::env::current_exe().context("can't find karat's executable file")?;
     let mut command = Command::new(program);
     // The arguments are the same, but without the revision: the overlay contains its shaders.
     let mut words = std::env::args_os().skip(1);

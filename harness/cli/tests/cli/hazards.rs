@@ -82,7 +82,8 @@ fn requirements_fail_a_run_that_denies_them() {
     for part in [
         "requirement: NaN  0.5 * (b - a) / k  shaders/fresnel.wgsl:2:16",
         "needs another `k`: it fails where k is ",
-        " more that need the same inputs, the next at shaders/fresnel.wgsl:2:",
+        "other findings that need the same inputs: ",
+        "; the next is at shaders/fresnel.wgsl:2:",
         "requirements in 4 functions, 1 met, 1 dropped",
     ] {
         assert!(ran.contains(part), "no `{part}` in {ran}");
@@ -211,7 +212,7 @@ fn an_accepted_hazard_must_exist() {
     write(&folder.path().join("shaders"), "fresnel.wgsl", &format!("{SCHLICK}{needs}"));
     let needless = accept("[\"fresnel::needs\"]", "1.0 / x").out;
     assert!(
-        needless.contains("accepts a hazard of fresnel::needs: that hazard isn't a fault"),
+        needless.contains("accepts a hazard of fresnel::needs: this hazard isn't a fault"),
         "{needless}"
     );
     write(&folder.path().join("shaders"), "fresnel.wgsl", SCHLICK);
@@ -316,7 +317,7 @@ fn packages_with_the_same_name_are_named_by_their_folders() {
     );
     let twice = ["hazards", "--input", "x=0..1", "--input", "x=0..2"];
     let error = karat(folder.path(), &twice).error();
-    assert!(error.contains("the input is given twice: --input x"), "{error}");
+    assert!(error.contains("two --input options name the same input, `x`"), "{error}");
     // Two names set the same override.
     let twice = ["hazards", "--override", "A=2", "--override", "m::A=3"];
     let error = karat(folder.path(), &twice).error();

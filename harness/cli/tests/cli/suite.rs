@@ -47,11 +47,11 @@ fn a_list_after_a_part_of_the_tests_says_so() {
     let folder = folder();
     cpu(folder.path(), &[]).good();
     let all = karat(folder.path(), &["list"]).good();
-    assert!(all.contains("  no ") && !all.contains("the last run had only"), "{all}");
+    assert!(all.contains("  no ") && !all.contains("the last run selected only"), "{all}");
     cpu(folder.path(), &["lambert"]).good();
     let part = karat(folder.path(), &["list"]).good();
     assert!(part.contains("not by the last run"), "{part}");
-    assert!(part.contains("the last run had only `lambert`"), "{part}");
+    assert!(part.contains("the last run selected only `lambert`"), "{part}");
 }
 
 /// If a declaration is so wrong that no check can start, each report has an error with the line of its key.
@@ -923,7 +923,7 @@ fn a_run_of_one_folder_of_a_cargo_project_is_incomplete() {
     write(folder.path(), "shaders/brdf_test.wgsl", TESTS);
     karat(folder.path(), &["test", "shaders", "--paths", "cpu"]).good();
     let refused = karat(folder.path(), &["unreferenced"]).failure(3);
-    assert!(refused.contains("the last run had only some tests (`shaders`)"), "{refused}");
+    assert!(refused.contains("the last run selected only some tests (`shaders`)"), "{refused}");
 }
 
 /// If a test sets a tolerance for integers, the message explains why it has no effect.
