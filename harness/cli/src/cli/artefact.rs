@@ -116,8 +116,7 @@ impl Contents {
         if self.of_run {
             return Ok(());
         }
-        let inner =
-            self.zip.as_ref().map(|zip| format!("; perhaps you mean the zip `{zip}` inside"));
+        let inner = self.zip.as_ref().map(|zip| format!("; you may mean the zip `{zip}` inside"));
         Err(NotThere(format!(
             "`{}` isn't the artefact of a run: no file is a frame (`*.new.exr`), values (`*.new.csv`) \
              or a record (`record/*.jsonl`, `run.json`); name the folder or zip that CI uploaded from \
@@ -129,21 +128,16 @@ impl Contents {
 }
 
 fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
-    let mut archive =
-        ZipArchive::new(File::open(path)?).context("the file isn't a readable zip")?;
+    let mut archive = ZipArchive::new(File::open(path)?).context("this isn't a readable zip")?;
     // If two entries have the same name, the crate `zip` keeps the last one. Another program may have shown the first
     // one.
     ensure!(!archive.has_duplicate_names(), "two entries of the zip have the same name");
     let entries = archive.len();
-    ensure!(
-        entries <= MOST_ENTRIES,
-        "the zip has {entries} entries; Karat reads at most {MOST_ENTRIES}"
-    );
+    ensure!(entries <= MOST_ENTRIES, "the zip has {entries} entries, above {MOST_ENTRIES}");
     let (mut contents, mut frames, mut bytes) = (Contents::default(), 0, 0);
     for index in 0..entries {
         let entry = archive.by_index(index).context("an entry of the zip can't be read")?;
-        let name =
-            entry.name().context("the name of an entry can't be read")?.escape_debug().to_string();
+        let name = entry.name().context("an entry's name is damaged")?.escape_debug().to_string();
         // The crate `zip` makes `/etc/x` relative. That is safe, but an honest zip has no such entry.
         let relative = entry.enclosed_name().filter(|_| !name.starts_with(['/', '\\']));
         let Some(relative) = relative else {
@@ -165,10 +159,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
             .read_to_end(&mut content)
             .with_context(|| format!("entry `{name}` of the zip is damaged"))?;
         let length = content.len() as u64;
-        ensure!(
-            length <= LARGEST_FRAME,
-            "entry `{name}` of the zip has more than {LARGEST_FRAME} bytes"
-        );
+        ensure!(length <= LARGEST_FRAME, "the entry `{name}` has more than {LARGEST_FRAME} bytes");
         bytes += length;
         ensure!(bytes <= LARGEST, "the frames of the zip have more than {LARGEST} bytes");
         place(folder, &relative, &content)
@@ -181,10 +172,7 @@ fn place(folder: &Path, relative: &Path, content: &[u8]) -> anyhow::Result<()> {
     let place = folder.join(relative);
     ensure!(!place.is_dir(), "the zip has a file and a folder with this name");
     if let Some(file) = relative.ancestors().skip(1).find(|above| folder.join(above).is_file()) {
-        bail!(
-            "`{}` is both a file and a folder in the zip",
-            file.display().to_string().escape_debug()
-        );
+        bail!("`{}` is both a file and a folder", file.display().to_string().escape_debug());
     }
     std::fs::create_dir_all(place.parent().unwrap_or(folder))?;
     // Two names may mean the same file: `a/b` and `a/./b`, or names that differ only in capitals.

@@ -71,9 +71,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     std::thread::spawn(move || http.run(move |request| serving.answer(request)));
     let is_greeted = desk.is_greeted(Duration::from_secs(args.wait));
     if let Some(failed) = &locked(&desk.state).failed {
-        bail!(
-            "the browser that opened the page can't run tests: {failed}; open the page in another browser"
-        );
+        bail!("the page's browser can't run tests: {failed}; open the page in another browser");
     }
     ensure!(
         is_greeted,
@@ -120,9 +118,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 /// Runs as a program of `KARAT_EXECUTORS`: passes each job on, and prints the reply.
 fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     let told = std::fs::read_to_string(file).context("`karat browser` has ended")?;
-    let (port, token) = told
-        .split_once(' ')
-        .context("the file that --relay names contains no port and no secret")?;
+    let (port, token) = told.split_once(' ').context("the --relay file has no port and secret")?;
     let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port.parse()?))
         .context("`karat browser` has ended")?;
     writeln!(stream, "{token}")?;
@@ -320,9 +316,7 @@ impl Desk {
             }
             if is_gone {
                 state.waiting = None;
-                return Err(
-                    "the page in the browser was closed or doesn't answer: run `karat browser` again",
-                );
+                return Err("the page was closed or doesn't answer: run `karat browser` again");
             }
             let waited = self.changed.wait_timeout(state, POLL);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;

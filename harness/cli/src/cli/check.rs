@@ -50,9 +50,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let are = match (valid, broken.len()) {
         (false, _) => "checked: some modules aren't valid".to_owned(),
         (true, 0) => "valid".to_owned(),
-        (true, errors) => {
-            format!("valid, but the files of tests have {}", counted(errors, "error"))
-        }
+        (true, errors) => format!("valid, but the test files have {}", counted(errors, "error")),
     };
     let opinion_of = match opinion.to_string() {
         text if text.is_empty() => text,
@@ -112,10 +110,7 @@ fn validate_found(
                         write(&[(title, invalid)], out)?;
                     }
                     None if all => {
-                        writeln!(
-                            out,
-                            "{GOOD}{title}: valid{GOOD:#} with the settings that tests use"
-                        )?;
+                        writeln!(out, "{GOOD}{title}: valid{GOOD:#} with the tests' settings")?;
                     }
                     None => {}
                 }

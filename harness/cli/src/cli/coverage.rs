@@ -79,8 +79,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let only_engine = paths.iter().all(is_engine);
     let (passed, folder) = tests(args, folder, only_engine)?;
-    let ran =
-        Ran::all(folder.path()).context("can't read the line counts that the tests recorded")?;
+    let ran = Ran::all(folder.path()).context("can't read the line counts of the tests")?;
     ensure!(!ran.is_empty(), "no test ran a shader on the path `cpu`, so Karat counted no lines");
     let used = ran.iter().flat_map(|ran| &ran.statements).map(|one| one.file.as_path());
     let used: BTreeSet<_> = used.collect();
@@ -161,14 +160,9 @@ fn parts(
         parts.push(format!("{} not valid: {named}", counted(invalid.len(), "module")));
     }
     if !passed {
-        parts.push(
-            "tests failed, see above: lines that run only after a failure aren't counted"
-                .to_owned(),
-        );
+        parts.push("tests failed, see above: code after a failed check isn't counted".to_owned());
     }
-    parts.extend(
-        short.map(|least| format!("an option requires that tests run {least}% of the lines")),
-    );
+    parts.extend(short.map(|least| format!("the options require that {least}% of lines run")));
     parts
 }
 

@@ -27,17 +27,16 @@ Examples:
   karat diff a.exr b.exr --flip-tile 0.03 --heatmap flip.png
   karat diff a.exr b.exr --mask sky.png --json
 
-The first image is the expected one. Karat converts the values of a PNG to linear light, then
-compares. The images agree if each channel is within 1e-3 (the gate), or else if HDR-FLIP is at most
-0.01 in every tile of 16 x 16 pixels and at most 0.005 in the mean. Tests of frames have the same
-bounds. If you give only --rel, Karat applies only the gate. FLIP uses the exposures that a
-golden stores, if the first image is a golden; or else exposures that suit the first image. For two
-PNGs Karat also prints LDR-FLIP, which other FLIP tools print; no bound applies to LDR-FLIP.
-Karat compares the stored values without a conversion between primaries. If the chromaticities
-differ, Karat prints a note. The data windows of two EXR files may have different positions. If a file
-has several parts, Karat compares the first part with colours. Without --mask, Karat uses the part
-`mask` of the second file. A frame has this part if its test declares a mask. Unlike a test, `karat
-diff` doesn't subtract the noise that a golden's variance explains.
+The first image is the expected one. Karat converts a PNG to linear light, then compares. The images
+agree if each channel is within 1e-3 (the gate), or else if HDR-FLIP is at most 0.01 in every tile of
+16 x 16 pixels, and at most 0.005 in the mean. If you give only --rel, Karat applies only the gate.
+If the first image is a golden, FLIP uses the golden's exposures, or else exposures that suit the
+first image. For two PNGs Karat also prints LDR-FLIP, which other FLIP tools print; it has no bound.
+Karat compares the stored values without converting primaries. If the chromaticities differ, Karat
+prints a note. The data windows of EXR files may have different positions. If a file has several
+parts, Karat compares the first part with colours. Without --mask, Karat uses the second file's part
+`mask`; a frame has this part if its test declares a mask. Unlike a test, `karat diff` doesn't
+subtract the noise that a golden's variance explains.
 Exit codes: 0 the images agree within the bounds; 1 the values or the sizes differ; 2 an image can't
 be read or compared; 3 an image is missing. NaN and infinities differ from every value.
 JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, chromaticities (CIE x and y
@@ -92,8 +91,7 @@ fn relative(text: &str) -> Result<f64, String> {
     let float = bound as f32;
     if float == 0.0 && bound != 0.0 {
         return Err(
-            "the bound is smaller than the smallest `f32`: write 0, or a bound of at least 1e-45"
-                .to_owned(),
+            "the bound is smaller than the smallest `f32`: write 0, or at least 1e-45".to_owned()
         );
     }
     Ok(bound)
@@ -119,10 +117,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut comparison = match pair {
         Ok(pair) => {
             let pair = a.exposures.into_iter().fold(pair, Pair::with_exposures);
-            let doing = format!(
-                "computing FLIP of {} pixels takes a while ...",
-                pair.golden().pixels().len()
-            );
+            let doing = format!("computing FLIP of {} pixels ...", pair.golden().pixels().len());
             patiently(&doing, || -> anyhow::Result<_> {
                 let mut comparison = Comparison::measure(sides, &pair, &bounds);
                 if a.is_png && b.is_png {
@@ -150,9 +145,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         message::write(&comparison, out)?;
     }
     if args.heatmap.is_some() && comparison.heatmap.is_none() {
-        super::complain(
-            "Karat writes no heatmap, because the images can't be compared pixel by pixel",
-        );
+        super::complain("Karat writes no heatmap: the images have no pixels to compare");
     }
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }

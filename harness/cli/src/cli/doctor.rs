@@ -255,10 +255,7 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         writeln!(out, "[profile.dev.package]")?;
     }
     for profile::Unoptimised { name, level, recommended, about } in &report.unoptimised {
-        writeln!(
-            out,
-            "{name}.opt-level = {recommended} {DIM}# at opt-level {level}, {about}{DIM:#}"
-        )?;
+        writeln!(out, "{name}.opt-level = {recommended} {DIM}# at {level}, {about}{DIM:#}")?;
     }
     writeln!(out, "\n{HEAD}compilers of WGSL besides naga{HEAD:#}")?;
     for CompilerReport { name, here, missing, remedy } in &report.compilers {

@@ -44,9 +44,7 @@ impl FolderArgs {
         let others: Vec<String> = others.map(|other| shown(other)).collect();
         anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
         for other in others.iter().filter(|other| has_pending(other)) {
-            tell(&format!(
-                "note: the folder `{other}` also has pending frames: name this folder with --goldens DIR"
-            ));
+            tell(&format!("note: folder `{other}` has pending frames, too: use --goldens DIR"));
         }
         Ok(folder)
     }
@@ -68,9 +66,7 @@ impl FolderArgs {
         }
         for other in all.iter().skip(1) {
             let other = shown(&other.folder());
-            tell(&format!(
-                "note: the folder `{other}` also has pending frames: name this folder with --goldens DIR"
-            ));
+            tell(&format!("note: folder `{other}` has pending frames, too: use --goldens DIR"));
         }
         Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }
@@ -375,10 +371,7 @@ impl Waiting {
                 && rest.iter().any(|other| other.goldens.folder() != first.goldens.folder())
             {
                 let names: Vec<&str> = exact.iter().map(|frame| &*frame.name).collect();
-                bail!(
-                    "frame `{name}` is pending in several crates: name one frame, `{}`",
-                    names.join("` or `")
-                );
+                bail!("`{name}` is pending in several crates: choose `{}`", names.join("` or `"));
             }
             let of_files = broken.iter().enumerate().filter(|(_, broken)| {
                 self.places.iter().any(|place| wanted.names(&file_case(place, broken)))

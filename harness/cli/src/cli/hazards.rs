@@ -76,9 +76,7 @@ fn input(text: &str) -> Result<Input, String> {
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
     let (least, most) = (number(least)?, number(most.trim_start_matches('='))?);
     if !(least <= most && least.is_finite() && most.is_finite()) {
-        return Err(format!(
-            "{least} to {most} isn't a range from a smaller to a larger finite number"
-        ));
+        return Err(format!("{least} to {most} isn't a range: write finite LEAST..MOST"));
     }
     Ok((name.trim().to_owned(), least..=most))
 }
@@ -256,11 +254,7 @@ fn write_text(
         write!(out, ", {of} checked only with the initial values of large private variables")?;
     }
     if in_part > 0 {
-        write!(
-            out,
-            ", Karat recorded only the first operations of {}",
-            counted(in_part, "function")
-        )?;
+        write!(out, ", recorded only the first operations of {}", counted(in_part, "function"))?;
     }
     writeln!(out)?;
     Ok(())
@@ -293,10 +287,7 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     }
     if reasons.len() > REASONS {
         let more = reasons.len() - REASONS;
-        writeln!(
-            out,
-            "{DIM}other functions weren't checked, for {more} more reasons: --all shows the reasons{DIM:#}"
-        )?;
+        writeln!(out, "{DIM}--all shows {more} more reasons for not checking functions{DIM:#}")?;
     }
     Ok(())
 }
@@ -341,10 +332,7 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
     if let [next, ..] = alike {
         let (count, place) = (alike.len(), &next.location);
         let like = if hazard.needs.is_empty() { "are similar" } else { "need the same inputs" };
-        writeln!(
-            out,
-            "{DIM}    other findings that {like}: {count}; the next is at {place}{DIM:#}"
-        )?;
+        writeln!(out, "{DIM}    {count} other findings {like}, the next at {place}{DIM:#}")?;
     }
     writeln!(out)?;
     Ok(())

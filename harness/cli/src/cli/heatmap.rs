@@ -82,8 +82,7 @@ pub(super) fn file(name: &str) -> Result<PathBuf, String> {
     if extension == "png" || extension == "exr" {
         return Ok(path);
     }
-    Err("the heatmap's file must end in .png (for colours) or .exr (for the errors as numbers)"
-        .to_owned())
+    Err("name a .png file (for colours) or an .exr file (for the errors as numbers)".to_owned())
 }
 
 #[cfg(test)]

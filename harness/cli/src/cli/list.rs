@@ -84,10 +84,7 @@ fn list_tests(args: &Args, out: &mut dyn Write) -> Outcome {
             add(name, wrong.place.clone(), Some(wrong));
         }
     }
-    ensure!(
-        !all.is_empty(),
-        "there is no test beside the shaders: `karat init` writes a first test"
-    );
+    ensure!(!all.is_empty(), "there is no test beside the shaders: run `karat init`");
     let good = all.iter().all(|one| one.error.is_none());
     match args.json {
         true => write_json(&all, out)?,
@@ -164,10 +161,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     table.write(out)?;
     if let Some(selected) = selected {
-        writeln!(
-            out,
-            "{DIM}the last run selected only `{selected}`: `karat test` runs all tests{DIM:#}"
-        )?;
+        writeln!(out, "{DIM}only `{selected}` ran last time: `karat test` runs all tests{DIM:#}")?;
     }
     for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
         writeln!(out, "\n{error}")?;

@@ -230,12 +230,10 @@ fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
         run.ok_or_else(|| none(format!("the record `{shown}` doesn't say that its run ended")))?;
     if !run.selected.is_empty() {
         let selected = run.selected.join(" ");
-        return Err(none(format!("the last run selected only some tests (`{selected}`)")).into());
+        return Err(none(format!("the last run ran only some tests (`{selected}`)")).into());
     }
     if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
-        return Err(
-            none(format!("the last run replaced modules with KARAT_OVERLAY={overlay}")).into()
-        );
+        return Err(none(format!("the last run replaced files by KARAT_OVERLAY={overlay}")).into());
     }
     if !run.passed {
         let why = "a test failed in the last run, so Karat doesn't know which goldens the test would have \

@@ -184,8 +184,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         files::watch(&folder, move |files| told.send(Event::Files(files)).is_ok())
     });
     let watching = watching.collect::<anyhow::Result<Vec<_>>>()?;
-    let records =
-        tempfile::tempdir().context("can't make a temporary folder for the tests' records")?;
+    let records = tempfile::tempdir().context("can't make a temporary folder")?;
     let mut lanes = Vec::new();
     for (at, path) in names.iter().enumerate() {
         for source in &sources {
@@ -401,8 +400,7 @@ impl Watch {
                     return self.all_again();
                 }
                 (KeyCode::Enter, Typing::Reason(_, because)) if because.trim().is_empty() => {
-                    self.notice =
-                        Some("Karat accepted no frame, because a reason is required".to_owned());
+                    self.notice = Some("no frame was accepted: a reason is required".to_owned());
                     return Ok(true);
                 }
                 // The goldens are watched files, so the tests that compare with them run again.

@@ -50,20 +50,20 @@ fn uncovered_lines_branches_and_results_are_listed() {
     for part in [
         "calc.wgsl",
         "9 no test runs this code, in `calc::lonely`",
-        "13 no test checks the value of this code, in `calc::looked_at`",
+        "13 no test checks this code's value, in `calc::looked_at`",
         "18 no test runs this code, in `calc::shade`",
         "lines 71.4% (5 of 7), ways 100% (2 of 2), functions 50% (2 of 4) by 3 tests",
     ] {
         assert!(out.contains(part), "no `{part}` in:\n{out}");
     }
     // Only a test that discards the result runs `-x`.
-    assert!(out.contains("5 no test checks the value of this code, in `calc::side`"), "{out}");
+    assert!(out.contains("5 no test checks this code's value, in `calc::side`"), "{out}");
     assert!(out.contains("no test checks the value of 2 lines"), "{out}");
     assert!(!out.contains("calc_test"), "tests aren't tested: {out}");
     assert_eq!(karat(folder.path(), &["coverage", "--fail-under-lines", "71"]).code, Some(0));
     let few = karat(folder.path(), &["coverage", "--fail-under-lines", "80"]);
     assert_eq!(few.code, Some(1));
-    assert!(few.out.contains("an option requires that tests run 80% of the lines"), "{few:?}");
+    assert!(few.out.contains("the options require that 80% of lines run"), "{few:?}");
     // A filter runs some of the tests, and the counts show this.
     let part = karat(folder.path(), &["coverage", "--tests", "looked_at"]).good();
     assert!(part.contains("lines 28.5% (2 of 7)") && part.contains("by 1 test"), "{part}");
@@ -84,7 +84,7 @@ fn a_value_that_an_assertion_reads_is_covered() {
         write(&folder.path().join("shaders"), "watched.wgsl", &shader);
         write(&folder.path().join("shaders"), "watched.test.toml", test);
         let out = karat(folder.path(), &["coverage", "--missing"]).good();
-        let unseen = out.contains("2 no test checks the value of this code, in `watched::watched`");
+        let unseen = out.contains("2 no test checks this code's value, in `watched::watched`");
         assert_eq!(unseen, !seen, "{line}:\n{out}");
     }
 }
@@ -198,7 +198,7 @@ fn functions_of_frames_are_not_measured() {
 #[test]
 fn tests_beside_a_file_are_named() {
     let folder = folder();
-    let beside = "`shaders/calc_test.wgsl` didn't run: name the folder instead of the file";
+    let beside = "the tests in `shaders/calc_test.wgsl` didn't run: name the folder, not the file";
     for verb in ["test", "coverage", "mutate"] {
         let ran = karat(folder.path(), &[verb, "shaders/calc.wgsl"]);
         assert!(format!("{}{}", ran.out, ran.err).contains(beside), "{verb}: {ran:?}");

@@ -32,10 +32,7 @@ fn each_cause_is_printed_once() {
         (&["diff", "a.exr", "."], "can't read `.`: it is a folder\n"),
         // A file isn't a folder. This makes the path unreadable for every user, even for root.
         (&["diff", "text.zip/a.exr", "text.zip"], "can't read `text.zip/a.exr`: "),
-        (
-            &["pending", "--from", "text.zip"],
-            "can't use `text.zip`: the file isn't a readable zip: ",
-        ),
+        (&["pending", "--from", "text.zip"], "can't use `text.zip`: this isn't a readable zip: "),
         (&["unreferenced", "--record", "run"], "can't read the record `run/1.jsonl`: "),
         (&["report", "--record", "run"], "can't read the record `run/1.jsonl`: "),
         (&["call", "calc::same", "--table", "text.zip/a.csv"], "can't read `text.zip/a.csv`"),
@@ -86,7 +83,7 @@ fn a_folder_without_a_run_has_no_verdict() {
                 error.contains("name the folder or zip that CI uploaded from `target/karat`"),
                 "{error}"
             );
-            let told = inner.map(|inner| format!("perhaps you mean the zip `{inner}` inside"));
+            let told = inner.map(|inner| format!("you may mean the zip `{inner}` inside"));
             assert!(told.is_none_or(|told| error.contains(&told)), "{error}");
         }
     }
@@ -119,7 +116,7 @@ fn conflicting_entries_of_an_archive_are_errors() {
     let unpacked =
         |name: &str, why: &str| format!("entry `{name}` of the zip can't be unpacked: {why}");
     for (from, why) in [
-        ("below.zip", unpacked(below.0, "`x.new.exr` is both a file and a folder in the zip")),
+        ("below.zip", unpacked(below.0, "`x.new.exr` is both a file and a folder")),
         ("above.zip", unpacked(file.0, "the zip has a file and a folder with this name")),
         ("dot.zip", unpacked("a/./x.new.exr", "another entry of the zip has the same path")),
         ("twice.zip", "two entries of the zip have the same name".to_owned()),

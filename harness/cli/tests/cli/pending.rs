@@ -291,10 +291,10 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
         ("slip.zip", 2, "would be unpacked outside of the target folder"),
         ("root.zip", 2, "would be unpacked outside of the target folder"),
         ("foreign.zip", 2, "isn't a readable OpenEXR image"),
-        ("bomb.zip", 2, "entry `evil.new.exr` of the zip has more than 67108864 bytes"),
-        ("half.zip", 2, "can't use `half.zip`: the file isn't a readable zip"),
+        ("bomb.zip", 2, "the entry `evil.new.exr` has more than 67108864 bytes"),
+        ("half.zip", 2, "can't use `half.zip`: this isn't a readable zip"),
         ("damaged.zip", 2, "entry `scene.new.exr` of the zip is damaged"),
-        ("text.zip", 2, "can't use `text.zip`: the file isn't a readable zip"),
+        ("text.zip", 2, "can't use `text.zip`: this isn't a readable zip"),
         ("names", 2, "evil.new.exr` says that it is frame `../../evil`"),
         ("other", 2, "a.new.exr` says that it is frame `scene`"),
         (
@@ -425,7 +425,8 @@ fn frames_of_one_name_are_named_by_their_crates() {
         }
         let because = [from, &["--because", "x"]].concat();
         let both = karat(folder, &[&["accept", "dusk"][..], &because].concat()).error();
-        let told = "frame `dusk` is pending in several crates: name one frame, `the-lamp::dusk` or `the-sky::dusk`";
+        let told =
+            "`dusk` is pending in several crates: choose `the-lamp::dusk` or `the-sky::dusk`";
         assert!(both.contains(told), "{both}");
         let one = karat(folder, &[&["accept", "the-sky::dusk"][..], &because].concat()).good();
         assert!(one.contains("accepted the-sky::dusk\n"), "{one}");

@@ -108,8 +108,8 @@ fn without_evidence_there_is_no_verdict() {
     let all = [frame(&folder.join("golden"), "scene", &["vulkan"], "pass")];
     for (run, message) in [
         (None, "doesn't say that its run ended"),
-        (Some((&["scene"][..], true)), "the last run selected only some tests (`scene`)"),
-        (Some((&["-p tests"], true)), "the last run selected only some tests (`-p tests`)"),
+        (Some((&["scene"][..], true)), "the last run ran only some tests (`scene`)"),
+        (Some((&["-p tests"], true)), "the last run ran only some tests (`-p tests`)"),
         (Some((&[], false)), "a test failed in the last run"),
     ] {
         record(&project, &all, run);
@@ -119,7 +119,7 @@ fn without_evidence_there_is_no_verdict() {
     let overlaid = all[0].replace("\"message\"", "\"overlay\":\"mutants\",\"message\"");
     record(&project, &[overlaid], Some((&[], true)));
     let error = karat(folder, &["unreferenced", "--delete"]).failure(3);
-    assert!(error.contains("the last run replaced modules with KARAT_OVERLAY=mutants"), "{error}");
+    assert!(error.contains("the last run replaced files by KARAT_OVERLAY=mutants"), "{error}");
     let record_folder = record(&project, &["not a record\n".to_owned()], Some((&[], true)));
     let error = karat(folder, &["unreferenced"]).error();
     assert!(error.contains("1.jsonl` line 1 isn't a record of version 5"), "{error}");
@@ -218,7 +218,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         write(&golden, file, "");
         fails(file, case, "has no readable provenance: missing field");
         std::fs::remove_file(golden.join(file)).expect("removed");
-        fails(file, case, "is missing: this file must contain the provenance of `");
+        fails(file, case, "` is missing");
         // Git may have changed the line ends.
         write(&golden, file, &facts.replace('\n', "\r\n"));
         karat(folder, &["unreferenced"]).good();

@@ -261,11 +261,7 @@ impl File {
             } else if line.count == 0 {
                 add(*number, format!("no test runs this code, in `{function}`"), true);
             } else if line.weak {
-                add(
-                    *number,
-                    format!("no test checks the value of this code, in `{function}`"),
-                    false,
-                );
+                add(*number, format!("no test checks this code's value, in `{function}`"), false);
             }
         }
         for seen in self.branches().filter(|seen| seen.count() > 0) {

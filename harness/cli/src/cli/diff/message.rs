@@ -36,9 +36,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         writeln!(out, "{} of {all} pixels are compared, selected by {by}", comparison.compared)?;
     }
     if let Some(file) = &comparison.heatmap {
-        let scale = comparison
-            .heatmap_full
-            .map(|full| format!(", its colours show errors from 0 to {full}"));
+        let scale = comparison.heatmap_full.map(|full| format!(", errors shown from 0 to {full}"));
         let unseen = comparison.flip.as_ref().is_some_and(|flip| flip.note.is_some());
         let unseen = if unseen { ", without the differences that FLIP ignores" } else { "" };
         writeln!(out, "heatmap: {file}{}{unseen}", scale.unwrap_or_default())?;

@@ -47,9 +47,7 @@ const TEXT: &str = "empty: write the text that your game engine inserts";
 fn advice(mend: &Mend) -> Option<String> {
     match mend {
         Mend::Elsewhere(sentence) => Some(sentence.clone()),
-        Mend::Preprocess => {
-            Some("name a program that expands the modules: preprocess = [..]".to_owned())
-        }
+        Mend::Preprocess => Some("name a program that expands WGSL: preprocess = [..]".to_owned()),
         Mend::Dependency(name) => Some(format!(
             "write the package's location: [dependencies] {name} = {{ path = \"../{name}\" }}, or {{ crate = \"{name}@1.2.3\" }}"
         )),
@@ -123,11 +121,7 @@ pub(super) fn run(folder: &Path, write: bool, json: bool, out: &mut dyn Write) -
     if writes {
         let known = std::fs::metadata(&trial.file);
         let is_kept = known.is_ok_and(|known| known.permissions().readonly());
-        ensure!(
-            !is_kept,
-            "`{}` is read-only, so Karat can't add lines: make the file writable",
-            shown(&trial.file)
-        );
+        ensure!(!is_kept, "`{}` is read-only: make this file writable", shown(&trial.file));
         write_whole(&trial.file, trial.with(&trial.lines).as_bytes())
             .with_context(|| format!("can't write `{}`", shown(&trial.file)))?;
     }
@@ -361,10 +355,7 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
     if !lines.is_empty() {
         match written {
             true => writeln!(out, "\nKarat wrote these lines into {file}:\n")?,
-            false => writeln!(
-                out,
-                "\nwrite these lines into {file}, or run this command with --write:\n"
-            )?,
+            false => writeln!(out, "\nwrite these lines into {file}, or add --write:\n")?,
         }
         write_lines(lines, out)?;
         writeln!(out, "\nwith these lines, {then_whole} of {all} are complete{refused}")?;

@@ -42,11 +42,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     };
     let (image, shown) = (image.display(), beside.display());
     let Some(metadata) = metadata else {
-        let why = || {
-            format!(
-                "`{shown}` has provenance, but `{image}` has none: another tool wrote the image"
-            )
-        };
+        let why = || format!("`{shown}` has provenance, but `{image}` of another tool has none");
         return is_facts(beside).then(why);
     };
     let held = match Provenance::parse(&metadata) {
@@ -56,9 +52,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     let told = match std::fs::read_to_string(beside) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            return Some(format!(
-                "`{shown}` is missing: this file must contain the provenance of `{image}`"
-            ));
+            return Some(format!("the provenance file `{shown}` of `{image}` is missing"));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
     };

@@ -296,10 +296,8 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
     }
     let (took, good) = match idle {
         0 => (took, GOOD),
-        1 => (format!("{took}; 1 frame isn't judged, because frames need a driver"), KNOWN),
-        more => {
-            (format!("{took}; {more} frames aren't judged, because frames need a driver"), KNOWN)
-        }
+        1 => (format!("{took}; 1 frame isn't judged: frames need a driver"), KNOWN),
+        more => (format!("{took}; {more} frames aren't judged: frames need a driver"), KNOWN),
     };
     let path = &lane.name;
     let pass = if *count == 1 { "1 test passes".to_owned() } else { format!("{count} tests pass") };
@@ -307,7 +305,7 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
         (true, ..) => (DIM, format!("{path}: running, {ran} done")),
         (_, Some(_), _) => (BAD, format!("{path}: no verdict  {took}")),
         (.., 0) if invalid.is_some() => {
-            (BAD, format!("{path}: the shaders aren't valid; {pass}; {ran} ran  {took}"))
+            (BAD, format!("{path}: not valid; {pass}; {ran} ran  {took}"))
         }
         (.., 0) if *count == 0 && *idle == 0 => match lane.alone {
             true => (BAD, format!("{path}: there are no tests: `karat init` writes a first test")),
@@ -315,12 +313,9 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
         },
         (.., 0) if *ran == 0 => (good, format!("{path}: {pass}; no code changed  {took}")),
         (.., 0) => (good, format!("{path}: {pass}; {ran} ran  {took}")),
-        (.., failed) if invalid.is_some() => (
-            BAD,
-            format!(
-                "{path}: the shaders aren't valid; {failed} of {count} tests fail; {ran} ran  {took}"
-            ),
-        ),
+        (.., failed) if invalid.is_some() => {
+            (BAD, format!("{path}: not valid; {failed} of {count} tests fail; {ran} ran  {took}"))
+        }
         (.., failed) => (BAD, format!("{path}: {failed} of {count} tests fail; {ran} ran  {took}")),
     }
 }
