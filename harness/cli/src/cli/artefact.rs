@@ -133,7 +133,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
     // one.
     ensure!(!archive.has_duplicate_names(), "two entries of the zip have the same name");
     let entries = archive.len();
-    ensure!(entries <= MOST_ENTRIES, "the zip has {entries} entries, above {MOST_ENTRIES}");
+    ensure!(entries <= MOST_ENTRIES, "the zip has {entries} entries, more than {MOST_ENTRIES}");
     let (mut contents, mut frames, mut bytes) = (Contents::default(), 0, 0);
     for index in 0..entries {
         let entry = archive.by_index(index).context("an entry of the zip can't be read")?;

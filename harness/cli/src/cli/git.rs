@@ -62,7 +62,7 @@ pub(super) fn lines_since(
         if let Some(name) = line.strip_prefix("+++ ") {
             // If a name has blanks, git writes a tab after the name.
             let name = name.trim_end_matches('\t');
-            ensure!(!name.starts_with('"'), "Karat can't use the name that git prints: {name}");
+            ensure!(!name.starts_with('"'), "Karat can't read a file name from git: {name}");
             file = name.strip_prefix("b/").map(place).transpose()?;
         } else if let (Some(file), Some(hunk)) = (&file, line.strip_prefix("@@ ")) {
             let after = hunk.split(' ').find_map(|part| part.strip_prefix('+')).unwrap_or_default();

@@ -235,7 +235,7 @@ fn write_text(
         write!(out, ", {} not checked", counted(others, "function"))?;
     }
     if *invalid > 0 {
-        let why = "not checked, because naga rejects code that they use: `karat check` says why";
+        let why = "not checked, because naga rejects the code: `karat check` says why";
         write!(out, ", {} {why}", counted(*invalid, "function"))?;
     }
     if *unread > 0 {

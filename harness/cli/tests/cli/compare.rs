@@ -90,7 +90,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     for (wrong, part) in [
         (&["nowhere"][..], "neither a folder nor a revision"),
         (&["--upload-pack=x"], "unexpected argument"),
-        (&["HEAD", "--only", "nothing"], "has `nothing` in its name"),
+        (&["HEAD", "--only", "nothing"], "a function with `nothing` in its name"),
         (&["HEAD", "--paths", "vulcan"], "did you mean `vulkan`"),
         (&["HEAD", "--cases", "0"], "0 is not in"),
     ] {

@@ -228,7 +228,7 @@ fn a_heatmap_is_colours_or_the_errors_themselves() {
     let brightest = rows.flat_map(|row| &row[..48]).map(|pixel| pixel[0]).fold(0.0, f32::max);
     assert!(brightest > 0.3, "{brightest}");
     let error = diff(&folder, &["a.exr", "hole.exr", "--heatmap", "flip.jpg"]).error();
-    assert!(error.contains("name a .png (colours) or an .exr"), "{error}");
+    assert!(error.contains("name a .png file (for colours) or an .exr file"), "{error}");
     let ran = diff(&folder, &["a.exr", "small.exr", "--heatmap", "none.png"]);
     assert!(ran.code == Some(1) && ran.err.contains("Karat writes no heatmap"), "{ran:?}");
     assert!(!folder.path().join("none.png").exists());

@@ -63,8 +63,7 @@ fn functions_that_are_not_valid_fail_a_run() {
         "fn twice(x: f32) -> f32 { return 2.0 * x; }\nfn broken(x: f32) -> f32 { return x.y; }\n";
     write(&folder.path().join("shaders"), "fresnel.wgsl", text);
     let ran = karat(folder.path(), &["hazards"]);
-    let counted =
-        "1 function not checked, because naga rejects code that they use: `karat check` says why";
+    let counted = "1 function not checked, because naga rejects the code: `karat check` says why";
     assert!(ran.code == Some(1) && ran.out.contains(counted), "{ran:?}");
     assert!(ran.out.contains("0 faults and 0 requirements in 1 function,"), "{ran:?}");
 }
