@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let adapter = Adapter { path, name, driver: String::new(), software: false };
     match Goldens::open(&folder).check_image(&args.name, &image, &adapter) {
         Ok(margin) => {
-            writeln!(out, "{GOOD}{} matches its golden{GOOD:#}: {margin}", args.name)?;
+            writeln!(out, "{GOOD}image {} matches its golden{GOOD:#}: {margin}", args.name)?;
             Ok(Ending::Good)
         }
         Err(error @ (GoldenError::Differs { .. } | GoldenError::Missing { .. })) => {

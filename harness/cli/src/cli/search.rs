@@ -290,7 +290,7 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
         let count = counted(files.len(), "file");
         let files: Vec<String> = files.iter().map(|file| shown(file)).collect();
         let how = match is_package {
-            true => format!("move them into `{SHADERS}`, beside the modules that they test"),
+            true => format!("move the files into `{SHADERS}`, beside the modules that they test"),
             false => all,
         };
         writeln!(

@@ -195,7 +195,7 @@ fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 
 fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     for golden in &report.unreferenced {
-        writeln!(out, "{BAD}no test compares {golden}{BAD:#}  {}", golden.file.display())?;
+        writeln!(out, "{BAD}no test compares golden {golden}{BAD:#}  {}", golden.file.display())?;
     }
     for Doubt { golden, problem } in &report.doubtful {
         writeln!(out, "{BAD}{golden}: {problem}; {}{BAD:#}", facts::ADVICE)?;

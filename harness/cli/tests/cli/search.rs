@@ -215,7 +215,7 @@ fn tests_outside_of_shaders_are_reported() {
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in
-        [(None, "`karat test .` runs all tests"), (Some(""), "move them into `shaders`")]
+        [(None, "`karat test .` runs all tests"), (Some(""), "move the files into `shaders`")]
     {
         let folder = with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
         let path = folder.path();

@@ -79,8 +79,8 @@ fn an_uncompared_golden_fails_and_can_be_deleted() {
     record(&project, &lines, Some((&[], true)));
     let ran = karat(project.path(), &["unreferenced"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    assert!(ran.out.contains("no test compares room  "), "{ran:?}");
-    assert!(ran.out.contains("no test compares scene of profile gl-llvmpipe  "), "{ran:?}");
+    assert!(ran.out.contains("no test compares golden room  "), "{ran:?}");
+    assert!(ran.out.contains("no test compares golden scene of profile gl-llvmpipe  "), "{ran:?}");
     assert!(ran.out.ends_with("1 golden compared, 2 unreferenced, 0 stray files\n"), "{ran:?}");
     let ran = karat(project.path(), &["unreferenced", "--json"]);
     let report = json(&ran.out);

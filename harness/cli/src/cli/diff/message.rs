@@ -99,7 +99,7 @@ fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Re
             let error = short(f64::from((worst.b - worst.a).abs()));
             writeln!(out, "abs {error}, and no error is allowed")?;
         }
-        ratio => writeln!(out, "{} times what is allowed", short(ratio))?,
+        ratio => writeln!(out, "{} times the allowed error", short(ratio))?,
     }
     // All multiples of 0 are 0.
     if *relative == 0.0 {
