@@ -145,7 +145,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         message::write(&comparison, out)?;
     }
     if args.heatmap.is_some() && comparison.heatmap.is_none() {
-        super::complain("Karat writes no heatmap: the images have no pixels to compare");
+        super::complain("Karat writes no heatmap: it can't compare the images' pixels");
     }
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }

@@ -76,7 +76,7 @@ fn input(text: &str) -> Result<Input, String> {
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
     let (least, most) = (number(least)?, number(most.trim_start_matches('='))?);
     if !(least <= most && least.is_finite() && most.is_finite()) {
-        return Err(format!("{least} to {most} isn't a range: write finite LEAST..MOST"));
+        return Err(format!("{least} to {most} isn't a range: write the smaller number first"));
     }
     Ok((name.trim().to_owned(), least..=most))
 }
@@ -254,7 +254,7 @@ fn write_text(
         write!(out, ", {of} checked only with the initial values of large private variables")?;
     }
     if in_part > 0 {
-        write!(out, ", recorded only the first operations of {}", counted(in_part, "function"))?;
+        write!(out, ", {} checked in part: too many operations", counted(in_part, "function"))?;
     }
     writeln!(out)?;
     Ok(())

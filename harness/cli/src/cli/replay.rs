@@ -133,7 +133,7 @@ fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
         "karat" => {
             Command::new(std::env::current_exe().context("can't find karat's executable file")?)
         }
-        other => anyhow::bail!("the record's command runs another program, `{other}`"),
+        other => anyhow::bail!("the record's command must run cargo or karat, not `{other}`"),
     };
     for (name, value) in variables {
         ensure!(name.starts_with("KARAT_"), "the record may set only KARAT_*, but sets `{name}`");

@@ -77,7 +77,7 @@ fn a_failure_without_a_replay_says_why() {
     told(&super::project(), &[], "run `karat test` first");
     let hostile = function("calc::double", "gl", "fail", Some("on gl: x\n  replay: sh test"));
     let ran = karat(recorded(&[hostile]).path(), &["replay"]);
-    assert!(ran.code == Some(2) && ran.err.contains("runs another program"), "{ran:?}");
+    assert!(ran.code == Some(2) && ran.err.contains("must run cargo or karat"), "{ran:?}");
 }
 
 /// The summary names some of many failures. `--all` names all of them.
