@@ -418,7 +418,7 @@ fn edits_are_followed(karat: &FilePath, project: &Project) {
                 #[test]\nfn silent() {}\n";
     project.write("tests/brdf.rs", &format!("{TESTS}{more}"));
     let red = watching.until("cpu (Rust): 1 of 4 tests fail; 5 ran");
-    assert!(red.contains("1 frame isn't judged: it needs a driver"), "{red}");
+    assert!(red.contains("1 frame isn't judged: frames need a driver"), "{red}");
 }
 
 #[test]

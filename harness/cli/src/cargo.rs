@@ -21,7 +21,7 @@ fn main() -> ExitCode {
         },
         Err(error) => {
             eprintln!("error: `cargo karat` can't run `{}`: {error}", program.display());
-            eprintln!("  install both programs: `cargo install karat-cli`");
+            eprintln!("  to install `cargo-karat` and `karat`, run `cargo install karat-cli`");
             ExitCode::from(2)
         }
     }

@@ -79,7 +79,7 @@ fn tables(wanted: &[Wanted]) -> Result<String, String> {
     let here = std::env::current_dir().map_err(|error| error.to_string())?;
     let version = match Tint::beside(&here, true) {
         Ok(tint) => tint.version()?,
-        Err(missing) => return Err(format!("Tint isn't here: {missing}; {}", missing.remedy)),
+        Err(missing) => return Err(format!("Tint isn't installed: {missing}; {}", missing.remedy)),
     };
     let mut text =
         format!("The tables have the verdicts of Karat's naga, and of the Tint in {version}.\n\n");

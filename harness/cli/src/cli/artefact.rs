@@ -116,11 +116,11 @@ impl Contents {
         if self.of_run {
             return Ok(());
         }
-        let inner = self.zip.as_ref().map(|zip| format!("; perhaps you mean `{zip}` in it"));
+        let inner = self.zip.as_ref().map(|zip| format!("; you may mean the zip `{zip}` inside"));
         Err(NotThere(format!(
-            "`{}` isn't what a run left: it has no frame (`*.new.exr`), no values (`*.new.csv`) \
-             and no record (`record/*.jsonl`, `run.json`); name what CI uploaded of `target/karat`, a folder or \
-             a zip{}",
+            "`{}` isn't the artefact of a run: no file is a frame (`*.new.exr`), values (`*.new.csv`) \
+             or a record (`record/*.jsonl`, `run.json`); name the folder or zip that CI uploaded from \
+             `target/karat`{}",
             path.display(),
             inner.unwrap_or_default()
         )))
@@ -128,20 +128,20 @@ impl Contents {
 }
 
 fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
-    let mut archive = ZipArchive::new(File::open(path)?).context("it isn't a readable zip")?;
+    let mut archive = ZipArchive::new(File::open(path)?).context("this isn't a readable zip")?;
     // If two entries have the same name, the crate `zip` keeps the last one. Another program may have shown the first
     // one.
-    ensure!(!archive.has_duplicate_names(), "two of its entries have the same name");
+    ensure!(!archive.has_duplicate_names(), "two entries of the zip have the same name");
     let entries = archive.len();
-    ensure!(entries <= MOST_ENTRIES, "it has {entries} entries; the limit is {MOST_ENTRIES}");
+    ensure!(entries <= MOST_ENTRIES, "the zip has {entries} entries, more than {MOST_ENTRIES}");
     let (mut contents, mut frames, mut bytes) = (Contents::default(), 0, 0);
     for index in 0..entries {
-        let entry = archive.by_index(index).context("an entry can't be read")?;
-        let name = entry.name().context("an entry has no name")?.escape_debug().to_string();
+        let entry = archive.by_index(index).context("an entry of the zip can't be read")?;
+        let name = entry.name().context("an entry's name is damaged")?.escape_debug().to_string();
         // The crate `zip` makes `/etc/x` relative. That is safe, but an honest zip has no such entry.
         let relative = entry.enclosed_name().filter(|_| !name.starts_with(['/', '\\']));
         let Some(relative) = relative else {
-            bail!("its entry `{name}` would be unpacked outside of its folder");
+            bail!("entry `{name}` of the zip would be unpacked outside of the target folder");
         };
         if !entry.is_file() {
             continue;
@@ -151,26 +151,26 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
             continue;
         }
         frames += 1;
-        ensure!(frames <= MOST_FRAMES, "it has more than {MOST_FRAMES} frames");
+        ensure!(frames <= MOST_FRAMES, "the zip has more than {MOST_FRAMES} frames");
         // The sizes in a zip may be wrong, so the limit applies to the unpacked bytes.
         let mut content = Vec::new();
         entry
             .take(LARGEST_FRAME + 1)
             .read_to_end(&mut content)
-            .with_context(|| format!("its entry `{name}` is damaged"))?;
+            .with_context(|| format!("entry `{name}` of the zip is damaged"))?;
         let length = content.len() as u64;
-        ensure!(length <= LARGEST_FRAME, "its entry `{name}` has more than {LARGEST_FRAME} bytes");
+        ensure!(length <= LARGEST_FRAME, "the entry `{name}` has more than {LARGEST_FRAME} bytes");
         bytes += length;
-        ensure!(bytes <= LARGEST, "its frames have more than {LARGEST} bytes");
+        ensure!(bytes <= LARGEST, "the frames of the zip have more than {LARGEST} bytes");
         place(folder, &relative, &content)
-            .with_context(|| format!("its entry `{name}` can't be unpacked"))?;
+            .with_context(|| format!("entry `{name}` of the zip can't be unpacked"))?;
     }
     Ok(contents)
 }
 
 fn place(folder: &Path, relative: &Path, content: &[u8]) -> anyhow::Result<()> {
     let place = folder.join(relative);
-    ensure!(!place.is_dir(), "the zip has a file and a folder of that name");
+    ensure!(!place.is_dir(), "the zip has a file and a folder with this name");
     if let Some(file) = relative.ancestors().skip(1).find(|above| folder.join(above).is_file()) {
         bail!("`{}` is both a file and a folder", file.display().to_string().escape_debug());
     }
@@ -178,7 +178,7 @@ fn place(folder: &Path, relative: &Path, content: &[u8]) -> anyhow::Result<()> {
     // Two names may mean the same file: `a/b` and `a/./b`, or names that differ only in capitals.
     let mut file = match File::create_new(&place) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {
-            bail!("another entry has the same path")
+            bail!("another entry of the zip has the same path")
         }
         created => created?,
     };

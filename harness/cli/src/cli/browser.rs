@@ -71,17 +71,17 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     std::thread::spawn(move || http.run(move |request| serving.answer(request)));
     let is_greeted = desk.is_greeted(Duration::from_secs(args.wait));
     if let Some(failed) = &locked(&desk.state).failed {
-        bail!("this browser can't run tests: {failed}; open the page in another browser");
+        bail!("the page's browser can't run tests: {failed}; open the page in another browser");
     }
     ensure!(
         is_greeted,
-        "no browser opened the page within {} s: open it sooner, or wait longer with --wait SECONDS",
+        "no browser opened the page within {} s: open the page sooner, or give a longer time with --wait SECONDS",
         args.wait
     );
     let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
     let file = scratch.path().join("page");
-    let listener =
-        TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("can't open a port for the jobs")?;
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
+        .context("can't open a port for the tests' jobs")?;
     std::fs::write(&file, format!("{} {}", listener.local_addr()?.port(), desk.door.token()))?;
     let relaying = Arc::clone(&desk);
     std::thread::spawn(move || {
@@ -90,11 +90,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             std::thread::spawn(move || drop(desk.relay(&stream)));
         }
     });
-    let program = std::env::current_exe().context("can't find this program's own file")?;
+    let program = std::env::current_exe().context("can't find karat's executable file")?;
     let relay = format!("{} browser --relay {}", program.display(), file.display());
     ensure!(
         relay.split_whitespace().count() == 4 && !relay.contains(';'),
-        "`{}` and `{}` must have neither blanks nor semicolons in their names",
+        "the paths `{}` and `{}` must not contain blanks or semicolons",
         program.display(),
         file.display()
     );
@@ -118,7 +118,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 /// Runs as a program of `KARAT_EXECUTORS`: passes each job on, and prints the reply.
 fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     let told = std::fs::read_to_string(file).context("`karat browser` has ended")?;
-    let (port, token) = told.split_once(' ').context("the file has no port and secret")?;
+    let (port, token) = told.split_once(' ').context("the --relay file has no port and secret")?;
     let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port.parse()?))
         .context("`karat browser` has ended")?;
     writeln!(stream, "{token}")?;
@@ -285,7 +285,7 @@ impl Desk {
         }
         let greeting = match self.is_greeted(GONE) {
             true => locked(&self.state).greeting.clone(),
-            false => "!the page was closed: run `karat browser` again".to_owned(),
+            false => "!the page in the browser was closed: run `karat browser` again".to_owned(),
         };
         writeln!(stream, "{}", greeting.replace('\n', " "))?;
         for job in lines {
@@ -312,11 +312,11 @@ impl Desk {
                 Some((_, seen)) => !state.is_taken && seen.elapsed() > GONE,
             };
             if !is_open(asking) {
-                return Err("the program that sent the job no longer waits");
+                return Err("the program that sent the job no longer waits for the reply");
             }
             if is_gone {
                 state.waiting = None;
-                return Err("the page was closed, or no longer answers: run `karat browser` again");
+                return Err("the page was closed or doesn't answer: run `karat browser` again");
             }
             let waited = self.changed.wait_timeout(state, POLL);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;

@@ -48,9 +48,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let style = if good { GOOD } else { BAD };
     let packages = counted(found.len(), "package");
     let are = match (valid, broken.len()) {
-        (false, _) => "checked, and not all are valid".to_owned(),
+        (false, _) => "checked: some modules aren't valid".to_owned(),
         (true, 0) => "valid".to_owned(),
-        (true, errors) => format!("valid, with {} in files of tests", counted(errors, "error")),
+        (true, errors) => format!("valid, but the test files have {}", counted(errors, "error")),
     };
     let opinion_of = match opinion.to_string() {
         text if text.is_empty() => text,
@@ -110,7 +110,7 @@ fn validate_found(
                         write(&[(title, invalid)], out)?;
                     }
                     None if all => {
-                        writeln!(out, "{GOOD}{title}: valid{GOOD:#} as tests use it")?;
+                        writeln!(out, "{GOOD}{title}: valid{GOOD:#} with the tests' settings")?;
                     }
                     None => {}
                 }
@@ -212,7 +212,7 @@ pub(super) fn linked(run: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 fn unread(run: &Path) -> String {
-    format!("can't read which packages the tests used in `{}`", run.display())
+    format!("can't read from the record `{}` which packages the tests used", run.display())
 }
 
 /// Returns the packages with the features that the tests of a run used.

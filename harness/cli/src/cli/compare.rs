@@ -102,10 +102,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let wanted: Vec<String> = args.only.iter().map(|name| format!("`{name}`")).collect();
     ensure!(
         !all.is_empty() || wanted.is_empty(),
-        "no function of either side has {} in its name; `karat list` shows the names",
+        "neither version of the shaders has a function with {} in its name; `karat list` shows the names",
         wanted.join(" or ")
     );
-    ensure!(!all.is_empty(), "there is no function to compare");
+    ensure!(!all.is_empty(), "neither version of the shaders has a function");
     match args.json {
         true => write_json(&all, out)?,
         false => write_sum(&all, out)?,
@@ -155,7 +155,7 @@ fn write_one(
                     let of = "invocations";
                     writeln!(
                         out,
-                        "    {DIM}{cases} 32-bit words from {x} x {y} x {z} {of}{DIM:#}"
+                        "    {DIM}compared {cases} 32-bit words after {x} x {y} x {z} {of}{DIM:#}"
                     )?;
                 }
                 None => writeln!(out, "    {DIM}{cases} inputs{DIM:#}")?,
@@ -183,7 +183,7 @@ fn write_one(
     }
     if one.cut > 0 {
         let left = counted(one.cut, "input");
-        writeln!(out, "    {DIM}{left} not run: too much work{DIM:#}")?;
+        writeln!(out, "    {DIM}{left} not run, because loops were too long{DIM:#}")?;
     }
     for Uncovered { place, text, missed } in &one.uncovered {
         let what = match missed {
@@ -248,15 +248,15 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
         write!(out, "{} gone, ", counted(mended, "violation"))?;
     }
     if unjudged > 0 {
-        write!(out, "{unjudged} edited and not judged, ")?;
+        write!(out, "{unjudged} edited but not compared, ")?;
     }
     write!(out, "{same} edited with the same results, {quiet} untouched")?;
     if !uncovered.is_empty() {
         let lines = counted(uncovered.len(), "line");
-        write!(out, "; no input reaches {lines} of the edits")?;
+        write!(out, "; no input reaches {lines} that the edit changed")?;
     }
     if cut > 0 {
-        write!(out, "; {} not run: too much work", counted(cut, "input"))?;
+        write!(out, "; {} not run, because loops were too long", counted(cut, "input"))?;
     }
     writeln!(out)?;
     Ok(())
@@ -271,7 +271,7 @@ fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> any
     /// prints only the relative difference.
     const NEAR: u64 = 1 << 20;
     let by = match (ulp, relative) {
-        (Some(0), _) => ", by the sign of a zero".to_owned(),
+        (Some(0), _) => ", only in the sign of a zero".to_owned(),
         (Some(ulp @ ..NEAR), Some(share)) => format!(", by up to {ulp} ulp (rel {share:.2e})"),
         (Some(ulp @ ..NEAR), None) => format!(", by up to {ulp} ulp"),
         (Some(_), Some(share)) => format!(", by up to rel {share:.2e}"),
@@ -280,7 +280,7 @@ fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> any
     };
     let shown = arguments.iter().take(INPUTS).map(|(name, value)| format!("{name} = {value}"));
     let more = arguments.len().saturating_sub(INPUTS);
-    let more = (more > 0).then(|| format!("{more} more, which --json has"));
+    let more = (more > 0).then(|| format!("{more} more values, which --json shows"));
     let arguments: Vec<String> = shown.chain(more).collect();
     let at =
         if arguments.is_empty() { String::new() } else { format!("at {}: ", arguments.join("; ")) };

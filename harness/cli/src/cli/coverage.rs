@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let is_engine = |path: &karat::Path| path.api() == karat::unstable::path::Api::Cpu;
     ensure!(
         paths.iter().any(is_engine),
-        "only the path `cpu` counts lines, and `{}` isn't that path: nothing would be counted",
+        "--paths `{}` doesn't include `cpu`, the only path that counts lines: add `cpu` to --paths",
         args.paths
     );
     let project = Project::find()?;
@@ -79,8 +79,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let only_engine = paths.iter().all(is_engine);
     let (passed, folder) = tests(args, folder, only_engine)?;
-    let ran = Ran::all(folder.path()).context("can't read the counts of the tests")?;
-    ensure!(!ran.is_empty(), "no test ran a shader on `cpu`, so nothing was counted");
+    let ran = Ran::all(folder.path()).context("can't read the line counts of the tests")?;
+    ensure!(!ran.is_empty(), "no test ran a shader on the path `cpu`, so Karat counted no lines");
     let used = ran.iter().flat_map(|ran| &ran.statements).map(|one| one.file.as_path());
     let used: BTreeSet<_> = used.collect();
     if args.place.package().package.is_none() {
@@ -152,7 +152,7 @@ fn parts(
     }
     if sum.unmeasured > 0 {
         let lines = counted(sum.unmeasured, "line");
-        parts.push(format!("{lines} not measured: only frames and drivers run them"));
+        parts.push(format!("{lines} not measured, because only frames or drivers ran this code"));
     }
     if !invalid.is_empty() {
         let invalid: Vec<&str> = invalid.iter().map(String::as_str).collect();
@@ -160,16 +160,16 @@ fn parts(
         parts.push(format!("{} not valid: {named}", counted(invalid.len(), "module")));
     }
     if !passed {
-        parts.push("tests failed, see above: what they ran afterwards isn't counted".to_owned());
+        parts.push("tests failed, see above: code after a failed check isn't counted".to_owned());
     }
-    parts.extend(short.map(|least| format!("the options require {least}% of the lines")));
+    parts.extend(short.map(|least| format!("the options require that {least}% of lines run")));
     parts
 }
 
 /// Runs the tests, and checks if they passed. Their output goes to standard error, so that standard output has only the
 /// results of this command.
 fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(bool, TempDir)> {
-    let program = std::env::current_exe().context("can't find this program's own file")?;
+    let program = std::env::current_exe().context("can't find karat's executable file")?;
     let mut command = Command::new(program);
     let place = args.place.package();
     command.arg("test").args(&place.package).args(&args.tests);

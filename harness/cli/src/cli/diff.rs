@@ -27,23 +27,23 @@ Examples:
   karat diff a.exr b.exr --flip-tile 0.03 --heatmap flip.png
   karat diff a.exr b.exr --mask sky.png --json
 
-The first image is the expected one. Karat makes a PNG linear before it compares. The bounds are
-those of frames: each channel within 1e-3 (the gate), or else every 16 x 16 tile at most 0.01 under
-HDR-FLIP and the mean at most 0.005. If only --rel is given, only the gate counts. FLIP uses the
-exposures in the first image's golden, or else exposures that suit the first image. For two PNGs
-Karat also prints LDR-FLIP, the number of other FLIP tools; no bound applies to it.
-Karat compares the stored values, whatever primaries the chromaticities name; a note says if the
-chromaticities differ. It compares the data windows of EXR files, wherever they lie.
-In a file of several parts it compares the first part with colours. Without --mask, it uses the part
-`mask` of the second file, which a frame has if its test declares a mask. Unlike a test, it doesn't
-subtract the noise that a golden's variance explains.
-Exit codes: 0 within the bounds; 1 the values or the sizes differ; 2 an image can't be read or
-compared; 3 an image is missing. NaN and infinities differ from everything.
+The first image is the expected one. Karat converts a PNG to linear light before it compares the
+images. The images agree if each channel is within 1e-3 (the gate), or else if HDR-FLIP is at most
+0.01 in every tile of 16 x 16 pixels, and at most 0.005 in the mean. If you give only --rel, Karat
+applies only the gate. FLIP uses the exposures that a golden stores, or else exposures that suit the
+first image. For two PNGs Karat also prints LDR-FLIP, the result of other FLIP tools; no bound
+applies to LDR-FLIP. Karat compares the stored values without converting primaries, and prints a
+note if the chromaticities differ. The data windows of EXR files may have different positions. If a
+file has several parts, Karat compares the first part with colours. Without --mask, Karat uses the
+second file's part `mask`; a frame has this part if its test declares a mask. Unlike a test, this
+command doesn't subtract the noise that a golden's variance explains.
+Exit codes: 0 the images agree within the bounds; 1 the values or the sizes differ; 2 an image can't
+be read or compared; 3 an image is missing. NaN and infinities differ from every value.
 JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, chromaticities (CIE x and y
 of red, green, blue and white)}, verdict (equal, within, differs), reason (size, non_finite, values,
 or null), tolerance, compared, own_mask, gate {relative, off, bounds, worst, sweep}, flip
 {largest_tile, tile, mean, tile_bound, mean_bound, exposures, note}, ldr_flip {largest_tile, tile,
-mean}, heatmap, heatmap_full (the error that its last colour stands for).";
+mean}, heatmap, heatmap_full (the error that has the heatmap's last colour).";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -80,7 +80,7 @@ fn bound(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         // Adding 0 turns -0 into 0.
         Ok(bound) if bound >= 0.0 && bound <= f64::from(f32::MAX) => Ok(bound + 0.0),
-        _ => Err("a bound is a finite number of at least 0".to_owned()),
+        _ => Err("a bound must be a finite number of at least 0".to_owned()),
     }
 }
 
@@ -91,7 +91,7 @@ fn relative(text: &str) -> Result<f64, String> {
     let float = bound as f32;
     if float == 0.0 && bound != 0.0 {
         return Err(
-            "the bound is smaller than the smallest float: write 0, or at least 1e-45".to_owned()
+            "the bound is smaller than the smallest `f32`: write 0, or at least 1e-45".to_owned()
         );
     }
     Ok(bound)
@@ -117,8 +117,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut comparison = match pair {
         Ok(pair) => {
             let pair = a.exposures.into_iter().fold(pair, Pair::with_exposures);
-            let doing =
-                format!("FLIP of {} pixels takes a while ...", pair.golden().pixels().len());
+            let doing = format!("computing FLIP of {} pixels ...", pair.golden().pixels().len());
             patiently(&doing, || -> anyhow::Result<_> {
                 let mut comparison = Comparison::measure(sides, &pair, &bounds);
                 if a.is_png && b.is_png {
@@ -146,7 +145,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         message::write(&comparison, out)?;
     }
     if args.heatmap.is_some() && comparison.heatmap.is_none() {
-        super::complain("no heatmap is written: the images can't be compared pixel by pixel");
+        super::complain("Karat writes no heatmap: it can't compare the images' pixels");
     }
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }

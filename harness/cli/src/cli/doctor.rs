@@ -107,7 +107,7 @@ fn compilers() -> Vec<CompilerReport> {
     let found = Tint::beside(&here, false).and_then(|tint| {
         let version = tint.version().map_err(|reason| tint::Missing {
             reason: format!("{tint} doesn't run: {reason}"),
-            remedy: "install it again, or name another one in KARAT_TINT".to_owned(),
+            remedy: "install Tint again, or name another Tint in KARAT_TINT".to_owned(),
         });
         Ok((tint.to_string(), version?))
     });
@@ -244,18 +244,18 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         }
     }
     match &report.unusable {
-        Some(error) => writeln!(out, "\n{BAD}checks run on no path:{BAD:#} {error}")?,
+        Some(error) => writeln!(out, "\n{BAD}no path can run checks:{BAD:#} {error}")?,
         None => writeln!(out, "\nchecks run on {}", report.selected.join(", "))?,
     }
     if !report.unoptimised.is_empty() {
         writeln!(
             out,
-            "\n{KNOWN}compiled with too little optimisation{KNOWN:#}; write in Cargo.toml"
+            "\n{KNOWN}some crates have too little optimisation{KNOWN:#}; write in Cargo.toml:"
         )?;
         writeln!(out, "[profile.dev.package]")?;
     }
     for profile::Unoptimised { name, level, recommended, about } in &report.unoptimised {
-        writeln!(out, "{name}.opt-level = {recommended} {DIM}# at {level} {about}{DIM:#}")?;
+        writeln!(out, "{name}.opt-level = {recommended} {DIM}# at {level}, {about}{DIM:#}")?;
     }
     writeln!(out, "\n{HEAD}compilers of WGSL besides naga{HEAD:#}")?;
     for CompilerReport { name, here, missing, remedy } in &report.compilers {
@@ -308,7 +308,7 @@ fn remedy(path: Path) -> &'static str {
             return "the engine's paths are `cpu`, `cpu:fma` and `cpu:ftz`";
         }
         _ if path.api() == Api::Process => {
-            return "the guide's chapter on paths says what such a program does";
+            return "read the guide's page on paths: it says how to write a program for this path";
         }
         Via::Glsl | Via::Hlsl if path.api() == Api::Vulkan => {
             return "install glslang (Debian: glslang-tools; Fedora, Arch and Homebrew: glslang)";
@@ -316,18 +316,18 @@ fn remedy(path: Path) -> &'static str {
         Via::HlslDxc if path.api() == Api::Vulkan => {
             return "install dxc, from GitHub (microsoft/DirectXShaderCompiler) or Vulkan's SDK";
         }
-        Via::Glsl | Via::Hlsl | Via::HlslDxc => return "no program provides this path yet",
+        Via::Glsl | Via::Hlsl | Via::HlslDxc => return "Karat can't run this path yet",
         _ => {}
     }
     let usual = Path::ALL.into_iter().find(|usual| usual.api() == path.api());
     match usual.unwrap_or(path) {
         Path::VULKAN if cfg!(target_os = "linux") => {
-            "install your GPU's Vulkan driver, or Mesa's software one and the loader \
+            "install your GPU's Vulkan driver, or Mesa's software driver and the Vulkan loader \
              (Debian: mesa-vulkan-drivers libvulkan1; Fedora: mesa-vulkan-drivers vulkan-loader; \
              Arch: vulkan-swrast vulkan-icd-loader)"
         }
         Path::GL if cfg!(target_os = "linux") => {
-            "install your GPU's OpenGL driver, or Mesa's (Debian: libegl1 libgl1-mesa-dri; \
+            "install your GPU's OpenGL driver, or Mesa's driver (Debian: libegl1 libgl1-mesa-dri; \
              Fedora: mesa-libEGL mesa-dri-drivers; Arch: mesa)"
         }
         Path::VULKAN | Path::GL => "install the driver of your GPU's vendor",

@@ -62,7 +62,7 @@ pub(super) fn lines_since(
         if let Some(name) = line.strip_prefix("+++ ") {
             // If a name has blanks, git writes a tab after the name.
             let name = name.trim_end_matches('\t');
-            ensure!(!name.starts_with('"'), "git names a file that can't be read here: {name}");
+            ensure!(!name.starts_with('"'), "Karat can't read a file name from git: {name}");
             file = name.strip_prefix("b/").map(place).transpose()?;
         } else if let (Some(file), Some(hunk)) = (&file, line.strip_prefix("@@ ")) {
             let after = hunk.split(' ').find_map(|part| part.strip_prefix('+')).unwrap_or_default();
@@ -107,6 +107,6 @@ pub(super) fn shaders_at(revision: &str, root: &Path, folder: &Path) -> anyhow::
         std::fs::write(&to, bytes).with_context(|| format!("can't write `{}`", to.display()))?;
         count += 1;
     }
-    ensure!(count > 0, "there are no shaders in `{}` at `{revision}`", base.display());
+    ensure!(count > 0, "there are no shaders in `{}` at revision `{revision}`", base.display());
     Ok(file.map_or_else(|| folder.to_owned(), |file| folder.join(file)))
 }

@@ -44,7 +44,7 @@ impl FolderArgs {
         let others: Vec<String> = others.map(|other| shown(other)).collect();
         anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
         for other in others.iter().filter(|other| has_pending(other)) {
-            tell(&format!("note: `{other}` has pending frames, too: see --goldens"));
+            tell(&format!("note: folder `{other}` has pending frames, too: use --goldens DIR"));
         }
         Ok(folder)
     }
@@ -66,7 +66,7 @@ impl FolderArgs {
         }
         for other in all.iter().skip(1) {
             let other = shown(&other.folder());
-            tell(&format!("note: `{other}` has pending frames, too: see --goldens"));
+            tell(&format!("note: folder `{other}` has pending frames, too: use --goldens DIR"));
         }
         Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }
@@ -103,7 +103,7 @@ impl CiArgs {
     pub(super) fn check(&self, what: &str) -> anyhow::Result<()> {
         anyhow::ensure!(
             self.ci_may_write || !karat::unstable::golden::in_ci(),
-            "`CI` is set, and Karat writes nothing into your sources in CI: {what} on your own machine, or add \
+            "`CI` is set, and Karat doesn't change your sources in CI: {what} on your own machine, or add \
              --ci-may-write"
         );
         Ok(())
@@ -371,7 +371,7 @@ impl Waiting {
                 && rest.iter().any(|other| other.goldens.folder() != first.goldens.folder())
             {
                 let names: Vec<&str> = exact.iter().map(|frame| &*frame.name).collect();
-                bail!("`{name}` is pending in several crates: name `{}`", names.join("` or `"));
+                bail!("`{name}` is pending in several crates: choose `{}`", names.join("` or `"));
             }
             let of_files = broken.iter().enumerate().filter(|(_, broken)| {
                 self.places.iter().any(|place| wanted.names(&file_case(place, broken)))
@@ -480,7 +480,7 @@ struct AcceptEntry {
 }
 
 pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
-    args.ci.check("accept with --from and this run's artefact")?;
+    args.ci.check("run `karat accept --from` with this run's artefact")?;
     let artefact = args.from.open()?;
     let waiting = Waiting::of(&args.folder, artefact.as_ref())?;
     let (frames, unusable) = waiting.select(&args.frames)?;
@@ -490,7 +490,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
     if !own.is_empty() && !others.is_empty() {
         let folders: BTreeSet<String> = others.iter().map(folder_of).collect();
         let folders = folders.into_iter().collect::<Vec<_>>().join("`, `");
-        tell(&format!("note: frames of `{folders}` are left pending"));
+        tell(&format!("note: the frames of `{folders}` stay pending"));
     }
     let frames = if own.is_empty() { others } else { own };
     let acceptance = Acceptance {

@@ -76,7 +76,7 @@ fn input(text: &str) -> Result<Input, String> {
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
     let (least, most) = (number(least)?, number(most.trim_start_matches('='))?);
     if !(least <= most && least.is_finite() && most.is_finite()) {
-        return Err(format!("{least} to {most} isn't a range"));
+        return Err(format!("{least} to {most} isn't a range: write the smaller number first"));
     }
     Ok((name.trim().to_owned(), least..=most))
 }
@@ -86,7 +86,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let packages = project.packages(&args.place.package())?;
     let twice = |at: usize| args.inputs[..at].iter().any(|(name, _)| *name == args.inputs[at].0);
     if let Some(at) = (0..args.inputs.len()).find(|at| twice(*at)) {
-        bail!("the input is given twice: --input {}", args.inputs[at].0);
+        bail!("two --input options name the same input, `{}`", args.inputs[at].0);
     }
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all = Vec::new();
@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             if !args.only.is_empty() {
                 writeln!(
                     out,
-                    "{DIM}--only excludes callers: findings that excluded callers would trigger count here{DIM:#}"
+                    "{DIM}--only excludes callers: Karat also counts findings that no excluded caller triggers{DIM:#}"
                 )?;
             }
             all.iter()
@@ -147,7 +147,7 @@ fn tell_beside(package: &Package) {
     if beside.is_file() && !root.join(project::MANIFEST).is_file() {
         let (beside, root) = (shown(&beside), shown(&root));
         tell(&format!(
-            "`{beside}` isn't read: the karat.toml of a package must be in its folder, `{root}`"
+            "Karat doesn't read `{beside}`: move this file into the folder of the package, `{root}`"
         ));
     }
 }
@@ -186,7 +186,7 @@ fn look(
         if at.found > 0 && began.elapsed() > PATIENCE {
             let found = counted(at.found, "finding");
             let line = format!(
-                "{} of {} functions: {found} in {}, before the check of callers",
+                "{} of {} functions done: {found} in `{}`, before the check of callers",
                 at.done, at.of, at.function
             );
             bar.suspend(|| tell(&line));
@@ -218,14 +218,14 @@ fn write_text(
         write_reasons(skipped, out)?;
     }
     for functions in &hazards.needless {
-        let why = "that hazard isn't a fault, so the acceptance isn't needed";
+        let why = "this hazard isn't a fault, so remove the entry from karat.toml";
         writeln!(out, "{DIM}karat.toml accepts a hazard of {functions}: {why}{DIM:#}")?;
     }
     write_drawn(drawn, all, out)?;
     let style = if hazards.faults().next().is_none() { GOOD } else { BAD };
     write!(out, "{style}{package}: {}{style:#}", hazards.counts())?;
     if others > 0 {
-        write!(out, ", {others} of other kinds")?;
+        write!(out, ", {others} of kinds that --kind excludes")?;
     }
     if *accepted > 0 {
         write!(out, ", {accepted} accepted in karat.toml")?;
@@ -235,7 +235,7 @@ fn write_text(
         write!(out, ", {} not checked", counted(others, "function"))?;
     }
     if *invalid > 0 {
-        let why = "not checked, because naga rejects code that they use: `karat check` says why";
+        let why = "not checked, because naga rejects the code: `karat check` says why";
         write!(out, ", {} {why}", counted(*invalid, "function"))?;
     }
     if *unread > 0 {
@@ -244,17 +244,17 @@ fn write_text(
     let Unseen { inputs, functions, in_part, of_state } = *unseen;
     if inputs > 0 {
         let of = counted(functions, "function");
-        write!(out, ", {} of {of} not run: too much work", counted(inputs, "input"))?;
+        write!(out, ", {} of {of} not run, because loops were too long", counted(inputs, "input"))?;
     }
     if !hazards.unreached.is_empty() {
         write!(out, ", no input reaches {}", counted(hazards.unreached.len(), "line"))?;
     }
     if of_state > 0 {
         let of = counted(of_state, "function");
-        write!(out, ", only the first values of large private variables in {of}")?;
+        write!(out, ", {of} checked only with the initial values of large private variables")?;
     }
     if in_part > 0 {
-        write!(out, ", only the first operations of {}", counted(in_part, "function"))?;
+        write!(out, ", {} checked in part: too many operations", counted(in_part, "function"))?;
     }
     writeln!(out)?;
     Ok(())
@@ -287,7 +287,7 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     }
     if reasons.len() > REASONS {
         let more = reasons.len() - REASONS;
-        writeln!(out, "{DIM}not checked for {more} other reasons: --all shows them{DIM:#}")?;
+        writeln!(out, "{DIM}--all shows {more} more reasons for not checking functions{DIM:#}")?;
     }
     Ok(())
 }
@@ -318,7 +318,7 @@ fn write_groups(found: &[Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
     }
     let left: usize = groups[shown..].iter().map(Vec::len).sum();
     if left > 0 {
-        writeln!(out, "{left} more: --all shows them\n")?;
+        writeln!(out, "--all also shows the other findings ({left})\n")?;
     }
     Ok(())
 }
@@ -332,7 +332,7 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
     if let [next, ..] = alike {
         let (count, place) = (alike.len(), &next.location);
         let like = if hazard.needs.is_empty() { "are similar" } else { "need the same inputs" };
-        writeln!(out, "{DIM}    {count} more that {like}, the next at {place}{DIM:#}")?;
+        writeln!(out, "{DIM}    {count} other findings {like}, the next at {place}{DIM:#}")?;
     }
     writeln!(out)?;
     Ok(())

@@ -82,7 +82,7 @@ pub(super) fn file(name: &str) -> Result<PathBuf, String> {
     if extension == "png" || extension == "exr" {
         return Ok(path);
     }
-    Err("name a .png (colours) or an .exr (the errors themselves)".to_owned())
+    Err("name a .png file (for colours) or an .exr file (for the errors as numbers)".to_owned())
 }
 
 #[cfg(test)]

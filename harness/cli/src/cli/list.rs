@@ -161,7 +161,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     table.write(out)?;
     if let Some(selected) = selected {
-        writeln!(out, "{DIM}the last run had only `{selected}`: `karat test` runs all{DIM:#}")?;
+        writeln!(out, "{DIM}only `{selected}` ran last time: `karat test` runs all tests{DIM:#}")?;
     }
     for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
         writeln!(out, "\n{error}")?;

@@ -30,7 +30,7 @@ fn is_named(words: impl Iterator<Item = OsString>) -> bool {
 }
 
 fn again(arguments: &[OsString], manifest: &Path) -> anyhow::Result<ExitCode> {
-    let program = std::env::current_exe().context("can't find this program's own file")?;
+    let program = std::env::current_exe().context("can't find karat's executable file")?;
     let mut command = Command::new(program);
     command.args(arguments).env(swiftshader::ADD, OsStr::new(manifest));
     // Replaces this process if the system can, so that signals reach the new program.

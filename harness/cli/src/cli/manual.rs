@@ -37,7 +37,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut asked = Command::new(&cargo);
     let asked = asked.args(["metadata", "--format-version", "1"]).stderr(Stdio::inherit());
     let output =
-        asked.output().context("can't run `cargo`, which makes the manual from karat's sources: read `docs/guide` in karat's repository")?;
+        asked.output().context("can't run `cargo`, which builds the manual from karat's sources: install Rust, or read `docs/guide` in karat's repository")?;
     ensure!(
         output.status.success(),
         "`cargo metadata` fails: run `karat manual` in a Cargo project that uses karat"
@@ -46,9 +46,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         serde_json::from_slice(&output.stdout)?;
     let karat = packages.iter().find(|package| package.name == "karat");
     let karat = karat
-        .context("this project doesn't use karat: `cargo add --dev karat`, or `karat init`")?;
+        .context("this project doesn't use karat: run `cargo add --dev karat` or `karat init`")?;
     let folder = target_directory.join("karat-manual");
-    let own = karat.manifest_path.parent().context("a manifest lies in a folder")?;
+    let own = karat.manifest_path.parent().context("karat's Cargo.toml is in no folder")?;
     write_package(&folder, own, &workspace_root)?;
     let mut document = Command::new(&cargo);
     document
@@ -57,7 +57,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     document.arg("--target-dir").arg(&target_directory).stdout(Stdio::null());
     ensure!(document.status()?.success(), "`cargo doc` fails");
     let page = target_directory.join("doc/karat/index.html");
-    ensure!(page.is_file(), "`cargo doc` wrote no `{}`", page.display());
+    ensure!(page.is_file(), "`cargo doc` didn't write the page `{}`", page.display());
     writeln!(out, "{}", page.display())?;
     if !args.no_open {
         open(&page);
@@ -91,6 +91,6 @@ fn open(page: &Path) {
     let mut browser = Command::new(program);
     let browser = browser.args(arguments).arg(page).stdout(Stdio::null()).stderr(Stdio::null());
     if browser.status().is_err() {
-        eprintln!("can't open the page with `{program}`: open it in your browser");
+        eprintln!("can't open the page with `{program}`: open the page in your browser");
     }
 }

@@ -18,9 +18,9 @@ pub(super) const EXAMPLES: &str = "\
 Examples:
   karat match menu screenshot.png
   karat match scene frame.exr --by \"Chrome 156\" --goldens e2e/golden
-The tolerance is that of frames: each channel within 1e-3, or else HDR-FLIP. An image that differs or has no golden
-becomes pending, as a frame of a test does: see `karat review`, `karat accept` and `karat reject`.
-Exit codes: 0 the image matches; 1 it differs, or there is no golden; 2 the image can't be read or compared.";
+The tolerance is the same as for frames: each channel is within 1e-3, or else HDR-FLIP is small. An image that differs
+from its golden, or has no golden, becomes pending: see `karat review`, `karat accept` and `karat reject`.
+Exit codes: 0 the image matches; 1 the image differs or has no golden; 2 the image can't be read or compared.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -41,8 +41,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         image.pixels().windows(2).all(|two| two[0].map(f32::to_bits) == two[1].map(f32::to_bits));
     ensure!(
         !shows_nothing,
-        "`{}` shows nothing: all of its pixels are equal. A browser without a GPU shows no WebGPU canvas \
-         without the arguments that the guide names (`webgpu` of karat-playwright)",
+        "all pixels of the image `{}` are equal. Without a GPU, a browser draws a WebGPU canvas only if you start the \
+         browser with the arguments that the guide names (`webgpu` of karat-playwright)",
         args.image.display()
     );
     let folder = match args.folder.named() {
@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let adapter = Adapter { path, name, driver: String::new(), software: false };
     match Goldens::open(&folder).check_image(&args.name, &image, &adapter) {
         Ok(margin) => {
-            writeln!(out, "{GOOD}{} matches its golden{GOOD:#}: {margin}", args.name)?;
+            writeln!(out, "{GOOD}image {} matches its golden{GOOD:#}: {margin}", args.name)?;
             Ok(Ending::Good)
         }
         Err(error @ (GoldenError::Differs { .. } | GoldenError::Missing { .. })) => {

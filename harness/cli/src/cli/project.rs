@@ -156,7 +156,7 @@ pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
         (file.is_file() && tests.is_file()).then_some(tests)
     };
     let tests = packages.iter().map(Package::root).find_map(beside)?;
-    Some(format!("`{}` didn't run: name the folder instead of the file", shown(&tests)))
+    Some(format!("the tests in `{}` didn't run: name the folder, not the file", shown(&tests)))
 }
 
 impl Project {
@@ -305,7 +305,7 @@ impl Project {
     pub(super) fn last_run(&self) -> Option<Recorded> {
         static TOLD: Once = Once::new();
         Recorded::read(&self.record()).unwrap_or_else(|error| {
-            TOLD.call_once(|| tell(&format!("warning: can't read the last run: {error}")));
+            TOLD.call_once(|| tell(&format!("warning: can't read the last run's record: {error}")));
             None
         })
     }

@@ -46,7 +46,7 @@ impl Place {
         let mut entries = std::fs::read_dir(folder).with_context(name)?;
         ensure!(
             entries.next().is_none(),
-            "{} isn't empty, and a record needs an empty folder: remove this one, or name another",
+            "the folder {} isn't empty, and a record needs an empty folder: delete this folder, or name another folder",
             name()
         );
         // The path must be absolute, because tests run in the folders of their packages.
@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let Heard { not_run, stopped } = heard;
     let selected = vec![words.join(" ")];
     let run = Run { selected, passed, not_run, stopped, ..Run::default() };
-    run.write(place.folder()).context("can't write how the run was made")?;
+    run.write(place.folder()).context("can't write the `run.json` of the record")?;
     let folder = place.end().context("can't keep the record")?;
     let sum = Sum::of(&records, Some(&run));
     tables::write(&records, args.output.all, told)?;

@@ -10,9 +10,9 @@ use super::project::Project;
 use super::{Ending, Outcome, Reported, child};
 
 const HOW_TO_DECLARE: &str = "\
-this project declares no gallery. A gallery is a cargo binary that lists frames
+this project declares no gallery. A gallery is a Cargo binary that lists frames. To declare a gallery, write
 
-  in the Cargo.toml of the workspace (or `package.metadata.karat` in that of a package):
+  in the Cargo.toml of the workspace (or `package.metadata.karat` in the Cargo.toml of a package):
 
     [workspace.metadata.karat]
     gallery = \"gallery\"

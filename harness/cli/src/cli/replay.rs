@@ -74,7 +74,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             match (fitting.next(), fitting.next()) {
                 (Some(found), None) => Some(found),
                 (Some(_), Some(_)) => {
-                    let which = format!("several failures begin with `{name}`: {}", list());
+                    let which =
+                        format!("the names of several failures begin with `{name}`: {}", list());
                     return Err(NotThere(which).into());
                 }
                 (None, _) => None,
@@ -96,11 +97,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             return Err(NotThere(none.to_owned()).into());
         };
         let near = nearest(name, known()).map_or_else(list, str::to_owned);
-        let none =
-            format!("no failure of the last run is called `{name}`; the failures are {near}");
+        let none = format!("no failure of the last run is called `{name}`; did you mean {near}?");
         return Err(NotThere(none).into());
     };
-    let command = command(record).context("the record has no command")?;
+    let command = command(record).context("the record has no command that replays the failure")?;
     if args.print {
         writeln!(out, "{command}")?;
         return Ok(Ending::Good);
@@ -131,12 +131,12 @@ fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
     let mut command = match &**program {
         "cargo" => Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())),
         "karat" => {
-            Command::new(std::env::current_exe().context("can't find this program's own file")?)
+            Command::new(std::env::current_exe().context("can't find karat's executable file")?)
         }
-        other => anyhow::bail!("the record's command is another program, `{other}`"),
+        other => anyhow::bail!("the record's command must run cargo or karat, not `{other}`"),
     };
     for (name, value) in variables {
-        ensure!(name.starts_with("KARAT_"), "the record's command sets `{name}`");
+        ensure!(name.starts_with("KARAT_"), "the record may set only KARAT_*, but sets `{name}`");
         command.env(name, value);
     }
     command.current_dir(start(folder, arguments)).args(arguments);

@@ -48,7 +48,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
     if args.files.is_none() {
-        args.ci.check("review with --from and this run's artefact")?;
+        args.ci.check("run `karat review --from` with this run's artefact")?;
     }
     let goldens = args.folder.open(artefact.as_ref())?;
     let mut review = Review::new(goldens.clone()).with_arguments(&arguments(args));

@@ -66,7 +66,7 @@ impl Project {
                 args.roots.iter().partition(|root| root.contains('='));
             if let [first, second, ..] = *own {
                 bail!(
-                    "`--root {first}` and `--root {second}`: a crate can have only one folder of modules"
+                    "you gave `--root {first}` and `--root {second}`, but a crate can have only one folder of modules"
                 );
             }
             let own = own.first().map(|root| root.as_str());
@@ -79,7 +79,7 @@ impl Project {
             let is_toml = folder.is_file() && folder.extension().is_some_and(|end| end == "toml");
             ensure!(
                 !is_toml,
-                "`{}` has no shaders: name a folder of WGSL modules, or one module; `karat test` accepts files of tests",
+                "the file `{}` has no shaders: name a folder of WGSL modules, or one module; only `karat test` accepts files of tests",
                 folder.display()
             );
             found.push(Found::stated(Package::open(folder)?));
@@ -124,9 +124,9 @@ impl Project {
             return Ok(found);
         }
         let none = match self.lists_packages() {
-            true => "`metadata.karat` lists no shader package".to_owned(),
+            true => "the list of shader packages in `metadata.karat` is empty: add a package in Cargo.toml".to_owned(),
             false => format!(
-                "there is no shader package: no Cargo.toml of the project names one in `metadata.karat`, \
+                "there is no shader package: no Cargo.toml of the project names a package in `metadata.karat`, \
                  there is no folder `{SHADERS}` beside a Cargo.toml, and no recorded test used a package; name the shader \
                  folder with --shaders DIR, or run `karat test` first"
             ),
@@ -282,19 +282,20 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
     };
     if beside > 0 {
         let tests = counted(beside, "test");
-        let how = if is_package { format!("name them, {}", some(&places)) } else { all.clone() };
-        writeln!(out, "{KNOWN}not run: {tests} outside of `{SHADERS}`; {how}{KNOWN:#}")?;
+        let how =
+            if is_package { format!("to run them, name {}", some(&places)) } else { all.clone() };
+        writeln!(out, "{KNOWN}Karat didn't run {tests} outside of `{SHADERS}`; {how}{KNOWN:#}")?;
     }
     if !files.is_empty() {
         let count = counted(files.len(), "file");
         let files: Vec<String> = files.iter().map(|file| shown(file)).collect();
         let how = match is_package {
-            true => format!("move them into `{SHADERS}`, beside the modules that they test"),
+            true => format!("move the files into `{SHADERS}`, beside the modules that they test"),
             false => all,
         };
         writeln!(
             out,
-            "{KNOWN}not run: {count} of tests outside of `{SHADERS}`, {}; {how}{KNOWN:#}",
+            "{KNOWN}Karat didn't run {count} of tests outside of `{SHADERS}`, {}; {how}{KNOWN:#}",
             some(&files)
         )?;
     }

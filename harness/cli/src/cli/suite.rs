@@ -136,7 +136,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 Some(first) => {
                     let place = wrong.place.iter().map(|place| format!("  --> {place}\n"));
                     let place: String = place.collect();
-                    writeln!(out, "error: {}\n{place}  see test `{first}`\n", wrong.headline)?;
+                    writeln!(
+                        out,
+                        "error: {}\n{place}  the test `{first}` fails with the same error\n",
+                        wrong.headline
+                    )?;
                 }
                 None => writeln!(out, "{}\n", wrong.message.trim_end())?,
             }

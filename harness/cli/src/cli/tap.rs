@@ -15,15 +15,15 @@ use super::{Ending, Outcome, PackageArgs, render};
 pub(super) const EXAMPLES: &str = "\
 Examples:
   karat tap scene                          lists the values of the frame `scene`
-  karat tap scene n_dot_v half             shows two of them, by the names of their `let`
+  karat tap scene n_dot_v half             shows two values, by the names of their `let`
   karat tap scene shaders/brdf.wgsl:42:13  shows the largest expression that begins there
   karat tap scene half --at 120,64         also shows the value that Karat's engine computes there
   karat tap scene term --round 3           shows the third value that each pixel computed
-  karat tap scene karat:print              shows the values of its lines `//karat: print x`
+  karat tap scene karat:print              shows the values that the lines `//karat: print x` name
 FRAME is the name of a `[[frame]]` in a `*.test.toml`, a frame of the gallery that `karat render` draws, or the last
 entry point of a `[[compute]]`, where each invocation has a value.
-The driver computes each value in the frame's own draws. Pixels that don't compute it are transparent, and counted.
-Exit codes: 0 every value is shown; 1 a value can't be shown; 2 there is no such frame, or no driver.";
+The driver computes each value while it draws. Pixels that don't compute the value are transparent, and are counted.
+Exit codes: 0 every value is shown; 1 a value can't be shown; 2 the frame doesn't exist, or no driver opens.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -71,7 +71,7 @@ fn passes(args: &Args, project: &Project, out: &mut dyn Write) -> anyhow::Result
         let suite = Suite::of(package)?;
         if let Some(compute) = suite.compute(&args.frame) {
             let compute = compute.map_err(|wrong| anyhow!("{}", wrong.message))?;
-            ensure!(!args.beside, "passes have no colours: remove `--beside`");
+            ensure!(!args.beside, "passes have no colours to compare: remove `--beside`");
             return tell_of(&compute, args, project, out).map(Some);
         }
     }
@@ -122,9 +122,9 @@ pub(super) fn find(
     match nearest(frame, names.iter().map(String::as_str)) {
         Some(near) => bail!("there is no frame `{frame}`; did you mean `{near}`?"),
         None if names.is_empty() => bail!(
-            "there is no frame: no `*.test.toml` has a `[[frame]]`, and Cargo.toml names no gallery (`karat render` explains galleries)"
+            "the project has no frame: no `*.test.toml` has a `[[frame]]`, and Cargo.toml names no gallery (`karat render` explains galleries)"
         ),
-        None => bail!("there is no frame `{frame}`; there are {}", names.join(", ")),
+        None => bail!("there is no frame `{frame}`; the frames are {}", names.join(", ")),
     }
 }
 
@@ -132,7 +132,7 @@ pub(super) fn find(
 pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::Path>> {
     ensure!(
         drawn.size.is_none() && drawn.samples.is_none() && drawn.environment.is_none(),
-        "a `[[frame]]` sets its size, samples and light: remove `--size`, `--samples` and \
+        "a `[[frame]]` in a `*.test.toml` sets its own size, samples and light: remove `--size`, `--samples` and \
          `--environment`"
     );
     Ok(drawn.path)

@@ -23,9 +23,9 @@ Examples:
   karat trace scene 120,64 --against HEAD  shows the first step that differs from a revision of git
   karat trace scene 120,64 --layer 2       traces the draw behind the visible one
 FRAME is the name of a `[[frame]]` in a `*.test.toml`, or a frame of the gallery that `karat render` draws.
-The driver gives the inputs of the pixel's fragment function, and Karat's engine runs it: each step in f32,
-in f64, and with the bounds of WGSL.
-Exit codes: 0 traced, and no step differs; 1 the pixel can't be traced, or a step differs; 2 no such frame, or no driver.";
+The driver computes the inputs of the pixel's fragment function. Then Karat's engine computes each step of the function
+in f32, in f64, and with the error bounds of WGSL.
+Exit codes: 0 no step differs; 1 the pixel can't be traced, or a step differs; 2 the frame doesn't exist, or no driver.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             write_json(&[&today, &today], out)?;
             return Ok(Ending::Good);
         }
-        writeln!(out, "{DIM}the shaders equal those of {revision}: no step differs{DIM:#}")?;
+        writeln!(out, "{DIM}the shaders are the same as at {revision}: no step differs{DIM:#}")?;
         return Ok(Ending::Good);
     };
     match args.json {
@@ -113,9 +113,9 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
     if render::run(arguments, &mut printed)? != Ending::Good {
         return Ok(None);
     }
-    let json = String::from_utf8(printed).context("the gallery printed no text")?;
+    let json = String::from_utf8(printed).context("the gallery printed bytes that aren't UTF-8")?;
     let traced = serde_json::from_str(trusted(&json).trim())
-        .context("the gallery printed no pixel: its `karat-gallery` may have another version")?;
+        .context("the gallery printed no trace: does it use another version of `karat-gallery`?")?;
     Ok(Some(traced))
 }
 
@@ -133,7 +133,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     if !any {
         return Ok(None);
     }
-    let program = std::env::current_exe().context("can't find this program's own file")?;
+    let program = std::env::current_exe().context("can't find karat's executable file")?;
     let mut command = Command::new(program);
     // The arguments are the same, but without the revision: the overlay contains its shaders.
     let mut words = std::env::args_os().skip(1);
@@ -163,7 +163,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     )?;
     ensure!(status.success(), "can't trace the pixel with the shaders of {revision}:\n{said}");
     let parsed = serde_json::from_str(&lines.join("\n"));
-    let mut before: Traced = parsed.context("this program printed no pixel")?;
+    let mut before: Traced = parsed.context("`karat trace` didn't print the traced pixel")?;
     // The files of a revision lie in a temporary folder, so messages name the revision.
     let written = format!("{}{}", overlay.display(), std::path::MAIN_SEPARATOR);
     for row in &mut before.steps {
@@ -184,7 +184,7 @@ fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<b
                 open.push(path);
                 continue;
             }
-            let own = path.strip_prefix(before).context("it is in the folder")?;
+            let own = path.strip_prefix(before).context("the module isn't in its folder")?;
             let is_module = path.extension().is_some_and(|end| end == "wgsl" || end == "wesl");
             // No module imports a module that doesn't exist today.
             let Ok(now) = std::fs::read(today.join(own)) else { continue };
@@ -266,7 +266,7 @@ fn write_parting(
             writeln!(out, "{GOOD}no step differs from {revision}{GOOD:#}")?;
         }
         (None, None) => {
-            writeln!(out, "no shown step differs from {revision}: a later run of a step differs")?
+            writeln!(out, "no shown step differs from {revision}: a repeated step differs later")?
         }
         (was, is) => {
             let shown = |row: Option<&Row>| {
@@ -281,6 +281,6 @@ fn write_parting(
             writeln!(out, "  {HEAD}today{HEAD:#}:  {}", shown(is))?;
         }
     }
-    writeln!(out, "the engine returns {}; at {revision} {}", after.engine, before.engine)?;
+    writeln!(out, "the engine returns {}; at {revision} it was {}", after.engine, before.engine)?;
     Ok(())
 }

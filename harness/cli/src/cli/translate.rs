@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     ensure!(
         !shader.entry_points().is_empty(),
-        "module `{}` has no entry point, so there is nothing to translate: name one of its functions, \
+        "module `{}` has no entry point that Karat could translate: name a function of the module, \
          such as `{0}::f`",
         args.what
     );
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         Some(file) => {
             let [translation] = &*translations else {
                 bail!(
-                    "a file of {target} has one entry point, but `{}` has {}: name one with \
+                    "a file of {target} has only one entry point, but `{}` has {}: name an entry point with \
                      --entry-point",
                     args.what,
                     translations.len()
@@ -104,7 +104,7 @@ fn source(args: &Args) -> anyhow::Result<(String, Option<String>)> {
     let probed = Probed::new(&package, &args.what)?;
     ensure!(
         args.entry_point.is_none(),
-        "`{}` is a function, for which Karat writes an entry point: remove --entry-point",
+        "`{}` is a function, and Karat writes its entry point: remove --entry-point",
         args.what
     );
     Ok((probed.kernel().to_owned(), Some(Probed::ENTRY_POINT.to_owned())))
@@ -120,8 +120,8 @@ fn print(translation: &Translation, out: &mut dyn Write) -> anyhow::Result<()> {
         }
         Code::Words(words) if std::io::stdout().is_terminal() => {
             bail!(
-                "SPIR-V is binary ({} words): name a file with --out, or pipe it, as into \
-                 `spirv-dis`",
+                "a terminal can't show SPIR-V, which is binary ({} words): name a file with --out, or pipe the \
+                 output into a program such as `spirv-dis`",
                 words.len()
             );
         }
@@ -151,7 +151,7 @@ fn validate(translations: &[Translation], out: &mut dyn Write) -> Outcome {
             writeln!(out, "{}", line(&said))?;
         }
     }
-    ensure!(asked > 0, "no installed validator can check it: `karat doctor` lists validators");
+    ensure!(asked > 0, "no validator of this target is installed: `karat doctor` lists validators");
     Ok(ending)
 }
 
@@ -160,7 +160,7 @@ fn line(said: &Validation) -> String {
         Verdict::Valid => (GOOD, "valid".to_owned()),
         Verdict::Invalid(message) => (BAD, format!("invalid\n{message}")),
         Verdict::Unable(what) => (BAD, format!("no verdict, because {what}")),
-        Verdict::Broke(how) => (BAD, format!("no verdict, because it {how}")),
+        Verdict::Broke(how) => (BAD, format!("no verdict, because the validator {how}")),
     };
     let Validation { version, command, .. } = said;
     let version = if version.is_empty() { String::new() } else { format!(" ({version})") };

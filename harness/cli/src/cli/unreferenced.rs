@@ -85,15 +85,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let Files { goldens, stray } = Files::of(&folder)?;
     let shown = folder.display();
     if goldens.is_empty() && stray.is_empty() {
-        let why = "so Karat can't judge it; name the folder of goldens with --goldens DIR";
+        let why = "so Karat can't judge this folder; name the folder of goldens with --goldens DIR";
         return Err(NotThere(format!("there is no golden in `{shown}`, {why}")).into());
     }
     let none = evidence.frames.is_empty() && evidence.read.is_empty();
     if none && !evidence.elsewhere.is_empty() {
         let elsewhere: Vec<&str> = evidence.elsewhere.iter().map(String::as_str).collect();
         return Err(NotThere(format!(
-            "the last run compared no frame with a golden of `{shown}`, only with goldens of `{}`; \
-             name that folder with --goldens DIR",
+            "the last run compared no frame with a golden of `{shown}`, but with goldens of `{}`; \
+             name the folder that you mean with --goldens DIR",
             elsewhere.join("`, `")
         ))
         .into());
@@ -127,8 +127,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.delete {
         ensure!(
             report.compared > 0 || report.unreferenced.is_empty(),
-            "the run compared none of the goldens in `{shown}`: Karat deletes none, because it may be \
-             the wrong folder"
+            "the run compared no golden in `{shown}`, so Karat deletes no golden: this may be the \
+             wrong folder"
         );
         for file in deletable(&report) {
             std::fs::remove_file(&file)
@@ -186,8 +186,8 @@ fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         let file = file.display();
         writeln!(
             out,
-            "{BAD}not deleted, because it has no note that Karat accepted it: delete it yourself, or \
-             compare it in a test{BAD:#}  {file}"
+            "{BAD}not deleted, because no note says that Karat accepted this file: delete the file \
+             yourself, or compare the file in a test{BAD:#}  {file}"
         )?;
     }
     writeln!(out, "deleted {}", counted(report.deleted.len(), "file"))
@@ -195,7 +195,7 @@ fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 
 fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     for golden in &report.unreferenced {
-        writeln!(out, "{BAD}no test compares {golden}{BAD:#}  {}", golden.file.display())?;
+        writeln!(out, "{BAD}no test compares golden {golden}{BAD:#}  {}", golden.file.display())?;
     }
     for Doubt { golden, problem } in &report.doubtful {
         writeln!(out, "{BAD}{golden}: {problem}; {}{BAD:#}", facts::ADVICE)?;
@@ -204,7 +204,7 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         writeln!(out, "{BAD}{reason}{BAD:#}  {}", file.display())?;
     }
     for golden in &report.unjudged {
-        writeln!(out, "{DIM}not judged, because its profile didn't run: {golden}{DIM:#}")?;
+        writeln!(out, "{DIM}not judged, because the golden's profile didn't run: {golden}{DIM:#}")?;
     }
     let (unreferenced, stray) = (report.unreferenced.len(), report.stray.len());
     let doubtful = match report.doubtful.len() {
@@ -223,26 +223,21 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
     let none = |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
     let recorded = Recorded::read(record)?;
-    let absent = || {
-        none(format!(
-            "there is no record of a run (`{}`): run `karat test` first",
-            record.display()
-        ))
-    };
+    let absent = || none(format!("there is no record of a run (`{}`)", record.display()));
     let Recorded { folder, records, run } = recorded.ok_or_else(absent)?;
     let shown = folder.display();
     let run =
         run.ok_or_else(|| none(format!("the record `{shown}` doesn't say that its run ended")))?;
     if !run.selected.is_empty() {
         let selected = run.selected.join(" ");
-        return Err(none(format!("the last run had only some tests (`{selected}`)")).into());
+        return Err(none(format!("the last run ran only some tests (`{selected}`)")).into());
     }
     if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
-        return Err(none(format!("the last run had KARAT_OVERLAY={overlay}")).into());
+        return Err(none(format!("the last run replaced files by KARAT_OVERLAY={overlay}")).into());
     }
     if !run.passed {
-        let why = "a test failed in the last run, and the goldens that it would have compared later are \
-                   unknown; mend it, or accept its frames";
+        let why = "a test failed in the last run, so Karat doesn't know which goldens the test would have \
+                   compared later; repair the test, or accept its frames";
         return Err(none(why.to_owned()).into());
     }
     Ok((folder, records))

@@ -132,7 +132,7 @@ impl Typing {
 
     fn prompt(&self) -> String {
         match self {
-            Self::Filter(text) => format!("only tests whose names contain: {text}_"),
+            Self::Filter(text) => format!("run only tests whose names contain: {text}_"),
             Self::Reason(frames, text) => {
                 let names: Vec<&str> = frames.values().flatten().map(String::as_str).collect();
                 format!("accept {} because: {text}_", names.join(", "))
@@ -184,7 +184,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         files::watch(&folder, move |files| told.send(Event::Files(files)).is_ok())
     });
     let watching = watching.collect::<anyhow::Result<Vec<_>>>()?;
-    let records = tempfile::tempdir().context("can't make a folder for records")?;
+    let records = tempfile::tempdir().context("can't make a temporary folder")?;
     let mut lanes = Vec::new();
     for (at, path) in names.iter().enumerate() {
         for source in &sources {
@@ -400,7 +400,7 @@ impl Watch {
                     return self.all_again();
                 }
                 (KeyCode::Enter, Typing::Reason(_, because)) if because.trim().is_empty() => {
-                    self.notice = Some("nothing was accepted: a reason is required".to_owned());
+                    self.notice = Some("no frame was accepted: a reason is required".to_owned());
                     return Ok(true);
                 }
                 // The goldens are watched files, so the tests that compare with them run again.

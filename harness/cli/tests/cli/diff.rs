@@ -52,15 +52,15 @@ fn bounds_decide_and_the_exit_code_says_so() {
     for (arguments, code, end) in [
         (&["a.exr", "same.exr"][..], 0, "equal, bit for bit\n"),
         (&["a.exr", "near.exr"], 0, "within rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)\n"),
-        (&["a.exr", "near.exr", "--rel", "1e-4"], 1, "they differ by more than rel 1e-4\n"),
-        (&["a.exr", "near.exr", "--rel", "0"], 1, "they differ by more than rel 0\n"),
+        (&["a.exr", "near.exr", "--rel", "1e-4"], 1, "the images differ by more than rel 1e-4\n"),
+        (&["a.exr", "near.exr", "--rel", "0"], 1, "the images differ by more than rel 0\n"),
         (&["a.exr", "hole.exr"], 1, "and mean FLIP 0.005)\n"),
         (&["a.exr", "hole.exr", "--flip-tile", "1"], 1, "(FLIP tile 1 and mean FLIP 0.005)\n"),
         (&["a.exr", "hole.exr", "--flip-tile", "1", "--flip-mean", "1"], 0, "mean FLIP 1)\n"),
         (&["a.exr", "hole.exr", "--flip-tile", "1", "--flip-mean", "0"], 1, "mean FLIP 0)\n"),
         (&["a.exr", "hole.exr", "--rel", "1"], 0, "within rel 1\n"),
         (&["a.exr", "hole.exr", "--mask", "mask.exr"], 0, "equal, bit for bit\n"),
-        (&["a.exr", "small.exr"], 1, "they differ in size\n"),
+        (&["a.exr", "small.exr"], 1, "the images differ in size\n"),
         (&["a.exr", "nan.exr"], 1, "NaN and infinities agree with no value\n"),
         (&["nan.exr", "nan.exr"], 1, "NaN and infinities agree with no value\n"),
     ] {
@@ -74,7 +74,7 @@ fn bounds_decide_and_the_exit_code_says_so() {
 fn with_a_tolerance_of_zero_the_error_is_printed() {
     let folder = images();
     let out = diff(&folder, &["a.exr", "near.exr", "--rel", "0"]).out;
-    assert!(out.contains(", and nothing is allowed\n") && !out.contains("inf"), "{out}");
+    assert!(out.contains(", and no error is allowed\n") && !out.contains("inf"), "{out}");
 }
 
 #[test]
@@ -84,15 +84,16 @@ fn the_report_has_the_count_place_and_size_of_differences() {
     for part in [
         "a: a.exr, 48 x 32\nb: hole.exr, 48 x 32\n",
         "gate: 64 of 1536 pixels are off by more than rel 1e-3, within (0, 0) to (7, 7)\n",
-        "  worst: pixel (7, 0) red: 0.01 instead of 0.359375, 972 times what is allowed\n",
-        "  pixels off at a tolerance of 0.001: 4.167%, 0.01: 4.167%, 0.1: 4.167%, 1: 0.000%\n",
+        "  worst: pixel (7, 0) red: 0.01 instead of 0.359375, 972 times the allowed error\n",
+        "  pixels that differ at a tolerance of 0.001: 4.167%, 0.01: 4.167%, 0.1: 4.167%, 1: 0.000%\n",
         "HDR-FLIP: largest tile 0.",
         " of 0.01, in (0, 0) to (15, 15); mean 0.",
     ] {
         assert!(out.contains(part), "no `{part}` in:\n{out}");
     }
     let out = diff(&folder, &["a.exr", "nan.exr"]).out;
-    let census = "b: nan.exr, 48 x 32, 1 pixel with NaN and 0 with infinities, first at (2, 1)\n";
+    let census =
+        "b: nan.exr, 48 x 32, 1 pixel with NaN and 0 with infinities, the first at (2, 1)\n";
     assert!(out.contains(census), "{out}");
 }
 
@@ -151,7 +152,7 @@ fn a_bound_is_a_finite_number_of_at_least_0() {
                 let error = diff(&folder, arguments).error();
                 let message = format!("invalid value '{value}' for '{bound}");
                 assert!(error.contains(&message), "{arguments:?}: {error}");
-                assert!(error.contains("a bound is a finite number of at least 0"), "{error}");
+                assert!(error.contains("a bound must be a finite number of at least 0"), "{error}");
             }
         }
         for value in ["0", "-0", "1e-3", "3e38", "1e-45"] {
@@ -165,10 +166,10 @@ fn a_bound_is_a_finite_number_of_at_least_0() {
     // Karat refuses numbers that would round to another bound.
     for value in ["1e-50", "1e-46", "5e-324"] {
         let error = diff(&folder, &["a.exr", "same.exr", "--rel", value]).error();
-        assert!(error.contains("smaller than the smallest float: write 0"), "{value}: {error}");
+        assert!(error.contains("smaller than the smallest `f32`: write 0"), "{value}: {error}");
     }
     let out = diff(&folder, &["a.exr", "near.exr", "--rel", "1e-45"]).out;
-    assert!(out.ends_with("they differ by more than rel 1e-45\n"), "{out}");
+    assert!(out.ends_with("the images differ by more than rel 1e-45\n"), "{out}");
 }
 
 #[test]
@@ -210,7 +211,10 @@ fn a_heatmap_is_colours_or_the_errors_themselves() {
 
     let (out, full, colours) = heatmap("hole.exr", "flip.png");
     let scale = if largest(&errors) > 0.5 { 1.0 } else { 0.5 };
-    assert!(out.contains(&format!("\nheatmap: flip.png, colours from 0 to {scale}\n")), "{out}");
+    assert!(
+        out.contains(&format!("\nheatmap: flip.png, errors shown from 0 to {scale}\n")),
+        "{out}"
+    );
     assert_eq!(full, scale);
     // The heat map has the pixels of the images at the same positions. The legend below needs more room.
     assert!(colours.width() > 48 && colours.height() > 32);
@@ -224,9 +228,9 @@ fn a_heatmap_is_colours_or_the_errors_themselves() {
     let brightest = rows.flat_map(|row| &row[..48]).map(|pixel| pixel[0]).fold(0.0, f32::max);
     assert!(brightest > 0.3, "{brightest}");
     let error = diff(&folder, &["a.exr", "hole.exr", "--heatmap", "flip.jpg"]).error();
-    assert!(error.contains("name a .png (colours) or an .exr"), "{error}");
+    assert!(error.contains("name a .png file (for colours) or an .exr file"), "{error}");
     let ran = diff(&folder, &["a.exr", "small.exr", "--heatmap", "none.png"]);
-    assert!(ran.code == Some(1) && ran.err.contains("no heatmap is written"), "{ran:?}");
+    assert!(ran.code == Some(1) && ran.err.contains("Karat writes no heatmap"), "{ran:?}");
     assert!(!folder.path().join("none.png").exists());
 }
 
@@ -286,9 +290,9 @@ fn images_that_differ_only_in_alpha_differ() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
         "gate: 1 of 1536 pixels are off by more than rel 1e-3, within (2, 1) to (2, 1)\n",
-        "  worst: pixel (2, 1) alpha: 0.5 instead of 1, 500 times what is allowed\n",
+        "  worst: pixel (2, 1) alpha: 0.5 instead of 1, 500 times the allowed error\n",
         "HDR-FLIP: alpha differs at (2, 1), and FLIP ignores alpha\n",
-        "heatmap: flip.png, colours from 0 to 1, without what FLIP doesn't see\n",
+        "heatmap: flip.png, errors shown from 0 to 1, without the differences that FLIP ignores\n",
     ] {
         assert!(ran.out.contains(part), "no `{part}`: {ran:?}");
     }
@@ -308,8 +312,8 @@ fn images_of_other_sizes_have_their_sizes_and_their_census() {
     let arguments = ["nan.exr", "small.exr"];
     let ran = diff(&folder, &arguments);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    let expected = "a: nan.exr, 48 x 32, 1 pixel with NaN and 0 with infinities, first at (2, 1)\n\
-                    b: small.exr, 8 x 32\nthey differ in size\n";
+    let expected = "a: nan.exr, 48 x 32, 1 pixel with NaN and 0 with infinities, the first at (2, 1)\n\
+                    b: small.exr, 8 x 32\nthe images differ in size\n";
     assert_eq!(ran.out, expected);
     let report = json(&diff(&folder, &[&arguments[..], &["--json"]].concat()).out);
     let size = |side: &str| (report[side]["width"].clone(), report[side]["height"].clone());
@@ -329,7 +333,7 @@ fn parts_that_are_not_compared_are_named() {
     let parts = vec![part("beauty", &beauty), part("albedo", &hole), part("light", &hole)];
     ExrFile { parts, metadata: None }.write(&path("parts.exr")).expect("written");
     let out = diff(&folder, &["a.exr", "parts.exr"]).good();
-    let head = "a: a.exr, 48 x 32\nb: parts.exr, 48 x 32, part `beauty`, not `albedo`, `light`\n";
+    let head = "a: a.exr, 48 x 32\nb: parts.exr, 48 x 32, of which Karat compares part `beauty` and ignores `albedo`, `light`\n";
     assert!(out.starts_with(head) && out.ends_with("equal, bit for bit\n"), "{out}");
     let report = json(&diff(&folder, &["a.exr", "parts.exr", "--json"]).good());
     assert_eq!(report["b"]["parts"], serde_json::json!(["beauty", "albedo", "light"]));
@@ -362,7 +366,7 @@ fn primaries_that_differ_are_noted_and_nothing_is_converted() {
     png(&folder, "grey.png", 4, &[128; 8]);
     let note = "note: the files name different primaries (chromaticities (0.64, 0.33), (0.3, 0.6), \
                 (0.15, 0.06), (0.3127, 0.329) and (0.708, 0.292), (0.3, 0.6), (0.15, 0.06), \
-                (0.31271, 0.32902)); the values are compared as they are\n";
+                (0.31271, 0.32902)); Karat compares the values without a conversion\n";
     for (a, b, noted) in [
         ("none.exr", "wide.exr", true),
         ("none.exr", "same.exr", false),
@@ -399,7 +403,7 @@ fn the_mask_of_a_test_is_used() {
     write("scene.new.exr", serde_json::to_string(&facts).ok());
     write("foreign.exr", None);
     let out = diff(&folder, &["a.exr", "scene.new.exr"]).good();
-    let told = "1535 of 1536 pixels are compared, selected by the part `mask` of b\n";
+    let told = "1535 of 1536 pixels are compared, selected by the part `mask` of image b\n";
     assert!(out.contains(told) && out.ends_with("equal, bit for bit\n"), "{out}");
     let report = json(&diff(&folder, &["a.exr", "scene.new.exr", "--json"]).good());
     assert_eq!((&report["own_mask"], &report["compared"]), (&true.into(), &1535.into()));
@@ -422,7 +426,7 @@ fn two_pngs_have_an_ldr_flip_value_that_is_no_gate() {
     png(&folder, "a.png", 48, &bytes(&grey));
     png(&folder, "hole.png", 48, &bytes(&hole));
     let ran = diff(&folder, &["a.png", "hole.png"]);
-    let line = "\nLDR-FLIP: largest tile 0.363; mean 0.0605; no bound applies to it\n";
+    let line = "\nLDR-FLIP: largest tile 0.363; mean 0.0605; no bound applies to LDR-FLIP\n";
     assert!(ran.code == Some(1) && ran.out.contains(line), "{ran:?}");
     let report = json(&diff(&folder, &["a.png", "hole.png", "--json"]).out);
     let near = |value: &serde_json::Value, expected: f64| {

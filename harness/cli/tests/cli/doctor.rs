@@ -33,15 +33,15 @@ fn doctor_prints_and_writes_the_lines_that_karat_toml_lacks() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
         "2 of 7 modules complete",
-        "BLOCK_SIZE = 64 # invented, as nothing declares it",
+        "BLOCK_SIZE = 64 # invented value: no module declares this name",
         "ACT = \"\" # empty",
         "EXTRA = \"\" # empty",
         "ROWS = 64 # invented",
         "MAX_LIGHTS = 4 # invented",
-        "fast = true # a declaration needs it",
-        "slow = true # a declaration needs it",
+        "fast = true # a declaration needs this feature",
+        "slow = true # a declaration needs this feature",
         "noise = { path = \"../noise\" }",
-        "then 7 of 7 modules are complete",
+        "with these lines, 7 of 7 modules are complete",
     ] {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }

@@ -662,7 +662,11 @@ fn one_race_has_one_message() {
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert_eq!(ran.out.matches("  --> m.wgsl:13:").count(), 1, "{}", ran.out);
-    assert!(ran.out.contains("\n  see test `m::wait keys in_range`\n"), "{}", ran.out);
+    assert!(
+        ran.out.contains("\n  the test `m::wait keys in_range` fails with the same error\n"),
+        "{}",
+        ran.out
+    );
 }
 
 /// The sanitizer examines passes, but not draws. The last line counts the draws that write.

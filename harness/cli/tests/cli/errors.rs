@@ -32,7 +32,7 @@ fn each_cause_is_printed_once() {
         (&["diff", "a.exr", "."], "can't read `.`: it is a folder\n"),
         // A file isn't a folder. This makes the path unreadable for every user, even for root.
         (&["diff", "text.zip/a.exr", "text.zip"], "can't read `text.zip/a.exr`: "),
-        (&["pending", "--from", "text.zip"], "can't use `text.zip`: it isn't a readable zip: "),
+        (&["pending", "--from", "text.zip"], "can't use `text.zip`: this isn't a readable zip: "),
         (&["unreferenced", "--record", "run"], "can't read the record `run/1.jsonl`: "),
         (&["report", "--record", "run"], "can't read the record `run/1.jsonl`: "),
         (&["call", "calc::same", "--table", "text.zip/a.csv"], "can't read `text.zip/a.csv`"),
@@ -77,10 +77,13 @@ fn a_folder_without_a_run_has_no_verdict() {
             let ran = karat(folder, &[command, &["--from", from]].concat());
             assert_eq!(ran.out, "", "{from}");
             let error = ran.failure(3);
-            let start = format!("error: `{from}` isn't what a run left: it has no frame");
+            let start = format!("error: `{from}` isn't the artefact of a run: no file is a frame");
             assert!(error.starts_with(&start), "{error}");
-            assert!(error.contains("name what CI uploaded of `target/karat`"), "{error}");
-            let told = inner.map(|inner| format!("perhaps you mean `{inner}` in it"));
+            assert!(
+                error.contains("name the folder or zip that CI uploaded from `target/karat`"),
+                "{error}"
+            );
+            let told = inner.map(|inner| format!("you may mean the zip `{inner}` inside"));
             assert!(told.is_none_or(|told| error.contains(&told)), "{error}");
         }
     }
@@ -110,12 +113,13 @@ fn conflicting_entries_of_an_archive_are_errors() {
     assert_eq!(places.len(), 2, "the entry's own head and the directory");
     places.iter().for_each(|place| bytes[*place] = b'a');
     std::fs::write(folder.join("twice.zip"), bytes).expect("written");
-    let unpacked = |name: &str, why: &str| format!("its entry `{name}` can't be unpacked: {why}");
+    let unpacked =
+        |name: &str, why: &str| format!("entry `{name}` of the zip can't be unpacked: {why}");
     for (from, why) in [
         ("below.zip", unpacked(below.0, "`x.new.exr` is both a file and a folder")),
-        ("above.zip", unpacked(file.0, "the zip has a file and a folder of that name")),
-        ("dot.zip", unpacked("a/./x.new.exr", "another entry has the same path")),
-        ("twice.zip", "two of its entries have the same name".to_owned()),
+        ("above.zip", unpacked(file.0, "the zip has a file and a folder with this name")),
+        ("dot.zip", unpacked("a/./x.new.exr", "another entry of the zip has the same path")),
+        ("twice.zip", "two entries of the zip have the same name".to_owned()),
     ] {
         let error = error(folder, &["pending", "--from", from]);
         assert_eq!(error, format!("error: can't use `{from}`: {why}\n"));

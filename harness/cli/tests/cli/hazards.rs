@@ -63,8 +63,7 @@ fn functions_that_are_not_valid_fail_a_run() {
         "fn twice(x: f32) -> f32 { return 2.0 * x; }\nfn broken(x: f32) -> f32 { return x.y; }\n";
     write(&folder.path().join("shaders"), "fresnel.wgsl", text);
     let ran = karat(folder.path(), &["hazards"]);
-    let counted =
-        "1 function not checked, because naga rejects code that they use: `karat check` says why";
+    let counted = "1 function not checked, because naga rejects the code: `karat check` says why";
     assert!(ran.code == Some(1) && ran.out.contains(counted), "{ran:?}");
     assert!(ran.out.contains("0 faults and 0 requirements in 1 function,"), "{ran:?}");
 }
@@ -82,7 +81,7 @@ fn requirements_fail_a_run_that_denies_them() {
     for part in [
         "requirement: NaN  0.5 * (b - a) / k  shaders/fresnel.wgsl:2:16",
         "needs another `k`: it fails where k is ",
-        " more that need the same inputs, the next at shaders/fresnel.wgsl:2:",
+        " other findings need the same inputs, the next at shaders/fresnel.wgsl:2:",
         "requirements in 4 functions, 1 met, 1 dropped",
     ] {
         assert!(ran.contains(part), "no `{part}` in {ran}");
@@ -211,7 +210,7 @@ fn an_accepted_hazard_must_exist() {
     write(&folder.path().join("shaders"), "fresnel.wgsl", &format!("{SCHLICK}{needs}"));
     let needless = accept("[\"fresnel::needs\"]", "1.0 / x").out;
     assert!(
-        needless.contains("accepts a hazard of fresnel::needs: that hazard isn't a fault"),
+        needless.contains("accepts a hazard of fresnel::needs: this hazard isn't a fault"),
         "{needless}"
     );
     write(&folder.path().join("shaders"), "fresnel.wgsl", SCHLICK);
@@ -316,7 +315,7 @@ fn packages_with_the_same_name_are_named_by_their_folders() {
     );
     let twice = ["hazards", "--input", "x=0..1", "--input", "x=0..2"];
     let error = karat(folder.path(), &twice).error();
-    assert!(error.contains("the input is given twice: --input x"), "{error}");
+    assert!(error.contains("two --input options name the same input, `x`"), "{error}");
     // Two names set the same override.
     let twice = ["hazards", "--override", "A=2", "--override", "m::A=3"];
     let error = karat(folder.path(), &twice).error();

@@ -128,8 +128,7 @@ fn an_image_is_matched_with_its_golden() {
     Image::new(2, 1, vec![[0.5, 0.5, 0.5, 1.0]; 2])
         .write_exr(&folder.path().join("blank.exr"), Precision::Float, None)
         .expect("written");
-    for (name, message) in [("blank.exr", "all of its pixels are equal"), ("none.png", "none.png")]
-    {
+    for (name, message) in [("blank.exr", "all pixels of the image"), ("none.png", "none.png")] {
         let wrong = matched(name);
         assert!(
             wrong.code.is_some_and(|code| code >= 2) && wrong.err.contains(message),

@@ -288,13 +288,13 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
     }
     write_frame(&folder.join("other"), "a", "scene", LAVAPIPE, "");
     for (from, code, message) in [
-        ("slip.zip", 2, "would be unpacked outside of its folder"),
-        ("root.zip", 2, "would be unpacked outside of its folder"),
+        ("slip.zip", 2, "would be unpacked outside of the target folder"),
+        ("root.zip", 2, "would be unpacked outside of the target folder"),
         ("foreign.zip", 2, "isn't a readable OpenEXR image"),
-        ("bomb.zip", 2, "its entry `evil.new.exr` has more than 67108864 bytes"),
-        ("half.zip", 2, "can't use `half.zip`: it isn't a readable zip"),
-        ("damaged.zip", 2, "its entry `scene.new.exr` is damaged"),
-        ("text.zip", 2, "can't use `text.zip`: it isn't a readable zip"),
+        ("bomb.zip", 2, "the entry `evil.new.exr` has more than 67108864 bytes"),
+        ("half.zip", 2, "can't use `half.zip`: this isn't a readable zip"),
+        ("damaged.zip", 2, "entry `scene.new.exr` of the zip is damaged"),
+        ("text.zip", 2, "can't use `text.zip`: this isn't a readable zip"),
         ("names", 2, "evil.new.exr` says that it is frame `../../evil`"),
         ("other", 2, "a.new.exr` says that it is frame `scene`"),
         (
@@ -302,7 +302,7 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
             2,
             "frame `scene` is pending twice, as `a/scene.new.exr` and as `b/scene.new.exr`",
         ),
-        ("empty.zip", 3, "`empty.zip` isn't what a run left"),
+        ("empty.zip", 3, "`empty.zip` isn't the artefact of a run"),
         ("nowhere", 3, "there is no folder or zip `nowhere`"),
     ] {
         let accept = ["accept", "*", "--from", from, "--because", "why"];
@@ -348,7 +348,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     // In CI, Karat writes nothing, unless it may.
     let refused = output(command(folder, &accept).env("CI", "true")).error();
     assert!(
-        refused.contains("`CI` is set, and Karat writes nothing into your sources in CI"),
+        refused.contains("`CI` is set, and Karat doesn't change your sources in CI"),
         "{refused}"
     );
     assert!(refused.contains("--ci-may-write"), "{refused}");
@@ -425,7 +425,8 @@ fn frames_of_one_name_are_named_by_their_crates() {
         }
         let because = [from, &["--because", "x"]].concat();
         let both = karat(folder, &[&["accept", "dusk"][..], &because].concat()).error();
-        let told = "`dusk` is pending in several crates: name `the-lamp::dusk` or `the-sky::dusk`";
+        let told =
+            "`dusk` is pending in several crates: choose `the-lamp::dusk` or `the-sky::dusk`";
         assert!(both.contains(told), "{both}");
         let one = karat(folder, &[&["accept", "the-sky::dusk"][..], &because].concat()).good();
         assert!(one.contains("accepted the-sky::dusk\n"), "{one}");

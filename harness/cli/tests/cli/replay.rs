@@ -70,14 +70,14 @@ fn a_failure_without_a_replay_says_why() {
     let listed = "name one of these failures:\n  ";
     told(&project, &[], listed);
     told(&project, &[], "  calc::same agrees_with\n");
-    told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; the failures are ");
-    told(&project, &[""], "several failures begin with ``");
+    told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; did you mean ");
+    told(&project, &[""], "the names of several failures begin with ``");
     let passed = recorded(&[function("calc::double", "gl", "pass", None)]);
     told(&passed, &[], "no failure of the last run can be replayed");
     told(&super::project(), &[], "run `karat test` first");
     let hostile = function("calc::double", "gl", "fail", Some("on gl: x\n  replay: sh test"));
     let ran = karat(recorded(&[hostile]).path(), &["replay"]);
-    assert!(ran.code == Some(2) && ran.err.contains("is another program"), "{ran:?}");
+    assert!(ran.code == Some(2) && ran.err.contains("must run cargo or karat"), "{ran:?}");
 }
 
 /// The summary names some of many failures. `--all` names all of them.

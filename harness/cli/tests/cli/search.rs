@@ -204,7 +204,10 @@ fn tests_outside_of_shaders_are_reported() {
     let test = "import karat::expect_true;\n@test fn own() { expect_true(true); }\n";
     write(folder.path(), "own/own.wgsl", test);
     let ran = run(folder.path(), &["test", "--paths", "cpu"]).good();
-    assert!(ran.contains("not run: 1 test outside of `shaders`; name them, own"), "{ran}");
+    assert!(
+        ran.contains("Karat didn't run 1 test outside of `shaders`; to run them, name own"),
+        "{ran}"
+    );
 }
 
 /// Every command reports a file that declares tests outside of `shaders`, or has `@test` there, with and without a
@@ -212,7 +215,7 @@ fn tests_outside_of_shaders_are_reported() {
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in
-        [(None, "`karat test .` runs all tests"), (Some(""), "move them into `shaders`")]
+        [(None, "`karat test .` runs all tests"), (Some(""), "move the files into `shaders`")]
     {
         let folder = with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
         let path = folder.path();
@@ -228,13 +231,13 @@ fn declared_tests_outside_of_shaders_are_reported() {
         ];
         for arguments in commands {
             let ran = run(path, arguments).good();
-            assert!(!ran.contains("not run"), "{arguments:?}: {ran}");
+            assert!(!ran.contains("Karat didn't run"), "{arguments:?}: {ran}");
         }
         write(path, "tests/a.test.toml", FAILS);
         write(path, "tests/deep/c.tests.toml", FAILS);
         write(path, "b.test.toml", "not even TOML [[");
         write(path, "notes.toml", "[package]\n");
-        let told = "not run: 3 files of tests outside of `shaders`, b.test.toml, tests/a.test.toml, \
+        let told = "Karat didn't run 3 files of tests outside of `shaders`, b.test.toml, tests/a.test.toml, \
                     tests/deep/c.tests.toml; ";
         for arguments in commands {
             let ran = run(path, arguments);
@@ -245,7 +248,7 @@ fn declared_tests_outside_of_shaders_are_reported() {
                 [&["test", ".", "--paths", "cpu"][..], &["watch", ".", "--once", "--paths", "cpu"]]
             {
                 let ran = run(path, arguments);
-                assert!(ran.out.contains("not run: 3 files of tests"), "{arguments:?}: {ran:?}");
+                assert!(ran.out.contains("didn't run 3 files of tests"), "{arguments:?}: {ran:?}");
             }
         } else {
             let ran = run(path, &["test", ".", "--paths", "cpu"]);
@@ -253,7 +256,7 @@ fn declared_tests_outside_of_shaders_are_reported() {
         }
         // If the command names a folder, Karat uses this folder.
         let ran = run(path, &["test", "shaders", "--paths", "cpu"]).good();
-        assert!(!ran.contains("not run"), "{ran}");
+        assert!(!ran.contains("Karat didn't run"), "{ran}");
     }
 }
 

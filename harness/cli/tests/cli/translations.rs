@@ -69,13 +69,13 @@ fn a_failed_translation_is_an_error() {
     };
     assert!(error(&["maths::blend", "--to", "hlls"]).contains("'hlsl'"), "the nearest is told");
     assert!(error(&["maths::blnd", "--to", "hlsl"]).contains("maths::blend"));
-    assert!(error(&["maths", "--to", "hlsl"]).contains("name one of its functions"));
+    assert!(error(&["maths", "--to", "hlsl"]).contains("name a function of the module"));
     let raise = error(&["maths::raise", "--to", "hlsl"]);
     assert!(raise.contains("it returns nothing"), "{raise}");
     let entry = error(&["frame", "--to", "hlsl", "--entry-point", "shad"]);
     assert!(entry.contains("no entry point `shad`"), "{entry}");
     let out = error(&["frame", "--to", "glsl", "--out", "frame.glsl"]);
-    assert!(out.contains("name one with --entry-point"), "{out}");
+    assert!(out.contains("name an entry point with --entry-point"), "{out}");
     let over = error(&["maths::blend", "--to", "wgsl", "--out", "shaders/maths.wgsl"]);
     assert!(over.contains("would overwrite"), "{over}");
     let text = std::fs::read_to_string(folder.path().join("shaders/maths.wgsl"));

@@ -218,7 +218,7 @@ fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     let cpu = once("cpu");
     let told = "cpu: 2 tests pass; 2 ran";
     assert!(cpu.out.contains(told), "{cpu:?}");
-    assert!(cpu.out.contains("1 frame isn't judged: it needs a driver"), "{cpu:?}");
+    assert!(cpu.out.contains("1 frame isn't judged: frames need a driver"), "{cpu:?}");
     assert_eq!(cpu.code, Some(1), "nobody drew it: {cpu:?}");
     let red = once("cpu,vulkan");
     assert!(red.code == Some(1) && red.out.contains("vulkan: 1 of 3 tests fail"), "{red:?}");
@@ -415,7 +415,7 @@ fn an_edit_of_any_file_runs_rust_tests() {
     write(watch.folder(), "shaders/calc_test.wgsl", TESTS);
     watch.until("cpu (shaders): 2 tests pass; 2 ran");
     write(watch.folder(), "shaders/more.wgsl", "fn more() -> f32 { return nonsense; }\n");
-    watch.until("cpu (shaders): not valid; 2 tests pass; 0 ran");
+    watch.until("cpu (shaders): WGSL error; 2 tests pass; 0 ran");
 }
 
 /// Karat validates a module that no test links, in a Cargo project and in a folder.
@@ -425,7 +425,7 @@ fn modules_that_no_test_links_are_validated() {
     let watch = Watching::start();
     watch.until("cpu: 2 tests pass; 2 ran");
     watch.edit("more.wgsl", "fn more() -> f32 { return nonsense; }\n");
-    let red = watch.until("cpu: not valid; 2 tests pass; 0 ran");
+    let red = watch.until("cpu: WGSL error; 2 tests pass; 0 ran");
     let told = watch.until("more.wgsl:1:27");
     assert!(red.contains("changed: more.wgsl"), "{red}{told}");
     watch.edit("more.wgsl", "fn more() -> f32 { return 1.0; }\n");

@@ -295,7 +295,7 @@ fn watch_and_test_agree_after_each_edit() {
             let undo = project.edit(package, edit);
             let ran = project.test(package);
             assert_eq!(ran.code, Some(1), "{kind} in {package}: {ran:?}");
-            let words = ["not valid", "no verdict", "tests fail"];
+            let words = ["WGSL error", "no verdict", "tests fail"];
             watch.until_any(&format!("cpu ({package}): "), &words);
             undo();
             line(package, "2 tests pass;");

@@ -152,7 +152,7 @@ fn keys_do_what_the_last_line_says() {
     terminal.press("fnothing\r");
     terminal.until("cpu: there are no tests");
     terminal.press("f");
-    terminal.until("only tests whose names contain: _");
+    terminal.until("run only tests whose names contain: _");
     terminal.press("half\u{7f}v\r");
     terminal.until("cpu: 1 test passes; 1 ran");
     terminal.press("a");
@@ -216,7 +216,7 @@ fn a_pending_frame_is_accepted() {
     terminal.press("a");
     terminal.until("accept scene because: _");
     terminal.press("\r");
-    terminal.until("nothing was accepted: a reason is required");
+    terminal.until("no frame was accepted: a reason is required");
     assert!(!golden.join("scene.exr").exists());
     terminal.press("a");
     terminal.until("accept scene because: _");

@@ -32,9 +32,9 @@ pub(super) fn page(union: &Union) -> anyhow::Result<String> {
                 p { (union.sum()) "." }
                 (summary(union))
                 p.key {
-                    span.run { "runs" } " " span.weak { "runs, but no test checks its value" } " "
-                    span.never { "no test runs it" } " " span.part { "a side of a branch never runs" } " "
-                    span.unmeasured { "not measured: only frames and drivers run it" }
+                    span.run { "runs" } " " span.weak { "runs, but no test checks the value of this line" } " "
+                    span.never { "no test runs this line" } " " span.part { "one side of a branch never runs" } " "
+                    span.unmeasured { "not measured, because only frames or drivers ran this line" }
                 }
                 @for (number, (file, own, text)) in files.iter().enumerate() {
                     h2 id={ "file" (number) } { (shown(file)) }

@@ -257,11 +257,11 @@ impl File {
         for (number, line) in &lines {
             let function = &line.seen[0].sum.function;
             if !line.measured {
-                add(*number, format!("not measured, in `{function}`"), false);
+                add(*number, format!("this code isn't measured, in `{function}`"), false);
             } else if line.count == 0 {
-                add(*number, format!("no test runs it, in `{function}`"), true);
+                add(*number, format!("no test runs this code, in `{function}`"), true);
             } else if line.weak {
-                add(*number, format!("no test checks its value, in `{function}`"), false);
+                add(*number, format!("no test checks this code's value, in `{function}`"), false);
             }
         }
         for seen in self.branches().filter(|seen| seen.count() > 0) {

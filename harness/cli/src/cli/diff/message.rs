@@ -18,8 +18,8 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     if comparison.of_other_primaries() {
         writeln!(
             out,
-            "note: the files name different primaries (chromaticities {} and {}); the values are compared \
-             as they are",
+            "note: the files name different primaries (chromaticities {} and {}); Karat compares the \
+             values without a conversion",
             primaries(a),
             primaries(b)
         )?;
@@ -32,23 +32,23 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     }
     let all = u64::from(a.width) * u64::from(a.height);
     if comparison.gate.is_some() && (comparison.compared as u64) < all {
-        let by = if comparison.own_mask { "the part `mask` of b" } else { "the mask" };
+        let by = if comparison.own_mask { "the part `mask` of image b" } else { "the mask" };
         writeln!(out, "{} of {all} pixels are compared, selected by {by}", comparison.compared)?;
     }
     if let Some(file) = &comparison.heatmap {
-        let scale = comparison.heatmap_full.map(|full| format!(", colours from 0 to {full}"));
+        let scale = comparison.heatmap_full.map(|full| format!(", errors shown from 0 to {full}"));
         let unseen = comparison.flip.as_ref().is_some_and(|flip| flip.note.is_some());
-        let unseen = if unseen { ", without what FLIP doesn't see" } else { "" };
+        let unseen = if unseen { ", without the differences that FLIP ignores" } else { "" };
         writeln!(out, "heatmap: {file}{}{unseen}", scale.unwrap_or_default())?;
     }
     match (comparison.verdict, comparison.reason) {
         (Ending::Equal, _) => writeln!(out, "{GOOD}equal, bit for bit{GOOD:#}"),
         (Ending::Within, _) => writeln!(out, "{GOOD}within {tolerance}{GOOD:#}"),
-        (_, Some(Reason::Size)) => writeln!(out, "{BAD}they differ in size{BAD:#}"),
+        (_, Some(Reason::Size)) => writeln!(out, "{BAD}the images differ in size{BAD:#}"),
         (_, Some(Reason::NonFinite)) => {
-            writeln!(out, "{BAD}they differ: NaN and infinities agree with no value{BAD:#}")
+            writeln!(out, "{BAD}the images differ: NaN and infinities agree with no value{BAD:#}")
         }
-        _ => writeln!(out, "{BAD}they differ by more than {tolerance}{BAD:#}"),
+        _ => writeln!(out, "{BAD}the images differ by more than {tolerance}{BAD:#}"),
     }
 }
 
@@ -65,7 +65,7 @@ fn primaries(side: &Side) -> String {
 /// Names the parts of the file that Karat doesn't compare.
 fn write_parts(side: &Side, out: &mut dyn Write) -> io::Result<()> {
     let [compared, others @ ..] = side.parts.as_slice() else { return Ok(()) };
-    write!(out, ", part `{compared}`, not `{}`", others.join("`, `"))
+    write!(out, ", of which Karat compares part `{compared}` and ignores `{}`", others.join("`, `"))
 }
 
 fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {
@@ -73,7 +73,7 @@ fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {
         let Side { nan, infinite, .. } = side;
         write!(
             out,
-            ", {} with NaN and {infinite} with infinities, first at ({x}, {y})",
+            ", {} with NaN and {infinite} with infinities, the first at ({x}, {y})",
             counted(*nan, "pixel")
         )?;
     }
@@ -97,9 +97,9 @@ fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Re
         // No number is a multiple of a bound of 0.
         ratio if ratio.is_infinite() => {
             let error = short(f64::from((worst.b - worst.a).abs()));
-            writeln!(out, "abs {error}, and nothing is allowed")?;
+            writeln!(out, "abs {error}, and no error is allowed")?;
         }
-        ratio => writeln!(out, "{} times what is allowed", short(ratio))?,
+        ratio => writeln!(out, "{} times the allowed error", short(ratio))?,
     }
     // All multiples of 0 are 0.
     if *relative == 0.0 {
@@ -109,7 +109,7 @@ fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Re
     let shares: Vec<String> = shares
         .map(|(factor, share)| format!("{}: {share:.3}%", short(f64::from(relative * factor))))
         .collect();
-    writeln!(out, "  pixels off at a tolerance of {}", shares.join(", "))
+    writeln!(out, "  pixels that differ at a tolerance of {}", shares.join(", "))
 }
 
 fn write_flip(flip: &FlipResult, out: &mut dyn Write) -> io::Result<()> {
@@ -122,13 +122,13 @@ fn write_flip(flip: &FlipResult, out: &mut dyn Write) -> io::Result<()> {
         write!(out, ", in {tile}")?;
     }
     let mean = short(flip.mean);
-    writeln!(out, "; mean {mean}{}; at {}", of(flip.mean_bound), flip.exposures)
+    writeln!(out, "; mean {mean}{}; exposures {}", of(flip.mean_bound), flip.exposures)
 }
 
 /// Writes LDR-FLIP, the number that other FLIP tools give for PNGs.
 fn write_ldr(flip: &LdrResult, out: &mut dyn Write) -> io::Result<()> {
     let (mean, tile) = (short(flip.mean), short(flip.largest_tile));
-    writeln!(out, "LDR-FLIP: largest tile {tile}; mean {mean}; no bound applies to it")
+    writeln!(out, "LDR-FLIP: largest tile {tile}; mean {mean}; no bound applies to LDR-FLIP")
 }
 
 /// Formats a number with three significant digits.

@@ -45,7 +45,7 @@ pub(super) fn run(name: &str, json: bool, out: &mut dyn Write) -> Outcome {
         let colour = if wrong == 0 { GOOD } else { BAD };
         writeln!(
             out,
-            "\n{colour}{right} right, {wrong} wrong{colour:#}, {refused} refused, {unasked} of {} not asked",
+            "\n{colour}{right} jobs right, {wrong} wrong{colour:#}, {refused} refused, {unasked} of {} not sent",
             report.answers.len()
         )?;
     }

@@ -25,7 +25,7 @@ const ROUNDS: usize = 32;
 const TOLD: usize = 12;
 
 /// The remark on a value that only the user's game engine knows.
-const MADE_UP: &str = "invented: write the value of your engine";
+const MADE_UP: &str = "invented value: write the value that your game engine sets";
 
 /// The value for a feature with an unknown number. An array of 4 elements is small.
 const FEATURE: &str = "4";
@@ -35,21 +35,21 @@ const VALUE: &str = "64";
 
 /// The remark on an undeclared name in capitals.
 const UNDECLARED: &str =
-    "invented, as nothing declares it: a macro of your engine, or a misspelt name";
+    "invented value: no module declares this name; is the name a macro, or misspelt?";
 
 /// The remark on a feature that switches declarations on or off.
-const VARIANT: &str = "a declaration needs it: your engine may set another variant";
+const VARIANT: &str = "a declaration needs this feature: your game engine may set other features";
 
 /// The remark on a text that only the user's game engine knows.
-const TEXT: &str = "empty: write the text that your engine inserts";
+const TEXT: &str = "empty: write the text that your game engine inserts";
 
 /// Returns advice on an error that only the author can correct.
 fn advice(mend: &Mend) -> Option<String> {
     match mend {
         Mend::Elsewhere(sentence) => Some(sentence.clone()),
-        Mend::Preprocess => Some("name a program that expands it: preprocess = [..]".to_owned()),
+        Mend::Preprocess => Some("name a program that expands WGSL: preprocess = [..]".to_owned()),
         Mend::Dependency(name) => Some(format!(
-            "name its location: [dependencies] {name} = {{ path = \"../{name}\" }}, or {{ crate = \"{name}@1.2.3\" }}"
+            "write the package's location: [dependencies] {name} = {{ path = \"../{name}\" }}, or {{ crate = \"{name}@1.2.3\" }}"
         )),
         _ => None,
     }
@@ -121,7 +121,7 @@ pub(super) fn run(folder: &Path, write: bool, json: bool, out: &mut dyn Write) -
     if writes {
         let known = std::fs::metadata(&trial.file);
         let is_kept = known.is_ok_and(|known| known.permissions().readonly());
-        ensure!(!is_kept, "`{}` is read-only: nothing is written", shown(&trial.file));
+        ensure!(!is_kept, "`{}` is read-only: make this file writable", shown(&trial.file));
         write_whole(&trial.file, trial.with(&trial.lines).as_bytes())
             .with_context(|| format!("can't write `{}`", shown(&trial.file)))?;
     }
@@ -354,11 +354,11 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
     writeln!(out, "{HEAD}{package}{HEAD:#}: {whole} of {all} complete")?;
     if !lines.is_empty() {
         match written {
-            true => writeln!(out, "\nwritten into {file}:\n")?,
-            false => writeln!(out, "\nwrite into {file}, or run this with --write:\n")?,
+            true => writeln!(out, "\nKarat wrote these lines into {file}:\n")?,
+            false => writeln!(out, "\nwrite these lines into {file}, or add --write:\n")?,
         }
         write_lines(lines, out)?;
-        writeln!(out, "\nthen {then_whole} of {all} are complete{refused}")?;
+        writeln!(out, "\nwith these lines, {then_whole} of {all} are complete{refused}")?;
     }
     if !not_enough.is_empty() {
         writeln!(out, "\nthese lines aren't enough, or you must choose their place in {file}:\n")?;
@@ -378,10 +378,10 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
     }
     let rest = match left.len().saturating_sub(TOLD) {
         0 => String::new(),
-        more => format!(", {more} of them not listed here: `karat check` has all"),
+        more => format!(", {more} of which aren't listed here: `karat check` lists all modules"),
     };
     let with = if lines.is_empty() { "" } else { " with these lines" };
-    let first = "; each module shows only its first error";
+    let first = "; Karat shows only the first error of each module";
     writeln!(out, "\n{} not complete{with}{rest}{first}", counted(left.len(), "module"))
 }
 

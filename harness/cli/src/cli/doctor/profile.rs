@@ -6,8 +6,8 @@ use serde::Serialize;
 
 /// The crates that need optimisation. Each has the level that README recommends, and the effect of a lower level.
 const CRATES: [(&str, i64, &str); 3] = [
-    ("karat-core", 2, "sampling arguments and comparing frames is slow"),
-    ("karat-engine", 3, "the path `cpu`, `Spec` and hazards are slow"),
+    ("karat-core", 2, "sampling arguments and comparing frames are slow"),
+    ("karat-engine", 3, "the path `cpu`, the tolerance `Spec` and `karat hazards` are slow"),
     ("naga", 1, "each test starts slowly"),
 ];
 

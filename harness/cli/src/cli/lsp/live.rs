@@ -113,7 +113,7 @@ impl Lane {
                 self.resident.busy = false;
                 // The lane keeps the last verdicts that the process could write.
                 if let Some(error) = error {
-                    bail!("can't read the verdicts: {error}");
+                    bail!("can't read the verdicts of the tests: {error}");
                 }
                 self.verdicts = read(&self.resident.report());
                 // Tests that the edit didn't affect also count as judged at this time.

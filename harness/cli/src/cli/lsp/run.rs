@@ -83,7 +83,7 @@ impl Runs {
 }
 
 fn run(function: &str, names: &BTreeSet<String>, folder: PathBuf) -> anyhow::Result<Ended> {
-    let program = std::env::current_exe().context("can't find this program's own file")?;
+    let program = std::env::current_exe().context("can't find karat's executable file")?;
     let mut command = Command::new(program);
     command.current_dir(folder).args(["test", "--short"]);
     for name in names {

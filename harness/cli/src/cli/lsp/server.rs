@@ -316,7 +316,7 @@ impl Server {
             Ok(Told::Ended(why)) => {
                 self.client.log(format!("the process that runs the tests ended: {why}"));
                 self.client
-                    .tell_once("tests ended early; the next save runs them again (see the log)");
+                    .tell_once("the test process ended early; the next save runs the tests again (see the log)");
                 self.judged = true;
             }
             Err(error) => self.client.tell_once(&format!("{error:#}")),
@@ -355,11 +355,11 @@ impl Server {
 
     fn execute(&mut self, wanted: &ExecuteCommandParams) -> Result<Value, Refused> {
         if wanted.command != RUN {
-            let why = format!("there is no command `{}`", wanted.command);
+            let why = format!("karat lsp has no command `{}`", wanted.command);
             return Err(Refused(Refusal::Parameters, why));
         }
         let [Value::String(uri), Value::String(function), ..] = &wanted.arguments[..] else {
-            let why = format!("`{RUN}` takes the URI of a file and the name of a function");
+            let why = format!("`{RUN}` needs the URI of a file and the name of a function");
             return Err(Refused(Refusal::Parameters, why));
         };
         let Some((root, _, subjects)) = place::file(uri).and_then(|file| self.subjects(&file))

@@ -25,7 +25,7 @@ impl Server {
             // A compiler that panics on an incomplete program has no verdict.
             let found = catch_unwind(AssertUnwindSafe(|| self.find_invalid()));
             self.invalid = found.unwrap_or_else(|_| {
-                self.client.tell_once("a compiler panicked on a module");
+                self.client.tell_once("a compiler of WGSL panicked, so Karat shows no errors of modules until the next edit");
                 Findings::new()
             });
         } else if !self.judged {

@@ -84,7 +84,7 @@ fn parsed(body: &[u8]) -> Heard {
             Heard::Request { id, method, parameters }
         }
         (None, Value::String(_) | Value::Number(_)) => Heard::Answer,
-        _ => Heard::Garbage(Refusal::Invalid, "neither a request nor a notification".to_owned()),
+        _ => Heard::Garbage(Refusal::Invalid, "the message isn't valid JSON-RPC".to_owned()),
     }
 }
 

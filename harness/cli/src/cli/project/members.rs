@@ -28,9 +28,10 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
         };
         let file = root.join("Cargo.toml");
         let listed = glob::glob(&pattern)
-            .with_context(|| format!("the member `{word}` in `{}`", file.display()))?;
+            .with_context(|| format!("can't read the member `{word}` in `{}`", file.display()))?;
         for folder in listed {
-            let folder = folder.with_context(|| format!("a member of `{}`", file.display()))?;
+            let folder =
+                folder.with_context(|| format!("can't read a member in `{}`", file.display()))?;
             queue.push(clean(&folder));
         }
     }

@@ -250,7 +250,7 @@ impl Tests {
                 say(&Said::Test { name: program.show(test), wrong }, out)
             })?;
             let left_out =
-                record::left_out(folder.path()).context("can't read which tests a run left out")?;
+                record::left_out(folder.path()).context("can't read which tests were skipped")?;
             for test in &own {
                 let name = program.show(test);
                 match left_out.contains(*test) {

@@ -19,8 +19,8 @@ pub(super) struct Doubt {
 }
 
 /// The advice about such a golden.
-pub(super) const ADVICE: &str = "restore both files from one commit; or delete both, run the test \
-                                 and accept its frame again";
+pub(super) const ADVICE: &str = "restore the image and its `.toml` from one commit; or delete both \
+                                 files, run the test and accept its frame again";
 
 impl Doubt {
     /// Returns the doubt about a golden. Returns `None` if the image and the file agree, or if another tool wrote the
@@ -42,17 +42,17 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     };
     let (image, shown) = (image.display(), beside.display());
     let Some(metadata) = metadata else {
-        let why = || format!("`{shown}` has provenance, but not `{image}`: another tool wrote it");
+        let why = || format!("`{shown}` has provenance, but `{image}` of another tool has none");
         return is_facts(beside).then(why);
     };
     let held = match Provenance::parse(&metadata) {
         Ok(held) => held,
-        Err(error) => return Some(format!("`{image}` can't be used: {error}")),
+        Err(error) => return Some(format!("the provenance in `{image}` can't be read: {error}")),
     };
     let told = match std::fs::read_to_string(beside) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            return Some(format!("`{shown}` is missing: the provenance of `{image}` as text"));
+            return Some(format!("the provenance file `{shown}` of `{image}` is missing"));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
     };
@@ -60,7 +60,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
         Ok(told) if told == held => None,
         Ok(told) => {
             let others = differing(&told, &held).join("`, `");
-            Some(format!("`{shown}` differs from the provenance of `{image}`: `{others}`"))
+            Some(format!("`{shown}` differs from the provenance of `{image}` in `{others}`"))
         }
         Err(error) => Some(format!("`{shown}` has no readable provenance: {}", error.message())),
     }

@@ -52,7 +52,7 @@ pub(super) struct Files {
 const COMPANIONS: [&str; 5] = [".new.exr", ".new.csv", ".new.png", ".toml", ".png"];
 
 /// The reason for a temporary file: its process was killed before it renamed the file.
-const LEFTOVER: &str = "left by an interrupted acceptance or test";
+const LEFTOVER: &str = "an interrupted acceptance or test left this file";
 
 impl Files {
     pub(super) fn of(folder: &Path) -> anyhow::Result<Self> {
@@ -72,7 +72,7 @@ impl Files {
             let Some((stem, ending)) = split(&name) else {
                 // Hidden files and Markdown files are for Git and for people.
                 if !hidden && !name.ends_with(".md") {
-                    files.push(file, "not a file of a golden", false);
+                    files.push(file, "this file doesn't belong to a golden", false);
                 }
                 continue;
             };
@@ -83,8 +83,8 @@ impl Files {
                 ".new.exr" | ".new.csv" => {}
                 _ if all.contains(&golden) => {}
                 ".new.png" if all.contains(&file.with_file_name(format!("{stem}.new.exr"))) => {}
-                ".toml" => files.push(file, "provenance without a golden", is_facts(file)),
-                _ => files.push(file, "a preview without an image", false),
+                ".toml" => files.push(file, "this provenance has no golden", is_facts(file)),
+                _ => files.push(file, "this preview has no image", false),
             }
         }
         Ok(files)

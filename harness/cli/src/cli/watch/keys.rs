@@ -38,7 +38,7 @@ pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>)
 /// Accepts frames as `karat accept` does, and returns the message of that command.
 pub(super) fn accept(project: &Project, waiting: &Waiting, because: &str) -> String {
     let accepted = |(folder, frames): (&PathBuf, &Vec<String>)| -> anyhow::Result<String> {
-        let program = std::env::current_exe().context("can't find this program's own file")?;
+        let program = std::env::current_exe().context("can't find karat's executable file")?;
         let mut command = Command::new(program);
         command.arg("accept").args(frames).args(["--because", because]);
         command.arg("--goldens").arg(folder);
@@ -58,7 +58,7 @@ pub(super) fn open_report(project: &Project, files: &[PathBuf], page: &Path) -> 
         let text = std::fs::read_to_string(file)
             .with_context(|| format!("can't read `{}`", file.display()))?;
         for line in text.lines() {
-            records.push(serde_json::from_str(line).context("a line isn't a record")?);
+            records.push(serde_json::from_str(line).context("a line of the file isn't a record")?);
         }
     }
     report::write_page(records, project, page)?;

@@ -296,8 +296,8 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
     }
     let (took, good) = match idle {
         0 => (took, GOOD),
-        1 => (format!("{took}; 1 frame isn't judged: it needs a driver"), KNOWN),
-        more => (format!("{took}; {more} frames aren't judged: they need a driver"), KNOWN),
+        1 => (format!("{took}; 1 frame isn't judged: frames need a driver"), KNOWN),
+        more => (format!("{took}; {more} frames aren't judged: frames need a driver"), KNOWN),
     };
     let path = &lane.name;
     let pass = if *count == 1 { "1 test passes".to_owned() } else { format!("{count} tests pass") };
@@ -305,16 +305,16 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
         (true, ..) => (DIM, format!("{path}: running, {ran} done")),
         (_, Some(_), _) => (BAD, format!("{path}: no verdict  {took}")),
         (.., 0) if invalid.is_some() => {
-            (BAD, format!("{path}: not valid; {pass}; {ran} ran  {took}"))
+            (BAD, format!("{path}: WGSL error; {pass}; {ran} ran  {took}"))
         }
         (.., 0) if *count == 0 && *idle == 0 => match lane.alone {
-            true => (BAD, format!("{path}: there are no tests: `karat init` writes a first one")),
-            false => (DIM, format!("{path}: no tests here  {took}")),
+            true => (BAD, format!("{path}: there are no tests: `karat init` writes a first test")),
+            false => (DIM, format!("{path}: no tests found  {took}")),
         },
         (.., 0) if *ran == 0 => (good, format!("{path}: {pass}; no code changed  {took}")),
         (.., 0) => (good, format!("{path}: {pass}; {ran} ran  {took}")),
         (.., failed) if invalid.is_some() => {
-            (BAD, format!("{path}: not valid; {failed} of {count} tests fail; {ran} ran  {took}"))
+            (BAD, format!("{path}: WGSL error; {failed} of {count} tests fail; {ran} ran  {took}"))
         }
         (.., failed) => (BAD, format!("{path}: {failed} of {count} tests fail; {ran} ran  {took}")),
     }

@@ -108,13 +108,13 @@ impl Worker {
         records: &Path,
         tell: impl Fn(Said) -> bool + Send + 'static,
     ) -> anyhow::Result<Self> {
-        let program = std::env::current_exe().context("can't find this program's own file")?;
+        let program = std::env::current_exe().context("can't find karat's executable file")?;
         let mut command = Command::new(program);
         command.arg("suite").arg(source.folder()).arg("--serve").env("KARAT_PATHS", path);
         // Removes the records of an earlier process.
         drop(std::fs::remove_dir_all(records));
         std::fs::create_dir_all(records)
-            .with_context(|| format!("can't keep records in `{}`", records.display()))?;
+            .with_context(|| format!("can't write records into `{}`", records.display()))?;
         command.env("KARAT_RECORD", records);
         // Each process has one path. A required path would run in all processes.
         command.env_remove("KARAT_REQUIRE");
@@ -130,7 +130,7 @@ impl Worker {
             command.env("KARAT_TIMEOUT", DEADLINE);
         }
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().context("can't start a process for tests")?;
+        let mut child = command.spawn().context("can't start the process that runs the tests")?;
         let stdin = child.stdin.take().context("it is piped")?;
         let stdout = child.stdout.take().context("it is piped")?;
         let last_words = LastWords::of(child.stderr.take().context("it is piped")?);
