@@ -142,7 +142,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             overrides.iter().fold(compute, |all, (name, value)| all.with_override(name, *value));
         ensure!(
             args.invocation.is_none() || args.trace || args.html.is_some(),
-            "--invocation selects the steps to show: add --trace, or --html FILE"
+            "--invocation needs an option that shows the invocation's steps: add --trace, or --html FILE"
         );
         let compute = compute.dispatch(&args.function, groups);
         let invocation = args.invocation.unwrap_or_default();
@@ -161,7 +161,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     if let Some(Some(plot)) = &args.plot {
         let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
-        ensure!(svg, "a plot must be an SVG: --plot={}", plot.with_extension("svg").display());
+        ensure!(svg, "--plot writes only SVG: --plot={}", plot.with_extension("svg").display());
     }
     let tolerance = match &args.tolerance {
         Some(text) => Some(karat_suite::tolerance(text).map_err(|error| anyhow!(error))?),
@@ -169,7 +169,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     ensure!(
         args.expect.is_none() || args.table.is_some(),
-        "--expect needs a table: --table IN.CSV"
+        "--expect needs a table: add --table IN.CSV"
     );
     if let Some(cases) = &args.table {
         if probed.takes_derivatives() {
@@ -189,7 +189,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if given.varying.contains(&true) {
         ensure!(
             probed.takes_derivatives(),
-            "`{}` uses no derivatives: remove `@` and the numbers behind it",
+            "`{}` uses no derivatives: remove each `@` and the number after it",
             args.function
         );
         probed = probed.with_quads(&given.varying);
@@ -201,9 +201,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         None => {
             ensure!(
                 args.out.is_none(),
-                "--out needs a table: --table IN.CSV, or a sweep `0..1:100`"
+                "--out needs a table or a sweep: add --table IN.CSV, or write an argument such as `0..1:100`"
             );
-            ensure!(args.plot.is_none(), "--plot needs a sweep: an argument such as `0..1:100`");
+            ensure!(args.plot.is_none(), "--plot needs a sweep as an argument, such as `0..1:100`");
             single(&request, &given.lanes, args, out)
         }
     }
@@ -239,7 +239,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     if names.is_empty() {
         paths.push(Path::CPU);
     }
-    ensure!(!paths.is_empty(), "no execution path opens; `karat doctor` gives the reasons");
+    ensure!(!paths.is_empty(), "no execution path opens: run `karat doctor` to see why");
     if named.trim() != "all" {
         return Ok(paths);
     }
@@ -309,7 +309,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     let function = probed.function();
     writeln!(out, "{DIM}{function}{DIM:#}")?;
     if function.stage() == Some(Stage::Compute) {
-        writeln!(out, "{DIM}this is one invocation; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
+        writeln!(out, "{DIM}one invocation ran; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
     }
     let given = cases::results(request, &[lanes.to_vec()])?;
     for (path, results) in &given.results {
@@ -337,7 +337,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
 
 /// Evaluates a sweep, and prints the results as a table or as a curve.
 fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write) -> Outcome {
-    ensure!(!args.trace && args.html.is_none(), "a trace shows one call: remove the sweep");
+    ensure!(!args.trace && args.html.is_none(), "a trace can't show a sweep: remove the sweep");
     let Some(sweep) = &given.sweep else { return Ok(Ending::Good) };
     let row = |value: &u32| {
         let mut lanes = given.lanes.clone();
