@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         found.ok_or_else(|| {
             let why = format!(
-                "there is no record of a run (`{}`): run `karat test` first",
+                "there is no record of a run in `{}`: run `karat test` first",
                 folder.display()
             );
             anyhow::Error::from(NotThere(why))
