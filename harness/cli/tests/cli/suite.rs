@@ -900,7 +900,7 @@ fn merged_records_of_another_runner_equal_its_whole_run() {
     assert_eq!(table(&["--merge", "p3", "p1", "p4", "p2"]), whole);
     assert_ne!(table(&["--merge", "p1", "p2"]), whole);
     let same = karat(folder.path(), &["report", "--merge", "p1", "p2", "./p1"]).error();
-    assert!(same.contains("`./p1` is given twice"), "{same}");
+    assert!(same.contains("--merge names `./p1` twice"), "{same}");
     let twice = recorded(folder.path(), &["--into", "p1"], &["schlick"]);
     assert!(twice.code == Some(2) && twice.err.contains("`p1` isn't empty"), "{twice:?}");
 }
