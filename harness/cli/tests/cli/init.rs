@@ -382,7 +382,7 @@ fn a_project_for_the_web_gets_a_script() {
     let said = init().good();
     assert!(said.contains("added `npm run test:shaders`"), "{said}");
     assert!(
-        said.contains("because package.json doesn't have it: `npm install --save-dev webgpu`"),
+        said.contains("because package.json doesn't list it: run `npm install --save-dev webgpu`"),
         "{said}"
     );
     let manifest = std::fs::read_to_string(folder.path().join("package.json")).expect("there");

@@ -540,7 +540,7 @@ fn tests_that_fail_outside_of_checks_are_counted() {
     assert!(both.out.contains("1 check, 1 failed") && both.out.contains(told), "{both:?}");
     let short = run(&["--short"], "yes");
     let end = format!(
-        "{told}; 1 check, 1 failed; Tint wasn't asked: KARAT_TINT=off; run without --short to see the message\n"
+        "{told}; 1 check, 1 failed; Tint wasn't asked: KARAT_TINT=off; to see the message, run without --short\n"
     );
     assert!(short.out.ends_with(&end), "{short:?}");
     let by_check = run(&[], "");

@@ -729,7 +729,7 @@ fn a_matrix_without_evidence_fails() {
     std::os::unix::fs::symlink("shaders", folder.path().join("link")).expect("a link");
     for place in ["shaders/bugs", "link/bugs", "none/../shaders"] {
         let inside = matrix(&["--reproduce", place]).error();
-        assert!(inside.contains("is in the package `shaders`"), "{inside}");
+        assert!(inside.contains("would belong to the package `shaders`"), "{inside}");
     }
     write(&folder.path().join("bugs"), "older.txt", "");
     assert!(matrix(&["--reproduce", "bugs"]).error().contains("`bugs` isn't an empty folder"));
@@ -813,7 +813,10 @@ mod planted {
     fn with_glslang(before: &str, after: &str) -> serde_json::Value {
         let ran = run_with_glslang(&shaders(), before, after, &["--json"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
-        assert!(ran.err.contains("one cell of the matrix is wrong, and not declared"), "{ran:?}");
+        assert!(
+            ran.err.contains("one cell of the matrix is wrong, and `karat.toml` doesn't declare"),
+            "{ran:?}"
+        );
         json(&ran.out)
     }
 

@@ -403,7 +403,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     }
     ensure!(
         length <= LONGEST,
-        "the table `{shown}` is larger than {} MB: split the table into several files",
+        "the table `{shown}` is longer than {} MB: split the table into several files",
         LONGEST >> 20
     );
     Ok(text)
