@@ -714,9 +714,9 @@ fn a_matrix_without_evidence_fails() {
     write(&folder.path().join("shaders"), "karat.toml", "");
     for taken in ["shaders/types.wgsl", "shaders/karat.toml", "shaders/new.wgsl"] {
         let html = matrix(&["--html", taken]).error();
-        assert!(html.contains("a file of the package `shaders`, or become one"), "{html}");
+        assert!(html.contains("a file of the package `shaders`, or become a file"), "{html}");
         let out = ["translate", "maths::blend", "--to", "hlsl", "--out", taken];
-        assert!(karat(folder.path(), &out).error().contains("or become one"), "{taken}");
+        assert!(karat(folder.path(), &out).error().contains("or become a file"), "{taken}");
     }
     let types = std::fs::read_to_string(folder.path().join("shaders/types.wgsl"));
     assert_eq!(types.expect("it is there"), "const K: f32 = 2.0;\n");
