@@ -99,7 +99,7 @@ struct NotThere(String);
                   KARAT_ADAPTER (part of a driver's name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (most loop iterations on `cpu`), KARAT_SEED and \
                   KARAT_CASE (for a replay),\nKARAT_OVERLAY (a folder of files that replace \
                   modules), NO_COLOR.\n\
-                  Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \
+                  Exit codes: 0 success; 1 a check failed, a frame differs, an acceptance is refused; \
                   2 the command couldn't do its work;\n3 an input is missing (an image, a golden, a record). \
                   If the reader of the output ends first, the exit code doesn't change."
 )]
@@ -279,8 +279,8 @@ enum Command {
         after_help = "Examples:\n  karat accept scene --because \"the coat conserves energy\"\n  \
                             karat accept 'furnace/*' --because \"new mesh\"\n  \
                             karat accept scene --from karat.zip --because \"as reviewed\"\n\
-                            Exit codes: 0 the frame is accepted; 1 Karat refuses the frame (the golden changed since, another \
-                            adapter, NaN, too large);\n2 a file can't be read or written; 3 no \
+                            Exit codes: 0 the frame is accepted; 1 Karat refuses the frame (the golden has changed, the driver \
+                            differs, a value is NaN, the image is too large);\n2 a file can't be read or written; 3 no \
                             such frame is pending."
     )]
     Accept(goldens::AcceptArgs),
@@ -296,7 +296,7 @@ enum Command {
                             karat review --from karat.zip (a CI run's frames; accepted here)\n\
                             Only this machine can open the page. The URL is secret, because \
                             anyone who has the URL can accept frames.\nOn the page, ? shows the keys: \
-                            j and k go from frame to frame, / filters them.\nA URL that ends in \
+                            j and k go from frame to frame, / filters the frames.\nA URL that ends in \
                             #name shows that frame.\nExit codes: 0 no frame is left pending, or \
                             the page is written; 1 a frame is left pending; 2 an error.")]
     Review(review::Args),

@@ -431,7 +431,7 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
             let arguments = found.arguments.iter().map(|(name, value)| format!("{name} = {value}"));
             let arguments = arguments.collect::<Vec<_>>().join(", ");
             let at = if arguments.is_empty() { String::new() } else { format!(" for {arguments}") };
-            let does = if found.leaves { "leaves" } else { "returns" };
+            let does = if found.leaves { "writes" } else { "returns" };
             vec![format!(
                 "{tests}; `{}` {does} {} in place of {}{at}",
                 found.function, found.mutant, found.original

@@ -190,7 +190,7 @@ fn a_table_of_expected_values_checks_a_function() {
     assert_eq!(renamed, called(&folder, &["lit::cubic", "--table", "cases.csv", "--hex"]));
     let check = ["--table", "cases.csv", "--expect", "cube", "--tolerance", "4 ulp"];
     let out = called(&folder, &[&["lit::cubic"][..], &check].concat());
-    assert_eq!(out, "cpu: all 2 rows agree (4 ulp)\n");
+    assert_eq!(out, "cpu: all 2 rows agree with the shader (4 ulp)\n");
     write(folder.path(), "cases.csv", &table.replace("0x1p-6", "0.02"));
     let all = [&["call", "lit::cubic"][..], &check, &["--path", "cpu"]].concat();
     let ran = karat(folder.path(), &all);
@@ -333,7 +333,7 @@ fn each_option_of_a_call_is_used_or_refused() {
     write(folder.path(), "returned.csv", &table);
     let again =
         ["lit::cubic", "--table", "returned.csv", "--expect", "cpu", "--tolerance", "exact"];
-    assert_eq!(called(&folder, &again), "cpu: all 7 rows agree (0 ulp)\n");
+    assert_eq!(called(&folder, &again), "cpu: all 7 rows agree with the shader (0 ulp)\n");
 }
 
 #[test]

@@ -255,7 +255,7 @@ fn compare(
         let count = table.rows.len();
         match failing {
             0 if count == 1 => writeln!(out, "{path}: the row agrees ({tolerance})")?,
-            0 => writeln!(out, "{path}: all {count} rows agree ({tolerance})")?,
+            0 => writeln!(out, "{path}: all {count} rows agree with the shader ({tolerance})")?,
             _ => {
                 writeln!(out, "{path}: {failing} of {count} rows differ ({tolerance})")?;
                 ending = Ending::Bad;

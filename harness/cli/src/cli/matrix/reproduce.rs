@@ -124,7 +124,7 @@ fn readme(
         if let (true, Some(adapter)) =
             (one.name == head.name || Some(&*one.name) == baseline, &one.adapter)
         {
-            writeln!(text, "- `{}` ran on {adapter}", one.name)?;
+            writeln!(text, "- column `{}` ran on {adapter}", one.name)?;
         }
     }
     if let Some(found) = &cell.divergence {
