@@ -63,10 +63,10 @@ fn evidence(cell: &Cell) -> String {
         format!("{}: {verdict} ({})", said.command, said.version)
     }));
     if cell.compared > 0 {
-        lines.push(format!("{} cases compared, {} cases differ", cell.compared, cell.differing));
+        lines.push(format!("{} results compared, {} differ", cell.compared, cell.differing));
     }
     if cell.open > 0 {
-        lines.push(format!("{} cases differ where WGSL allows several results", cell.open));
+        lines.push(format!("{} results differ where WGSL allows several results", cell.open));
     }
     lines.extend(cell.known.as_ref().map(|known| format!("known: {}", known.reason)));
     lines.join("\n")
