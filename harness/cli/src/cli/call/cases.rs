@@ -205,7 +205,7 @@ pub(super) fn write_table(
         });
         writer.write_record(inputs.chain(others).chain(values))?;
     }
-    let bytes = writer.into_inner().context("a table in memory")?;
+    let bytes = writer.into_inner().context("can't make the table of results")?;
     match request.output {
         Some(path) => write_whole(path, &bytes)
             .with_context(|| format!("can't write `{}`", path.display()))?,
@@ -323,7 +323,7 @@ fn read(
     let mut table = Table::default();
     let mut record = csv::StringRecord::new();
     for index in 0.. {
-        if !reader.read_record(&mut record).with_context(|| format!("in `{shown}`"))? {
+        if !reader.read_record(&mut record).with_context(|| format!("can't read `{shown}`"))? {
             break;
         }
         let start = above + record.position().map_or(0, |position| position.byte() as usize);
