@@ -184,7 +184,7 @@ enum Command {
                             With --github or\n--gitlab, it also writes a CI workflow. Then it runs the tests. \
                             The command keeps your text,\nand only adds lines to .gitignore, Cargo.toml, package.json and karat.toml.")]
     Init(init::Args),
-    /// Lists the functions of the shader packages with their signatures, and marks the tested ones
+    /// Lists the functions of the shader packages with their signatures, and marks the tested functions
     #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
                             Exit codes: 0 every module is valid; 1 a module is invalid, and the list of its \
                             functions may be incomplete;\n2 a package can't be read.")]
@@ -234,7 +234,7 @@ enum Command {
                             function\nis gone, or something can't be compared; 2 the revision can't be read."
     )]
     Compare(compare::Args),
-    /// Measures your tests: makes mutants of the shaders, and lists those that no test kills
+    /// Measures your tests: makes mutants of the shaders, and lists the mutants that no test kills
     #[command(
         after_help = "Examples:\n  karat mutate\n  karat mutate my/shaders --only fresnel\n  \
                             karat mutate --in-diff main --fail-under 95\n  karat mutate --stryker mutation.json\n\
@@ -263,7 +263,7 @@ enum Command {
                             and one scalar per column.\nIts first line may name the columns (f0.x,f0.y,f0.z,v_dot_h). \
                             Karat reads and prints each number as the exact f32.")]
     Call(call::Args),
-    /// Lists the execution paths that open, with drivers and versions, and says how to get the others
+    /// Lists the execution paths that open, with drivers and versions, and says how to get the other paths
     #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
                             KARAT_EXECUTORS='mine=python3 mine.py' karat doctor --executor mine\n\
                             Exit codes: 0 all is well; 1 a required path or every path fails to open, a module is \

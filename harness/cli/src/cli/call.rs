@@ -41,14 +41,14 @@ pub(super) struct Args {
     /// .bin), or to a sampler (`linear repeat`); may be repeated
     #[arg(long = "bind", value_name = "NAME=VALUE")]
     bind: Vec<String>,
-    /// Generates all arguments, and the variables that --bind doesn't set, as `karat hazards` does. Each CASE, a
-    /// number from 0, gives other values; the first cases take ends of ranges [default CASE: 0]
+    /// Generates all arguments, and the variables that --bind doesn't set, as `karat hazards` does. Each CASE, a number
+    /// from 0, has other values; in the first cases, values are ends of ranges [default CASE: 0]
     #[arg(long, alias = "made-up", value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,
     /// Dispatches a compute entry point over this number of workgroups, such as `4` or `4,2,1`, and shows the results
-    /// in its buffers and textures. Without this option Karat calls one invocation, and its builtin values are
-    /// arguments
+    /// in its buffers and textures. Without this option Karat calls one invocation, and the builtin values of the
+    /// invocation are arguments
     #[arg(long, value_name = "X,Y,Z", value_parser = dispatch::workgroups,
         conflicts_with_all = ["arguments", "table", "plot", "out"])]
     dispatch: Option<[u32; 3]>,
@@ -67,9 +67,9 @@ pub(super) struct Args {
     /// Writes the table of results to this file [default: standard output]
     #[arg(long, value_name = "OUT.CSV")]
     out: Option<PathBuf>,
-    /// Compares each case with this column of the table, within --tolerance, and fails if a case differs. For a
-    /// vector the table needs one column per component: `COLUMN.x`, `COLUMN.y`. For several results it needs one
-    /// column per result: `COLUMN.result` and so on
+    /// Compares each case with this column of the table, within --tolerance, and fails if a case differs. For a vector
+    /// the table needs one column per component: `COLUMN.x`, `COLUMN.y`. For several results the table needs one column
+    /// per result: `COLUMN.result` and so on
     #[arg(long, value_name = "COLUMN", requires = "table", requires = "tolerance")]
     expect: Option<String>,
     /// Accepts results within this tolerance of the column that --expect names: `4 ulp`, `rel 1e-4 or abs 1e-6`,

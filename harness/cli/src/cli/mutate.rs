@@ -55,13 +55,13 @@ pub(super) struct Args {
     /// Runs the tests on this path
     #[arg(long, value_name = "PATH", default_value = "cpu")]
     paths: String,
-    /// Shows all mutants: also those that are killed, equal, accepted, invalid, or used by no test
+    /// Shows all mutants, including mutants that are killed, equal, accepted, invalid, or used by no test
     #[arg(long)]
     all: bool,
     /// Suggests tests in this language
     #[arg(long, value_name = "LANGUAGE", value_enum, default_value = "toml")]
     suggest: Suggest,
-    /// Lists the mutants, and tries none
+    /// Lists the mutants, and tries no mutant
     #[arg(long, conflicts_with_all = ["json", "stryker", "all", "fail_under"])]
     list: bool,
     /// Writes a report in the format of Stryker's `mutation.json` to this file

@@ -57,7 +57,7 @@ pub(super) struct OutputArgs {
     /// Links the HTML report to the page of translations at this URL, which `karat matrix --html` writes
     #[arg(long, value_name = "URL", requires = "html")]
     matrix: Option<String>,
-    /// Finds hazards as `karat hazards` does, and shows them on the HTML page
+    /// Finds hazards as `karat hazards` does, and shows the hazards on the HTML page
     #[arg(long, requires = "html")]
     hazards: bool,
     /// Prints a line for each check that passes, in place of one line per module

@@ -27,11 +27,12 @@ use super::{NotThere, Outcome, PackageArgs, check, child, suite};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Runs only tests whose names contain this text, or that check a function or a golden whose name contains it. A
-    /// folder or file of shaders runs its own tests: functions with `@test`, and `*.test.toml`
+    /// Runs only tests whose names contain this text, or that check a function or a golden whose name contains the
+    /// text. A folder or file of shaders runs its own tests: functions with `@test`, and `*.test.toml`
     #[arg(value_name = "FILTER|FOLDER")]
     what: Option<String>,
-    /// With a folder, runs only tests whose name contains this text, or that call a function whose name contains it
+    /// With a folder, runs only tests whose name contains this text, or that call a function whose name contains the
+    /// text
     filter: Option<String>,
     /// Runs only the test with exactly this name
     #[arg(long)]
