@@ -309,11 +309,11 @@ impl Why<'_> {
                 "function",
                 "a binding needs a value: write a test with `with = { name = .. }` in a `*.test.toml`",
             ),
-            (&self.refused, "function", "a test can't call it: `karat call` prints why"),
+            (&self.refused, "function", "no test can call this code: `karat call` prints why"),
             (
                 &self.passes,
                 "pass",
-                "a resource has no known size, or no resource is written: describe the resources in `[[compute]]` of a `*.test.toml`",
+                "a resource has no known size, or the pass writes no resource: describe the resources in `[[compute]]` of a `*.test.toml`",
             ),
         ] {
             let more = if names.len() > SHOWN { ", .." } else { "" };

@@ -391,5 +391,5 @@ fn summary(matrix: &Matrix) -> String {
     let skipped = matrix.rows.len() - judged;
     let open = matrix.open().map_or_else(String::new, |text| format!("\n{text}"));
     let lines = lines.join("\n");
-    format!("of {judged} rows (Karat can't call {skipped} other functions):\n{lines}{open}")
+    format!("status of {judged} rows (Karat can't call {skipped} functions):\n{lines}{open}")
 }

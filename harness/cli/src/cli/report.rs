@@ -142,7 +142,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         short::write(&records, (&[], &Opinion::default()), &sum, project.root(), out)?;
     }
     if run.is_none() {
-        writeln!(out, "only `karat test` and `karat record` record the end of a run")?;
+        writeln!(out, "only `karat test` and `karat record` store the end of a run")?;
     }
     args.output.write(&records, run.as_ref(), &sum, held, &project, out)?;
     Ok(sum.ending())

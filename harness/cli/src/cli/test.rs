@@ -252,7 +252,7 @@ impl<'a> Asked<'a> {
         let is_path = |what: &str| what.contains(['/', '\\']) || what.ends_with(".wgsl");
         match (what, named) {
             (Some(what), None) if filter.is_some() || is_path(what) => {
-                let more = filter.map_or("", |_| ": of two arguments, the first is a folder");
+                let more = filter.map_or("", |_| ": of two arguments, the first must be a folder");
                 anyhow::bail!("there is no folder or file `{what}`{more}")
             }
             (_, Some(file)) if file.extension().is_some_and(|ending| ending == "toml") => {

@@ -272,7 +272,7 @@ fn distribution(errors: &Errors) -> Markup {
     let height = |count: u64| 20.0 * ((1 + count) as f64).ln() / ((1 + most) as f64).ln();
     html! {
         svg class="bars" width="114" height="22" role="img"
-            aria-label={ "errors of " (errors.cases()) " cases, grouped by powers of two times the bound" } {
+            aria-label={ "errors of " (errors.cases()) " cases, divided by the bound and grouped by powers of two" } {
             @for (at, (name, count, bad)) in bars.iter().enumerate() {
                 @if *count > 0 {
                     rect x=(at * 6) y={ (format!("{:.1}", 21.0 - height(*count))) } width="5"
@@ -303,7 +303,7 @@ fn functions(rows: &[Row<'_>]) -> Markup {
                 h2 { "Functions" }
                 p class="note" {
                     "Each row shows the worst error, this error divided by its bound, and the number of compared cases. Each bar counts \
-                     cases with errors between two powers of two times the bound. The vertical line is the bound."
+                     the cases in which the error divided by the bound lies between two powers of two. The vertical line is the bound."
                 }
                 table {
                     @for (row, function, check, facts) in functions {
@@ -366,7 +366,7 @@ fn hazards(all: &[Hazards]) -> Markup {
         section {
             h2 { "Hazards" }
             p class="note" {
-                "Operations that can go wrong for generated arguments, even if no test fails. For more details, run " code { "karat hazards" } "."
+                "These operations can go wrong for generated arguments, even if no test fails. For more details, run " code { "karat hazards" } "."
             }
             @for hazards in all {
                 p {
