@@ -96,7 +96,7 @@ struct NotThere(String);
     about = "Tests WGSL shaders: functions against references, frames against goldens.",
     after_help = "Start with `karat init`, then `karat watch`; `karat doctor` lists the drivers that open.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
-                  KARAT_ADAPTER (part of a driver's name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (most loop iterations on `cpu`), KARAT_SEED and \
+                  KARAT_ADAPTER (part of an adapter's name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (most loop iterations on `cpu`), KARAT_SEED and \
                   KARAT_CASE (for a replay),\nKARAT_OVERLAY (a folder of files that replace \
                   modules), NO_COLOR.\n\
                   Exit codes: 0 success; 1 a check failed, a frame differs, an acceptance is refused; \
