@@ -96,12 +96,12 @@ struct NotThere(String);
     about = "Tests WGSL shaders: functions against references, frames against goldens.",
     after_help = "Start with `karat init`, then `karat watch`; `karat doctor` lists the drivers that open.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
-                  KARAT_ADAPTER (part of a name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (rounds of loops on `cpu`), KARAT_SEED and \
-                  KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that replace \
+                  KARAT_ADAPTER (part of an adapter's name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (most loop iterations on `cpu`), KARAT_SEED and \
+                  KARAT_CASE (for a replay),\nKARAT_OVERLAY (a folder of files that replace \
                   modules), NO_COLOR.\n\
-                  Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \
-                  2 the command couldn't do its work;\n3 its input is missing (an image, a golden, a record). \
-                  A closed output pipe doesn't change the code."
+                  Exit codes: 0 success; 1 a check failed, a frame differs, an acceptance is refused; \
+                  2 the command couldn't do its work;\n3 an input is missing (an image, a golden, a record). \
+                  If the reader of the output ends first, the exit code doesn't change."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -117,22 +117,22 @@ enum Command {
                             karat test -p tests --require vulkan,gl\n  \
                             karat test --junit target/karat/junit.xml\n  \
                             karat test --short                 file:line:column: error: message, for editors\n\
-                            Fails if a test fails, or if no check ran at all. On GitHub (or with \
-                            --github) failures are annotated\nand summarised.")]
+                            The command fails if a test fails or no check ran. On GitHub (or with \
+                            --github), it annotates\nand summarises failures.")]
     Test(test::Args),
     /// Watches files, and runs the tests that an edit affects
     #[command(after_help = "Examples:\n  karat watch\n  karat watch my/shaders\n  \
                             karat watch shaders fresnel --paths cpu\n\
-                            It runs tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
+                            `karat watch` runs tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
                             also the Rust tests.\nAn edit of a shader runs the tests that depend on the edited code; an edit of \
-                            comments runs none. Only an edit of Rust starts a build.\nIf the output isn't a terminal, it prints lines.\n\
+                            comments runs no test. Only an edit of Rust code starts a build.\nIf the output isn't a terminal, the command prints lines instead of a screen.\n\
                             Keys: r runs all, f filters by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
     Watch(watch::Args),
     /// Serves an editor (LSP): shows invalid modules, failing tests, and a lens beside each function
     #[command(
         after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
-                            It shows invalid modules as you type, and failures of the last `karat test`. After each\n\
-                            save the server runs the tests without Rust. It shows no verdicts of files that you\n\
+                            The server shows invalid modules as you type, and failures of the last `karat test`. After each\n\
+                            save the server runs the tests without Rust. The server hides the verdicts of files that you\n\
                             have edited after their tests ran. A lens beside each function shows the function's worst error, and\n\
                             runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
                             Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without asking."
@@ -144,21 +144,21 @@ enum Command {
     /// Runs the tests in a browser on this machine
     #[command(after_help = "Examples:\n  karat browser\n  karat browser --open shaders\n  \
                             karat browser -- tests/brdf --junit out.xml    with arguments for `karat test`\n\
-                            Only this machine can reach the page, and its URL has a secret. Paths `dawn` and `chromium` need no page.\n\
-                            Exit codes: those of `karat test`; 2 also if no browser opens the page.")]
+                            Only this machine can open the page, and the page's URL contains a secret. Paths `dawn` and `chromium` need no page.\n\
+                            Exit codes: the codes of `karat test`, and 2 if no browser opens the page.")]
     Browser(browser::Args),
     /// Runs again the case on which a check of the last run failed
     #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
-                            karat replay 3f2a     the failure of this name in `karat test`\n  \
+                            karat replay 3f2a     the failure that `karat test` calls 3f2a\n  \
                             karat replay 3f2a --print    the whole command, for a debugger or CI\n\
-                            It runs the simplest failing case that Karat found, on the first path that failed.\n\
-                            Exit codes: 0 the case passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
+                            `karat replay` runs the simplest failing case that Karat found, on the first path that failed.\n\
+                            Exit codes: 0 the case passes now; 1 the case fails; 2 the case can't run; 3 no failure has this name.")]
     Replay(replay::Args),
     /// Runs your own test command, and records the verdicts of its checks
     #[command(after_help = "Examples:\n  karat record -- cargo nextest run\n  \
                             karat record --into part-1 -- cargo nextest run --partition count:1/3\n  \
                             karat report --merge part-1 part-2 part-3 --html report.html\n\
-                            It sets KARAT_RECORD for the command, and then prints the table of `karat test`.\n\
+                            `karat record` sets KARAT_RECORD for the command, and then prints the same table as `karat test`.\n\
                             Exit codes: 0 the command and all checks passed; 1 the command or a check failed; 2 no check ran,\nor the \
                             command can't be run.")]
     Record(record::Args),
@@ -172,7 +172,7 @@ enum Command {
     Report(report::Args),
     /// Validates every module and entry point of the shader packages, and runs no test
     #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
-                            `karat test` also validates. If a module needs features to be valid, \
+                            `karat test` validates the modules, too. If a module needs features to be valid, \
                             declare them in Cargo.toml:\n  [package.metadata.karat.features]\n  \
                             \"debug::overlay\" = [\"DEBUG\"]\n\
                             Exit codes: 0 all modules are valid; 1 a module is invalid; 2 a package can't be \
@@ -180,11 +180,11 @@ enum Command {
     Check(check::Args),
     /// Writes a first test for a folder of shaders and lines for .gitignore, and on request a CI workflow
     #[command(after_help = "Examples:\n  karat init\n  karat init my/shaders --github\n\
-                            It writes a `*.test.toml` for one function or compute pass, and lines for .gitignore. \
-                            With --github or\n--gitlab it also writes a CI workflow. Then it runs the tests. \
-                            It keeps what you wrote,\nand only adds lines to .gitignore, Cargo.toml, package.json and karat.toml.")]
+                            `karat init` writes a `*.test.toml` for one function or compute pass, and lines for .gitignore. \
+                            With --github or\n--gitlab, it also writes a CI workflow. Then it runs the tests. \
+                            The command keeps your text,\nand only adds lines to .gitignore, Cargo.toml, package.json and karat.toml.")]
     Init(init::Args),
-    /// Lists the functions of the shader packages with their signatures, and marks the tested ones
+    /// Lists the functions of the shader packages with their signatures, and marks the tested functions
     #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
                             Exit codes: 0 every module is valid; 1 a module is invalid, and the list of its \
                             functions may be incomplete;\n2 a package can't be read.")]
@@ -196,8 +196,8 @@ enum Command {
                             karat translate scene --to msl --validate\n  \
                             karat translate scene --to glsl --entry-point fs_main --out scene.frag\n  \
                             karat translate fresnel::schlick --to spirv | spirv-dis\n\
-                            The options are those of wgpu; the first line of the output lists them.\n\
-                            Exit codes: 0 translated, and valid if you asked with --validate; 1 a validator \
+                            Karat gives naga the options that wgpu gives it; the first line of the output lists the options.\n\
+                            Exit codes: 0 the shader is translated, and with --validate the translation is valid; 1 a validator \
                             rejects the translation;\n2 naga can't translate the shader, or the shader can't be read.")]
     Translate(translate::Args),
     /// Translates every function and entry point with naga, then validates, runs and compares the results
@@ -208,39 +208,39 @@ enum Command {
                             The status of a row is `translated` if naga translates it, `valid` if all installed validators accept it,\n\
                             `executed` if it runs on inputs generated from its signature, and `agrees` if another column has the\n\
                             same results. Without a validator no row is `valid`.\n\
-                            Exit codes: 0 only failures that karat.toml declares, and --require is met;\n1 another failure, or \
-                            --require isn't met; 2 a function can't be read, or nothing was judged."
+                            Exit codes: 0 karat.toml declares all failures, and --require is met;\n1 another row fails, or \
+                            --require isn't met; 2 a function can't be read, or no row was judged."
     )]
     Matrix(matrix::Args),
     /// Finds operations that can go wrong, without a test: NaN, infinities, lost digits
     #[command(after_help = "Examples:\n  karat hazards\n  karat hazards my/shaders --all\n  \
                             karat hazards --only fresnel --input roughness=0.05..1\n\
-                            Karat's own engine runs each function in f32, in f64 and in intervals; it needs no \
+                            Karat's own engine runs each function in f32, in f64 and in intervals, so the command needs no \
                             driver.\nKarat generates arguments from types and names: `n` is a unit \
                             vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
                             declares other ranges: roughness = [0.05, 1]. `[[hazard]]` accepts an intended \
-                            hazard,\nwith functions, text (the operation) and reason.\n\
+                            hazard,\nand has the keys functions, text (the operation) and reason.\n\
                             Exit codes: 0 no fault, and with `--deny requirements` no requirement; 1 a fault, a denied requirement, \
-                            a module\nthat can't be read, or a function that naga rejects; 2 nothing could be checked, or a declaration isn't true.\n\
+                            a module\nthat can't be read, or a function that naga rejects; 2 no function could be checked, or a declaration is wrong.\n\
                             Without --deny, requirements don't change the exit code.")]
     Hazards(hazards::Args),
     /// Compares the results of every function before and after an edit, without a test
     #[command(
         after_help = "Examples:\n  karat compare HEAD\n  karat compare HEAD my/shaders\n  karat compare main --only fresnel\n  \
                             karat compare ../old/shaders --paths cpu,vulkan\n\
-                            Karat generates arguments: three in four lie in the range that the parameter's name suggests.\n\
-                            It skips functions that differ only in comments and blanks, and compares results bit by bit.\n\
+                            Karat generates arguments: three of four arguments lie in the range that the parameter's name suggests.\n\
+                            `karat compare` skips functions that differ only in comments and blanks, and compares results bit by bit.\n\
                             Exit codes: 0 no change, or only new functions; 1 a result, a signature or an interface changed, a \
                             function\nis gone, or something can't be compared; 2 the revision can't be read."
     )]
     Compare(compare::Args),
-    /// Measures your tests: makes mutants of the shaders, and lists those that no test kills
+    /// Measures your tests: makes mutants of the shaders, and lists the mutants that no test kills
     #[command(
         after_help = "Examples:\n  karat mutate\n  karat mutate my/shaders --only fresnel\n  \
                             karat mutate --in-diff main --fail-under 95\n  karat mutate --stryker mutation.json\n\
                             Each mutant has one small change: another operator, another number, a guard removed.\n\
-                            Tests that use the mutated code run on Karat's engine until one fails. No file changes.\n\
-                            For each surviving mutant the output has arguments whose result differs, and a test to paste.\n\
+                            Tests that use the mutated code run on Karat's engine until a test fails. Karat changes no file.\n\
+                            For each surviving mutant, Karat prints arguments for which the result differs, and a test to paste.\n\
                             Exit codes: 0 the score is reached, or --in-diff finds no mutant;\n\
                             1 the score isn't reached, or karat.toml accepts a mutant that a test kills;\n\
                             2 a test fails without a mutant, or there is no test or no mutant."
@@ -260,10 +260,10 @@ enum Command {
                             karat call double 21 --shaders my.wgsl\n  \
                             karat call fresnel::schlick 0.04,0.04,0.04 0.3 --trace --html trace.html\n\
                             A vector's components are joined by commas. A table has one case per row \
-                            and one scalar per column;\nits head names the columns (f0.x,f0.y,f0.z,v_dot_h), or \
-                            is left out. Numbers read and print as the exact f32.")]
+                            and one scalar per column.\nIts first line may name the columns (f0.x,f0.y,f0.z,v_dot_h). \
+                            Karat reads and prints each number as the exact f32.")]
     Call(call::Args),
-    /// Lists the execution paths that open, with drivers and versions, and says how to get the others
+    /// Lists the execution paths that open, with drivers and versions, and says how to get the other paths
     #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
                             KARAT_EXECUTORS='mine=python3 mine.py' karat doctor --executor mine\n\
                             Exit codes: 0 all is well; 1 a required path or every path fails to open, a module is \
@@ -279,14 +279,14 @@ enum Command {
         after_help = "Examples:\n  karat accept scene --because \"the coat conserves energy\"\n  \
                             karat accept 'furnace/*' --because \"new mesh\"\n  \
                             karat accept scene --from karat.zip --because \"as reviewed\"\n\
-                            Exit codes: 0 accepted; 1 refused (the golden changed since, another \
-                            adapter, NaN, too large);\n2 a file can't be read or written; 3 no \
+                            Exit codes: 0 the frame is accepted; 1 Karat refuses the frame (the golden has changed, the driver \
+                            differs, a value is NaN, the image is too large);\n2 a file can't be read or written; 3 no \
                             such frame is pending."
     )]
     Accept(goldens::AcceptArgs),
     /// Deletes a pending frame
     #[command(after_help = "Examples:\n  karat reject scene\n  karat reject '*'\n\
-                            Exit codes: 0 deleted; 2 a file can't be deleted; 3 no such frame is \
+                            Exit codes: 0 the frame is deleted; 2 a file can't be deleted; 3 no such frame is \
                             pending.")]
     Reject(goldens::RejectArgs),
     /// Shows pending frames beside their goldens in a browser, where you accept or reject them
@@ -294,9 +294,9 @@ enum Command {
                             karat review --port 8000      (with `ssh -L 8000:127.0.0.1:8000`)\n  \
                             karat review --static report  (files; open report/index.html)\n  \
                             karat review --from karat.zip (a CI run's frames; accepted here)\n\
-                            Only this machine can reach the page, and only with its URL, which \
-                            is secret: anyone who has it can accept.\nPress ? there for the keys: \
-                            j and k go from frame to frame, / filters them.\nA URL that ends in \
+                            Only this machine can open the page. The URL is secret, because \
+                            anyone who has the URL can accept frames.\nOn the page, ? shows the keys: \
+                            j and k go from frame to frame, / filters the frames.\nA URL that ends in \
                             #name shows that frame.\nExit codes: 0 no frame is left pending, or \
                             the page is written; 1 a frame is left pending; 2 an error.")]
     Review(review::Args),
@@ -304,7 +304,7 @@ enum Command {
     #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \
                             karat unreferenced --delete\n\
                             A test that is ignored, or behind a feature that is off, compares \
-                            no golden; a comparison\nthat is `.unrecorded()` doesn't count, either.\n\
+                            no golden.\nA comparison with `.unrecorded()` doesn't count.\n\
                             Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its provenance \
                             (`.toml`) doesn't match its image,\nor a file belongs to no golden; 2 a file \
                             can't be read; 3 no verdict: there is no golden,\nor no record of a \
@@ -320,7 +320,7 @@ enum Command {
     #[command(after_help = "Examples:\n  karat render --list\n  karat render --first\n  \
                             karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
                             The gallery is a cargo binary of the project, made of a \
-                            karat_gallery::Gallery and named in `metadata.karat`\nof Cargo.toml. Fails if \
+                            karat_gallery::Gallery and named in `metadata.karat`\nof Cargo.toml. The command fails if \
                             a frame can't be rendered or has values that are not finite.")]
     Render(karat_gallery::RenderArguments),
     /// Shows a value of a frame's fragment functions on every pixel, as an image and in numbers
@@ -413,7 +413,7 @@ fn feature(text: &str) -> Result<(String, Feature), String> {
     let (name, value) = text.split_once('=').unwrap_or((text, "true"));
     let is_name = |c: char| c.is_alphanumeric() || c == '_';
     if name.is_empty() || !name.chars().all(is_name) {
-        return Err("a feature has a name of letters, digits and `_`".to_owned());
+        return Err("a feature's name contains only letters, digits and `_`".to_owned());
     }
     let value =
         match value {
@@ -592,7 +592,7 @@ fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyh
         let manifest = name == "karat.toml" && output.is_file();
         ensure!(
             !manifest && !((is_read(&name) || output.is_file()) && is_in_package(output, package)),
-            "the {what} `{}` would overwrite a file of the package `{}`, or become one: name another \
+            "the {what} `{}` would overwrite a file of the package `{}`, or become a file of the package: name another \
              file",
             output.display(),
             package.name()

@@ -272,9 +272,9 @@ fn call_explains_wrong_arguments() {
     for (arguments, message) in [
         (
             &["calc::double", "1", "2"][..],
-            "`calc::double` takes 1 argument, not 2\n  calc::double(x: f32) -> f32",
+            "`calc::double` needs 1 argument, but the call has 2\n  calc::double(x: f32) -> f32",
         ),
-        (&["calc::double"], "`calc::double` takes 1 argument, not 0"),
+        (&["calc::double"], "`calc::double` needs 1 argument, but the call has 0"),
         (
             &["calc::add", "1,2", "3"],
             "argument `a` is a vec3<f32> with 3 components, but `1,2` has 2",
@@ -291,7 +291,10 @@ fn call_explains_wrong_arguments() {
             "has no function `calc::duoble` among its 11; did you mean `calc::double`?",
         ),
         (&["calc::double", "1", "--path", "vulcan"], "did you mean `vulkan`?"),
-        (&["calc::double", "1", "--out", "out.csv"], "--out needs a table: --table IN.CSV"),
+        (
+            &["calc::double", "1", "--out", "out.csv"],
+            "--out needs a table or a sweep: add --table IN.CSV",
+        ),
         (&["calc::double", "1", "--shaders", "nowhere"], "there is no folder or file `nowhere`"),
         (&["calc::add", "-1,2,3", "4"], "to pass '-1' as a value, use '-- -1'"),
     ] {
@@ -367,21 +370,21 @@ fn a_table_may_name_its_columns_in_any_order_or_not_at_all() {
 fn a_faulty_table_is_an_error_that_names_the_line() {
     let project = project();
     for (text, message) in [
-        ("x\n1\n2,3\n4\n", "`in.csv` line 3 has 2 columns, but a case has 1: x"),
+        ("x\n1\n2,3\n4\n", "`in.csv` line 3 has 2 columns, but a case needs 1: x"),
         ("# why\r\n\r\nx\r\n\r\ntwo", "`in.csv` line 5, column `x`: `two`"),
         ("x\n1\n\n\ntwo\n", "`in.csv` line 5, column `x`: `two` isn't a value of type f32"),
         (
             "x\n1\n\n#2\n",
-            "`in.csv` line 4 begins with `#`, but comments may stand only above the head",
+            "`in.csv` line 4 begins with `#`, but comments are allowed only above the header",
         ),
         ("1\n#2\n3\n", "`in.csv` line 2 begins with `#`"),
         ("note,x\n#ff8000,1\n", "`in.csv` line 2 begins with `#`"),
         ("1\n\n1e99\n", "`in.csv` line 3, column `x`: `1e99` is too large for f32"),
-        ("1,2\n", "`in.csv` line 1 has 2 columns, but a case has 1: x"),
+        ("1,2\n", "`in.csv` line 1 has 2 columns, but a case needs 1: x"),
         ("value\n1\n", "`in.csv` has no column `x`; it has value"),
-        ("", "`in.csv` has no cases"),
-        ("x\n", "`in.csv` has no cases"),
-        ("# nothing\n", "`in.csv` has no cases"),
+        ("", "the table `in.csv` has no cases"),
+        ("x\n", "the table `in.csv` has no cases"),
+        ("# nothing\n", "the table `in.csv` has no cases"),
     ] {
         write(project.path(), "in.csv", text);
         let error = karat(project.path(), &["call", "calc::double", "--table", "in.csv"]).error();

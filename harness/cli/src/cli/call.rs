@@ -41,14 +41,14 @@ pub(super) struct Args {
     /// .bin), or to a sampler (`linear repeat`); may be repeated
     #[arg(long = "bind", value_name = "NAME=VALUE")]
     bind: Vec<String>,
-    /// Generates all arguments, and the variables that --bind doesn't set, as `karat hazards` does. Each CASE, a
-    /// number from 0, gives other values; the first cases take ends of ranges [default CASE: 0]
+    /// Generates all arguments, and the variables that --bind doesn't set, as `karat hazards` does. Each CASE, a number
+    /// from 0, has other values; in the first cases, values are ends of ranges [default CASE: 0]
     #[arg(long, alias = "made-up", value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,
     /// Dispatches a compute entry point over this number of workgroups, such as `4` or `4,2,1`, and shows the results
-    /// in its buffers and textures. Without this option Karat calls one invocation, and its builtin values are
-    /// arguments
+    /// in its buffers and textures. Without this option Karat calls one invocation, and the builtin values of the
+    /// invocation are arguments
     #[arg(long, value_name = "X,Y,Z", value_parser = dispatch::workgroups,
         conflicts_with_all = ["arguments", "table", "plot", "out"])]
     dispatch: Option<[u32; 3]>,
@@ -67,9 +67,9 @@ pub(super) struct Args {
     /// Writes the table of results to this file [default: standard output]
     #[arg(long, value_name = "OUT.CSV")]
     out: Option<PathBuf>,
-    /// Compares each case with this column of the table, within --tolerance, and fails if a case differs. For a
-    /// vector the table needs one column per component: `COLUMN.x`, `COLUMN.y`. For several results it needs one
-    /// column per result: `COLUMN.result` and so on
+    /// Compares each case with this column of the table, within --tolerance, and fails if a case differs. For a vector
+    /// the table needs one column per component: `COLUMN.x`, `COLUMN.y`. For several results the table needs one column
+    /// per result: `COLUMN.result` and so on
     #[arg(long, value_name = "COLUMN", requires = "table", requires = "tolerance")]
     expect: Option<String>,
     /// Accepts results within this tolerance of the column that --expect names: `4 ulp`, `rel 1e-4 or abs 1e-6`,
@@ -142,7 +142,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             overrides.iter().fold(compute, |all, (name, value)| all.with_override(name, *value));
         ensure!(
             args.invocation.is_none() || args.trace || args.html.is_some(),
-            "--invocation selects the steps to show: add --trace, or --html FILE"
+            "--invocation needs an option that shows the invocation's steps: add --trace, or --html FILE"
         );
         let compute = compute.dispatch(&args.function, groups);
         let invocation = args.invocation.unwrap_or_default();
@@ -161,7 +161,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     if let Some(Some(plot)) = &args.plot {
         let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
-        ensure!(svg, "a plot must be an SVG: --plot={}", plot.with_extension("svg").display());
+        ensure!(svg, "--plot writes only SVG: --plot={}", plot.with_extension("svg").display());
     }
     let tolerance = match &args.tolerance {
         Some(text) => Some(karat_suite::tolerance(text).map_err(|error| anyhow!(error))?),
@@ -169,7 +169,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     ensure!(
         args.expect.is_none() || args.table.is_some(),
-        "--expect needs a table: --table IN.CSV"
+        "--expect needs a table: add --table IN.CSV"
     );
     if let Some(cases) = &args.table {
         if probed.takes_derivatives() {
@@ -189,7 +189,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if given.varying.contains(&true) {
         ensure!(
             probed.takes_derivatives(),
-            "`{}` uses no derivatives: remove `@` and the numbers behind it",
+            "`{}` uses no derivatives: remove each `@` and the number after it",
             args.function
         );
         probed = probed.with_quads(&given.varying);
@@ -201,9 +201,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         None => {
             ensure!(
                 args.out.is_none(),
-                "--out needs a table: --table IN.CSV, or a sweep `0..1:100`"
+                "--out needs a table or a sweep: add --table IN.CSV, or write an argument such as `0..1:100`"
             );
-            ensure!(args.plot.is_none(), "--plot needs a sweep: an argument such as `0..1:100`");
+            ensure!(args.plot.is_none(), "--plot needs a sweep as an argument, such as `0..1:100`");
             single(&request, &given.lanes, args, out)
         }
     }
@@ -239,7 +239,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     if names.is_empty() {
         paths.push(Path::CPU);
     }
-    ensure!(!paths.is_empty(), "no execution path opens; `karat doctor` gives the reasons");
+    ensure!(!paths.is_empty(), "no execution path opens: run `karat doctor` to see why");
     if named.trim() != "all" {
         return Ok(paths);
     }
@@ -309,7 +309,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     let function = probed.function();
     writeln!(out, "{DIM}{function}{DIM:#}")?;
     if function.stage() == Some(Stage::Compute) {
-        writeln!(out, "{DIM}this is one invocation; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
+        writeln!(out, "{DIM}one invocation ran; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
     }
     let given = cases::results(request, &[lanes.to_vec()])?;
     for (path, results) in &given.results {
@@ -337,7 +337,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
 
 /// Evaluates a sweep, and prints the results as a table or as a curve.
 fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write) -> Outcome {
-    ensure!(!args.trace && args.html.is_none(), "a trace shows one call: remove the sweep");
+    ensure!(!args.trace && args.html.is_none(), "a trace can't show a sweep: remove the sweep");
     let Some(sweep) = &given.sweep else { return Ok(Ending::Good) };
     let row = |value: &u32| {
         let mut lanes = given.lanes.clone();

@@ -49,8 +49,8 @@ const GITLAB_FILE: &str = ".gitlab-ci.karat.yml";
 
 /// The CI steps that install and run Karat, and their replacements if `package.json` has Karat.
 const BY_NPM: [(&str, &str); 4] = [
-    ("      # Karat isn't on crates.io yet: name the repository that you have it from.\n", ""),
-    ("    # Karat isn't on crates.io yet: name the repository that you have it from.\n", ""),
+    ("      # Karat isn't on crates.io yet: write the address of your copy of Karat.\n", ""),
+    ("    # Karat isn't on crates.io yet: write the address of your copy of Karat.\n", ""),
     (
         "      - run: cargo install --locked --git https://example.org/karat karat-cli\n      - run: karat",
         "      - uses: actions/setup-node@v4\n        with:\n          node-version: 22\n      - run: npm ci\n      - run: npx karat",
@@ -74,7 +74,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let valid = check::validate(std::slice::from_ref(&package), false, &mut invalid)?;
     out.write_all(&invalid)?;
     if !valid {
-        writeln!(out, "{DIM}no test of these modules can pass until you correct them{DIM:#}")?;
+        writeln!(out, "{DIM}the tests of these modules fail until you correct the modules{DIM:#}")?;
     }
     let mut items = callable(&package)?;
     // Karat calls fragment and vertex functions as it calls any other function.
@@ -87,18 +87,18 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         items.retain(is_whole);
         passes.retain(is_whole);
-        ensure!(!items.is_empty() || !passes.is_empty(), "correct these modules first");
+        ensure!(!items.is_empty() || !passes.is_empty(), "correct the invalid modules first");
     }
     ensure!(
         !items.is_empty() || !passes.is_empty(),
-        "`{}` has no function and no entry point: write one, and run this again",
+        "`{}` has no function and no entry point: write a function, and run `karat init` again",
         folder.display()
     );
     // If a project with Rust tests asks for a workflow, it gets only the workflow.
     let is_cargo = Project::around(&folder.canonicalize()?)?.is_cargo();
     // This step comes first: if Karat can't write a test, it must write no other file.
     let written = if (args.github || args.gitlab) && is_cargo && tested(&folder)?.any() {
-        writeln!(out, "{DIM}there are tests in Rust, so no test is written{DIM:#}")?;
+        writeln!(out, "{DIM}Karat writes no test, because the project has tests in Rust{DIM:#}")?;
         None
     } else {
         first_test(&package, &folder, (&items, &passes), out)?
@@ -116,7 +116,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let (false, true, Some(file)) = (good, valid, &written) {
         writeln!(
             out,
-            "\n{BAD}the first test fails{BAD:#}: correct the function, or write in {} which inputs your program passes to it",
+            "\n{BAD}the first test fails{BAD:#}: correct the function, or write in {} which inputs your program passes to the function",
             file.display()
         )?;
     }
@@ -124,24 +124,24 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     writeln!(out, "\n{HEAD}what to do next{HEAD:#}")?;
     writeln!(
         out,
-        "  karat watch {folder}     runs the tests after each edit: break a function, and see the failure"
+        "  karat watch {folder}     runs the tests after each edit: make a function wrong to see a failure"
     )?;
     writeln!(out, "  karat hazards {folder}   lists operations that can go wrong, without a test")?;
     match written {
         Some(file) => writeln!(
             out,
-            "  {}   more assertions: agrees_with, table, monotone, limit, ...",
+            "  {}   add more assertions: agrees_with, table, monotone, limit, ...",
             file.display()
         )?,
         None => writeln!(
             out,
-            "  *.test.toml   more assertions: agrees_with, table, monotone, limit, ..."
+            "  *.test.toml   add more assertions: agrees_with, table, monotone, limit, ..."
         )?,
     }
     if !args.github && !args.gitlab {
         writeln!(
             out,
-            "  karat init --github (or --gitlab)   runs the same tests in CI, on Mesa's lavapipe"
+            "  karat init --github (or --gitlab)   writes a workflow that runs the same tests in CI, on Mesa's lavapipe"
         )?;
     }
     Ok(if good { Ending::Good } else { Ending::Bad })
@@ -154,7 +154,7 @@ fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     let mut packages = around.filter(|around| around.join(project::MANIFEST).is_file());
     match packages.next() {
         Some(package) => bail!(
-            "`{0}` is a package (it has {1}), and `{2}` is a part of it: run `karat init {0}`",
+            "`{0}` is a package with a {1}, and contains the folder `{2}`: run `karat init {0}`",
             shown(package),
             project::MANIFEST,
             folder.display()
@@ -182,7 +182,7 @@ fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
     let recorded = project.is_cargo() && Recorded::read(&project.record())?.is_some();
     let status = this()?.arg(if recorded { "suite" } else { "test" }).arg(folder).status();
     if recorded {
-        writeln!(out, "{DIM}the record of the last run stays: `karat test` runs all tests{DIM:#}")?;
+        writeln!(out, "{DIM}Karat keeps the old record: `karat test` writes a new record{DIM:#}")?;
     }
     Ok(status.context("can't run the tests")?.success())
 }
@@ -202,7 +202,7 @@ fn first_test(
 ) -> anyhow::Result<Option<PathBuf>> {
     let suite = karat_suite::Suite::open(folder)?;
     if !suite.tests.is_empty() || !suite.broken.is_empty() {
-        writeln!(out, "{DIM}there are tests already, so no test is written{DIM:#}")?;
+        writeln!(out, "{DIM}Karat writes no test, because the folder has tests already{DIM:#}")?;
         return Ok(None);
     }
     let tested = tested(folder)?;
@@ -226,7 +226,7 @@ fn first_test(
     let Some((item, text)) = best.map(|(_, item, text)| (item, text)).or_else(pass) else {
         let all: Vec<_> = items.iter().chain(passes).collect();
         if !all.is_empty() && all.iter().all(|item| tested.is(&item.name)) {
-            writeln!(out, "{DIM}each function has a test already, so no test is written{DIM:#}")?;
+            writeln!(out, "{DIM}Karat writes no test: each function has a test already{DIM:#}")?;
             return Ok(None);
         }
         why.passes.extend(passes.iter().filter(is_open).map(|item| item.name.as_str()));
@@ -261,7 +261,7 @@ fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String),
     let mut floats = function.parameters.iter().filter(|(_, shape)| is_of_floats(shape));
     let over = floats.next().map_or_else(String::new, |(name, _)| {
         format!(
-            "# The ranges of arguments. For other arguments, the name and the type determine the range:\n\
+            "# Ranges of arguments. If an argument has no range here, its name and type determine the range:\n\
              # over = {{ {name} = \"0..1\" }}\n"
         )
     });
@@ -302,18 +302,18 @@ impl Why<'_> {
     fn told(&self) -> String {
         /// The largest number of names in a line.
         const SHOWN: usize = 4;
-        let mut text = "no first test can be written".to_owned();
+        let mut text = "Karat can't write a first test".to_owned();
         for (names, thing, what) in [
             (
                 &self.bound,
                 "function",
-                "reads a binding: give it a value by `with = { name = .. }` in `*.test.toml`",
+                "a binding needs a value: write a test with `with = { name = .. }` in a `*.test.toml`",
             ),
-            (&self.refused, "function", "can't be called by a test: `karat call` gives the reason"),
+            (&self.refused, "function", "no test can call this code: `karat call` prints why"),
             (
                 &self.passes,
                 "pass",
-                "has resources of unknown size, or writes no resource: describe them in `[[compute]]` of a `*.test.toml`",
+                "a resource has no known size, or the pass writes no resource: describe the resources in `[[compute]]` of a `*.test.toml`",
             ),
         ] {
             let more = if names.len() > SHOWN { ", .." } else { "" };
@@ -438,7 +438,7 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
 /// Writes a file for CI, unless the file exists.
 fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     if file.exists() {
-        return Ok(writeln!(out, "{DIM}{} exists already: not changed{DIM:#}", file.display())?);
+        return Ok(writeln!(out, "{DIM}Karat keeps the existing {}{DIM:#}", file.display())?);
     }
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("`{}`", folder.display()))?;
@@ -451,14 +451,14 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     }
     if file == Path::new(GITLAB_FILE) {
         let hint = "include: { local: .gitlab-ci.karat.yml }";
-        writeln!(out, "  {KNOWN}.gitlab-ci.yml runs it by `{hint}`{KNOWN:#}")?;
+        writeln!(out, "  {KNOWN}add this line to .gitlab-ci.yml: {hint}{KNOWN:#}")?;
     }
     // In a worktree `.git` is a file.
     let here = Path::new(".").canonicalize()?;
     let repository = here.ancestors().find(|folder| folder.join(".git").exists());
     if let Some(root) = repository.filter(|root| *root != here) {
         let root = root.display();
-        let hint = "GitHub reads it only at the root of the repository: move it there, and run its steps in this folder";
+        let hint = "run the steps of this file in this folder, but move the file to the root of the repository";
         writeln!(out, "  {KNOWN}{hint} ({root}){KNOWN:#}")?;
     }
     Ok(())

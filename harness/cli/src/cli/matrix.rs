@@ -27,7 +27,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
     columns: Vec<Column>,
     /// Fails unless every row reaches this status in this column: `vulkan:hlsl=executed`; may be a list. A row that
-    /// `[[matrix]]` in `karat.toml` declares as failing there is exempt, and must still fail
+    /// `[[matrix]]` in `karat.toml` declares as failing in this column is exempt, and must still fail
     #[arg(long, value_name = "COLUMN=STATUS", value_delimiter = ',', value_parser = requirement)]
     require: Vec<(String, Status)>,
     /// Runs only rows whose name contains this text; may be repeated
@@ -77,9 +77,9 @@ fn requirement(text: &str) -> Result<(String, Status), String> {
 }
 
 fn bound(text: &str) -> Result<f64, String> {
-    let bound = text.parse().map_err(|_| "a bound is a number such as 1e-3")?;
+    let bound = text.parse().map_err(|_| "write a number such as 1e-3")?;
     let usable = |bound: &f64| *bound >= 0.0 && bound.is_finite();
-    Some(bound).filter(usable).ok_or_else(|| "a bound is a number of at least 0".to_owned())
+    Some(bound).filter(usable).ok_or_else(|| "write a finite number of at least 0".to_owned())
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
@@ -103,7 +103,7 @@ fn supervise() -> Outcome {
         Some(1) => Ok(Ending::Bad),
         Some(3) => Ok(Ending::Missing),
         Some(_) => Err(Reported.into()),
-        None => bail!("the process that makes the matrix ended: {status}"),
+        None => bail!("the process that makes the matrix ended early: {status}"),
     }
 }
 
@@ -146,8 +146,8 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
         let judged: usize = matrices.iter_mut().map(|matrix| matrix.judge_by(&records)).sum();
         ensure!(
             judged > 0,
-            "the last run has no test of these functions on these paths in their present state: run \
-             `karat test` with KARAT_PATHS=vulkan,vulkan:hlsl, or whatever the columns are"
+            "no test of the last run checked these functions in their current version on these paths: run \
+             `karat test` with the columns' paths, such as KARAT_PATHS=vulkan,vulkan:hlsl"
         );
     }
     if args.json {
@@ -190,7 +190,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
         let whole = resolved(output);
         ensure!(
             !outputs.contains(&whole),
-            "two outputs have the same file `{}`: name another file for one of them",
+            "two outputs have the same file `{}`: name another file for one of the outputs",
             output.display()
         );
         outputs.push(whole);
@@ -199,16 +199,16 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     let shown = folder.display();
     if let Some(package) = packages.iter().find(|package| is_in_package(folder, package)) {
         bail!(
-            "`{shown}` is in the package `{}`, which would then contain the shaders written \
-             there: name a folder outside of it",
+            "--reproduce can't write to `{shown}`, because shaders there would belong to the package `{}`: \
+             name a folder outside of the package",
             package.name()
         );
     }
     let earlier = folder.read_dir().is_ok_and(|mut entries| entries.next().is_some());
     ensure!(
         !earlier && !folder.is_file(),
-        "`{shown}` isn't an empty folder, so it would mix the files of an earlier run with those of \
-         this run: delete it, or name another folder"
+        "`{shown}` isn't an empty folder, and could contain files of an earlier run: \
+         delete the folder, or name another folder"
     );
     Ok(())
 }
@@ -229,8 +229,8 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let lacks_path = matches!(stop, Stop::Unavailable(_));
     ensure!(
         if lacks_path { cells().any(ran) } else { !cells().all(absent) },
-        "`{name}` doesn't open, so nothing ran on it: {}\nThe column `{}` translates and validates \
-         without running",
+        "path `{name}` doesn't open, so no row ran on this path: {}\nThe column `{}` translates and validates \
+         rows, but doesn't run the rows",
         stop.text(),
         matrix.columns[index].language
     );
@@ -250,15 +250,15 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     };
     if !wrong.is_empty() {
         karat::unstable::output::tell(&format!(
-            "{} wrong, and not declared as wrong: {}",
+            "{} wrong, and `karat.toml` doesn't declare this: {}",
             counted(wrong.len(), "cell of the matrix is", "cells of the matrix are"),
             places(&wrong)
         ));
     }
     if !outdated.is_empty() {
         karat::unstable::output::tell(&format!(
-            "{}: delete from `karat.toml` the declarations for {}",
-            counted(outdated.len(), "cell declared to fail works", "cells declared to fail work"),
+            "{}: delete the declarations in `karat.toml` for {}",
+            counted(outdated.len(), "declared failure is gone", "declared failures are gone"),
             few(outdated.iter().map(|finding| format!("{}: {}", place(finding), finding.why)))
         ));
     }
@@ -270,7 +270,7 @@ fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     let rows = || matrices.iter().flat_map(|m| &m.rows).filter(|row| row.is_judged());
     let Some(error) = rows().find_map(|row| row.error.as_ref()) else { return Ok(()) };
     let same = rows().filter(|row| row.error.as_ref() == Some(error));
-    bail!("these rows aren't in the matrix: {}\n{error}", few(same.map(|row| row.name.clone())))
+    bail!("Karat can't read these rows: {}\n{error}", few(same.map(|row| row.name.clone())))
 }
 
 /// Formats the first of many names.
@@ -285,7 +285,7 @@ fn records(project: &Project) -> anyhow::Result<Vec<Record>> {
     let folder = project.record();
     let recorded = Recorded::read(&folder)?;
     let missing =
-        || format!("there is no record of a run (`{}`): run `karat test` first", folder.display());
+        || format!("there is no record of a run in `{}`: run `karat test` first", folder.display());
     Ok(recorded.with_context(missing)?.records)
 }
 
@@ -302,7 +302,7 @@ fn write_files(args: &Args, matrices: &[Matrix]) -> anyhow::Result<()> {
     if let Some(folder) = &args.reproduce {
         let written = reproduce::write(folder, matrices)?;
         karat::unstable::output::tell(&format!(
-            "{} folders in `{}`",
+            "folders that Karat wrote for bug reports: {}, in `{}`",
             written.len(),
             folder.display()
         ));
@@ -345,7 +345,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
             let (outside, first) = (allowed.outside, allowed.first.as_deref().unwrap_or_default());
             writeln!(
                 out,
-                "\n{head}: {outside} results aren't what WGSL allows: {first}\n{DIM}  {name}{DIM:#}"
+                "\n{head}: WGSL doesn't allow {outside} of the results: {first}\n{DIM}  {name}{DIM:#}"
             )?;
         }
     }
@@ -355,8 +355,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
         let (count, columns) = (matrix.undecided.len(), columns.join("`, `"));
         writeln!(
             out,
-            "\n{DIM}not checked: {count} declared failures, on `{columns}`: this machine can't show or \
-             refute them{DIM:#}"
+            "\n{DIM}not checked: {count} declared failures on `{columns}`, because this machine can't test these declarations{DIM:#}"
         )?;
     }
     Ok(())
@@ -392,5 +391,5 @@ fn summary(matrix: &Matrix) -> String {
     let skipped = matrix.rows.len() - judged;
     let open = matrix.open().map_or_else(String::new, |text| format!("\n{text}"));
     let lines = lines.join("\n");
-    format!("of {judged} rows ({skipped} more can't be called):\n{lines}{open}")
+    format!("status of {judged} rows (Karat can't call {skipped} functions):\n{lines}{open}")
 }

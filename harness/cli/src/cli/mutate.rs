@@ -55,13 +55,13 @@ pub(super) struct Args {
     /// Runs the tests on this path
     #[arg(long, value_name = "PATH", default_value = "cpu")]
     paths: String,
-    /// Shows all mutants: also those that are killed, equal, accepted, invalid, or used by no test
+    /// Shows all mutants, including mutants that are killed, equal, accepted, invalid, or used by no test
     #[arg(long)]
     all: bool,
     /// Suggests tests in this language
     #[arg(long, value_name = "LANGUAGE", value_enum, default_value = "toml")]
     suggest: Suggest,
-    /// Lists the mutants, and tries none
+    /// Lists the mutants, and tries no mutant
     #[arg(long, conflicts_with_all = ["json", "stryker", "all", "fail_under"])]
     list: bool,
     /// Writes a report in the format of Stryker's `mutation.json` to this file
@@ -99,10 +99,10 @@ impl From<Suggest> for Form {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let paths = karat::unstable::path::named("--paths", &args.paths)?;
-    ensure!(paths.len() == 1, "`karat mutate` needs exactly one path: --paths {}", args.paths);
+    ensure!(paths.len() == 1, "`karat mutate` needs exactly one path, not --paths {}", args.paths);
     ensure!(
         std::env::var_os("KARAT_OVERLAY").is_none(),
-        "KARAT_OVERLAY replaces modules, so a mutant of their files would change nothing: unset KARAT_OVERLAY"
+        "KARAT_OVERLAY replaces modules, so mutants of the replaced modules would have no effect: unset KARAT_OVERLAY"
     );
     let project = Project::find()?;
     let packages = project.packages(&args.place.package())?;
@@ -284,7 +284,7 @@ fn hunt(
     std::panic::set_hook(hook);
     hunted.unwrap_or_else(|panic| {
         let said = panic.downcast_ref::<String>().cloned();
-        panic!("{}", said.unwrap_or_else(|| "the hunt panics".to_owned()))
+        panic!("{}", said.unwrap_or_else(|| "the run of the mutants panicked".to_owned()))
     })
 }
 
@@ -331,16 +331,16 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
                     let percent = |ratio: &f64| format!("{:.3}%", 100.0 * ratio);
                     match *after > 0.0 {
                         true => format!(
-                            "hidden by the tolerance of `{test}`: its largest error is {} of the bound with the mutant, and {} without it",
+                            "the tolerance of `{test}` hides the mutant: the largest error of this test is {} of its bound with the mutant, and {} without the mutant",
                             percent(after),
                             percent(before)
                         ),
-                        false => format!("hidden by the assertion of `{test}`: the test sees different values, and accepts them"),
+                        false => format!("the assertion of `{test}` hides the mutant: this test sees different values, and accepts these values"),
                     }
                 });
                 (BAD, word, lines(&tests, why).into_iter().chain(by).collect())
             }
-            Fate::Untested { why } => (BAD, "no test", lines("no test uses it", why)),
+            Fate::Untested { why } => (BAD, "no test", lines("no test uses this code", why)),
             Fate::Stopped { test, reason } => {
                 (KNOWN, "no verdict", vec![format!("`{test}`: {reason}")])
             }
@@ -349,7 +349,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
             Fate::Killed { test } if all => (GOOD, "killed", vec![format!("by `{test}`")]),
             Fate::Invalid { reason } if all => (DIM, "invalid", vec![reason.clone()]),
             Fate::Equal { by } if all => (DIM, "equal", vec![by.to_string()]),
-            Fate::Idle if all => (DIM, "idle", vec!["it changes no linked code".to_owned()]),
+            Fate::Idle if all => (DIM, "idle", vec!["no linked code changes".to_owned()]),
             Fate::Accepted { .. }
             | Fate::Killed { .. }
             | Fate::Equal { .. }
@@ -367,7 +367,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
         }
         if more > 0 {
             let more = counted(more, "more mutant");
-            writeln!(out, "    {more} of `{}`: --all shows them", one.candidate.path())?;
+            writeln!(out, "    --all also shows {more} of `{}`", one.candidate.path())?;
         }
         if let Fate::Lived { why: Lived::Differs(found), .. }
         | Fate::Untested { why: Lived::Differs(found) } = &one.fate
@@ -386,11 +386,11 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
 /// on the mutant.
 fn passing(tests: usize, unseen: bool) -> String {
     let tests = match tests {
-        1 => "1 test passes with it".to_owned(),
-        many => format!("{many} tests pass with it"),
+        1 => "1 test passes with the mutant".to_owned(),
+        many => format!("{many} tests pass with the mutant"),
     };
     match unseen {
-        true => format!("{tests}: no value that they compare depends on it"),
+        true => format!("{tests}: the mutant changes no value that a test compares"),
         false => tests,
     }
 }
@@ -414,7 +414,7 @@ fn write_annotations(
     }
     let lines = lines.into_iter().map(|((file, line), (column, mutants))| {
         let mutants_of = counted(mutants.len(), "mutant");
-        let message = format!("no test notices {mutants_of} of this line: {}", mutants.join(", "));
+        let message = format!("no test kills {mutants_of} of this line: {}", mutants.join(", "));
         (format!("{file}:{line}:{column}"), message)
     });
     report::write_warnings("karat mutate", lines, project, out)
@@ -431,14 +431,14 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
             let arguments = found.arguments.iter().map(|(name, value)| format!("{name} = {value}"));
             let arguments = arguments.collect::<Vec<_>>().join(", ");
             let at = if arguments.is_empty() { String::new() } else { format!(" for {arguments}") };
-            let does = if found.leaves { "leaves" } else { "returns" };
+            let does = if found.leaves { "writes" } else { "returns" };
             vec![format!(
                 "{tests}; `{}` {does} {} in place of {}{at}",
                 found.function, found.mutant, found.original
             )]
         }
         Lived::Unseen { cases } => {
-            vec![format!("{tests}; no difference found in {}", counted(*cases, "input"))]
+            vec![format!("{tests}; no result differs for {}", counted(*cases, "input"))]
         }
         Lived::Sampler => vec![format!(
             "{tests}; sample between texels to test the filter, and beyond the edge to test the address mode"
@@ -497,7 +497,7 @@ fn parts(
     }];
     let (tried, of) = (sum(&|hunted| hunted.tried.len()), sum(&|hunted| hunted.of));
     if tried < of {
-        parts.push(format!("a sample of {tried} of {of}, by seed {}", args.seed));
+        parts.push(format!("a sample of {tried} of {of} mutants, chosen by seed {}", args.seed));
     }
     for (count, what) in [
         (score.equal, "equal to the original"),
@@ -512,7 +512,7 @@ fn parts(
     }
     let frames = sum(&|hunted| hunted.left_out);
     if frames > 0 {
-        parts.push(format!("{} not drawn: --paths vulkan draws them", counted(frames, "frame")));
+        parts.push(format!("{} left out: --paths vulkan draws frames", counted(frames, "frame")));
     }
     let invalid: Vec<&str> =
         all.iter().flat_map(|(_, hunted)| &hunted.invalid).map(String::as_str).collect();
@@ -528,7 +528,7 @@ fn parts(
             let fail = if unfit.len() == 1 { "fails" } else { "fail" };
             let named = some(&unfit);
             parts.push(format!(
-                "{tests} in Rust {fail} without a mutant, and not by a check: {named}"
+                "{tests} in Rust {fail} without a mutant, and outside of Karat's checks: {named}"
             ));
         }
         None if is_cargo => {

@@ -57,7 +57,7 @@ pub(super) struct OutputArgs {
     /// Links the HTML report to the page of translations at this URL, which `karat matrix --html` writes
     #[arg(long, value_name = "URL", requires = "html")]
     matrix: Option<String>,
-    /// Finds hazards as `karat hazards` does, and shows them on the HTML page
+    /// Finds hazards as `karat hazards` does, and shows the hazards on the HTML page
     #[arg(long, requires = "html")]
     hazards: bool,
     /// Prints a line for each check that passes, in place of one line per module
@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         found.ok_or_else(|| {
             let why = format!(
-                "there is no record of a run (`{}`): run `karat test` first",
+                "there is no record of a run in `{}`: run `karat test` first",
                 folder.display()
             );
             anyhow::Error::from(NotThere(why))
@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 let twice = places[at].is_some() && places[..at].contains(&places[at]);
                 anyhow::ensure!(
                     !twice,
-                    "`{}` is given twice: each part is merged once",
+                    "--merge names `{}` twice: name each folder once",
                     folder.display()
                 );
             }
@@ -130,7 +130,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let mut sum = reasons.into_iter().fold(Sum::of(&records, run.as_ref()), Sum::with);
     if args.merge.is_empty() && args.record.is_none() && was_killed(&project.record()) {
-        let why = "a later run was stopped early: this is the run before it";
+        let why = "a later run was stopped early, so this report shows the run before";
         sum = sum.with(why.to_owned());
     }
     let held = args.output.hold_commands(out)?;
@@ -142,7 +142,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         short::write(&records, (&[], &Opinion::default()), &sum, project.root(), out)?;
     }
     if run.is_none() {
-        writeln!(out, "only `karat test` and `karat record` mark the end of a run")?;
+        writeln!(out, "only `karat test` and `karat record` store the end of a run")?;
     }
     args.output.write(&records, run.as_ref(), &sum, held, &project, out)?;
     Ok(sum.ending())
@@ -173,7 +173,7 @@ impl OutputArgs {
         let files: Vec<PathBuf> = self.files().map(whole).collect();
         let twice = files.iter().enumerate().find(|(at, file)| files[..*at].contains(file));
         if let Some((_, file)) = twice {
-            anyhow::bail!("two reports have the same file `{}`: name two files", file.display());
+            anyhow::bail!("two reports have the same file `{}`: use two files", file.display());
         }
         let entries = std::fs::read_dir(record).into_iter().flatten().flatten();
         let record: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();

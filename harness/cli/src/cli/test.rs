@@ -27,11 +27,12 @@ use super::{NotThere, Outcome, PackageArgs, check, child, suite};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Runs only tests whose names contain this text, or that check a function or a golden whose name contains it. A
-    /// folder or file of shaders runs its own tests: functions with `@test`, and `*.test.toml`
+    /// Runs only tests whose names contain this text, or that check a function or a golden whose name contains the
+    /// text. A folder or file of shaders runs its own tests: functions with `@test`, and `*.test.toml`
     #[arg(value_name = "FILTER|FOLDER")]
     what: Option<String>,
-    /// With a folder, runs only tests whose name contains this text, or that call a function whose name contains it
+    /// With a folder, runs only tests whose name contains this text, or that call a function whose name contains the
+    /// text
     filter: Option<String>,
     /// Runs only the test with exactly this name
     #[arg(long)]
@@ -98,8 +99,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
     if asked.folder.is_none() && project.is_cargo() {
         if !args.package.features.is_empty() {
-            let theirs = "`--feature` applies to the modules and the tests beside them: features of a Rust test are in its \
-                          `package.feature(..)`";
+            let theirs = "`--feature` turns no feature on in Rust tests: a Rust test sets its features by `package.feature(..)`";
             writeln!(told, "{KNOWN}{theirs}{KNOWN:#}")?;
         }
         passed = asked.run_cargo(&project, running.folder(), &mut progress, told)?;
@@ -143,7 +143,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             .context("can't store which tests check which functions")?;
     }
     if !passed && suites_passed && progress.done() == 0 && records.is_empty() {
-        anyhow::bail!("no test ran: the build failed, or the programs ended early, see above");
+        anyhow::bail!("no test ran: the build failed, or the test programs ended early");
     }
     // Suites that can't run record nothing, and have already reported their error.
     if suites_passed || !records.is_empty() {
@@ -166,11 +166,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         remarks: remarks(left_out, &opinion).into_iter().chain(tests_beside(&packages)).collect(),
         ..Run::default()
     };
-    run.write(running.folder()).context("can't write how the run was made")?;
+    run.write(running.folder()).context("can't write the description of the run")?;
     let sum = Sum::of(&records, Some(&run));
     let (folder, _of_replay) = match is_replay {
         true => (project.record(), Some(running)),
-        false => (running.end().context("can't keep the record")?, None),
+        false => (running.end().context("can't write the record of the run")?, None),
     };
     tables::write(&records, args.output.all, told)?;
     // With a filter, or with selected test programs, most functions are left out on purpose.
@@ -203,8 +203,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 
 /// Returns the remarks for the last line.
 fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
-    let left_out =
-        (left_out > 0).then(|| format!("{} left out by conditions", counted(left_out, "test")));
+    let left_out = (left_out > 0)
+        .then(|| format!("{} left out because of conditions", counted(left_out, "test")));
     left_out.into_iter().chain(opinion.remark()).collect()
 }
 
@@ -252,15 +252,14 @@ impl<'a> Asked<'a> {
         let is_path = |what: &str| what.contains(['/', '\\']) || what.ends_with(".wgsl");
         match (what, named) {
             (Some(what), None) if filter.is_some() || is_path(what) => {
-                let more = filter
-                    .map_or("", |_| ": the first of two words is a folder, the second a filter");
+                let more = filter.map_or("", |_| ": of two arguments, the first must be a folder");
                 anyhow::bail!("there is no folder or file `{what}`{more}")
             }
             (_, Some(file)) if file.extension().is_some_and(|ending| ending == "toml") => {
                 let of = file.to_string_lossy();
                 let of = of.strip_suffix(".test.toml").unwrap_or(&of);
                 anyhow::bail!(
-                    "`{}` declares tests and has no shader: name the module that it tests, such as `{of}.wgsl`",
+                    "`{}` declares tests, but has no shader: name the module of these tests, such as `{of}.wgsl`",
                     file.display()
                 )
             }
@@ -282,7 +281,7 @@ impl<'a> Asked<'a> {
                     }
                     anyhow::bail!(
                         "`{word}` is a folder, and also a part of the name of the test `{test}`: write `karat test ./{word}` for the \
-                         folder's tests, or `karat test {} --exact '{test}'` for that one",
+                         folder's tests, or `karat test {} --exact '{test}'` for this test",
                         shown(&root)
                     );
                 }
@@ -291,7 +290,7 @@ impl<'a> Asked<'a> {
                 Ok(Self { args, folder, filter, about, names })
             }
             (Some(what), None) if args.failed => {
-                anyhow::bail!("`--failed` selects the tests, and `{what}` isn't a folder")
+                anyhow::bail!("`{what}` isn't a folder: with `--failed`, write no filter")
             }
             (what, None) => {
                 Ok(Self { args, folder: None, filter: what, about: Vec::new(), names: None })
@@ -318,7 +317,7 @@ impl<'a> Asked<'a> {
             let why = match passed {
                 true => "no test failed in the last run",
                 false => {
-                    "no check failed in the last run. A test failed without a check, and isn't recorded: run \
+                    "no check failed in the last run. A test failed outside of Karat's checks, but Karat doesn't know its name: run \
                      `karat test` without `--failed`"
                 }
             };
@@ -347,8 +346,8 @@ impl<'a> Asked<'a> {
         }
         writeln!(
             out,
-            "{DIM}the filter finds a new Rust test only by its name; after `karat test` has run all tests, it \
-             also finds tests by the functions that they check{DIM:#}"
+            "{DIM}the filter finds a new Rust test only by its name; after `karat test` has run all tests, the filter \
+             also finds tests by the functions that the tests check{DIM:#}"
         )
     }
 
@@ -400,7 +399,7 @@ impl<'a> Asked<'a> {
         let tests = counted(tests.len(), "test");
         writeln!(
             out,
-            "{KNOWN}not run: {tests} whose condition is false, {names}; `--feature NAME` turns a feature on{KNOWN:#}"
+            "{KNOWN}{tests} not run because of a false condition: {names}; `--feature NAME` turns a feature on{KNOWN:#}"
         )?;
         Ok(count)
     }
@@ -428,27 +427,27 @@ impl<'a> Asked<'a> {
     fn nothing(&self, packages: &[Package]) -> NotThere {
         if let Some(names) = &self.names {
             let names = some(&names.iter().map(String::as_str).collect::<Vec<_>>());
-            return NotThere(format!("none of the requested tests exists: {names}"));
+            return NotThere(format!("no test has one of these names: {names}"));
         }
         let left_out = |package: &Package| {
             let tests = package.tests_left_out(&package.modules().unwrap_or_default());
             tests.iter().any(|test| self.filter.is_none_or(|filter| test.name.contains(filter)))
         };
         if packages.iter().any(left_out) {
-            let none = "no test runs: the conditions of all tests are false";
+            let none = "no test runs, because the conditions of all tests are false";
             return NotThere(none.to_owned());
         }
         let Some(filter) = self.filter else {
             if let Some(folder) = &self.folder {
                 let none = format!(
                     "`{0}` has no tests: no function with `@test`, and no `*.test.toml`; `karat init {0}` writes a \
-                     first one, and `karat test` without arguments runs tests in Rust",
+                 first test, and `karat test` without arguments runs tests in Rust",
                     folder.display()
                 );
                 return NotThere(none);
             }
             let none = "there are no tests: no function with `@test`, no `*.test.toml`, and no Cargo project; `karat init` writes a \
-                        first one";
+                    first test";
             return NotThere(none.to_owned());
         };
         let suites = packages.iter().filter_map(|package| Suite::of(package.clone()).ok());
@@ -463,14 +462,14 @@ impl<'a> Asked<'a> {
         known.extend(folders.map(|entry| entry.file_name().to_string_lossy().into_owned()));
         let near = nearest(filter, known.iter().map(String::as_str));
         let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-        let is_so = if self.args.exact { "is called" } else { "has a name with" };
+        let is_so = if self.args.exact { "is called" } else { "has a name that contains" };
         NotThere(match (names.len(), self.folder.is_some()) {
             (0, true) => {
-                "there are no tests: no function with `@test`, and no `*.test.toml`; `karat init` writes a first one"
+                "there are no tests: no function with `@test`, and no `*.test.toml`; `karat init` writes a first test"
                     .to_owned()
             }
             (0, false) => {
-                format!("there is no folder or file `{filter}`{near}; and there are no tests")
+                format!("there are no tests, and there is no folder or file `{filter}`{near}")
             }
             (count, _) => {
                 format!("none of {} {is_so} `{filter}`{near}", counted(count, "test"))
@@ -536,7 +535,7 @@ impl<'a> Asked<'a> {
                 let before = if names.is_empty() {
                     String::new()
                 } else {
-                    format!(" before a verdict of {}", some(&names))
+                    format!(" before these tests had a verdict: {}", some(&names))
                 };
                 writeln!(
                     out,
@@ -660,11 +659,11 @@ pub(super) fn unwritable(project: &Project) -> String {
     let place = project.record();
     match project.is_cargo() {
         true => format!(
-            "can't keep a record in `{}`; CARGO_TARGET_DIR names another folder",
+            "can't write the record of the run to `{}`: set CARGO_TARGET_DIR to another folder",
             place.display()
         ),
         false => format!(
-            "can't keep a record in `{}`: the folder is read-only: copy it, and test the copy",
+            "can't write the record of the run to `{}`: if the folder is read-only, test a copy of the shaders",
             place.display()
         ),
     }
@@ -731,13 +730,13 @@ fn write_untested(
     if !untested.is_empty() {
         let names: Vec<&str> = untested.iter().map(|item| &*item.name).collect();
         let names = some(&names);
-        writeln!(out, "\n{DIM}functions without a test: {names} (`karat list`){DIM:#}")?;
+        writeln!(out, "\n{DIM}functions without a test: {names} (`karat list` lists all){DIM:#}")?;
     }
     for package in others {
         let name = package.name();
         writeln!(
             out,
-            "\n{DIM}{name}: Karat lists functions without a test only for valid modules{DIM:#}"
+            "\n{DIM}{name} isn't valid, so Karat doesn't list its functions without a test{DIM:#}"
         )?;
     }
     Ok(())

@@ -132,7 +132,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
         (json.replace('}', ""), "argument `m`: EOF while parsing an object"),
         (
             "1,2".to_owned(),
-            "has 2; as JSON it is {\"roughness\": 0, \"f0\": [0, 0, 0], \"layers\": [0, 0]}",
+            "has 2; as JSON, write {\"roughness\": 0, \"f0\": [0, 0, 0], \"layers\": [0, 0]}",
         ),
     ] {
         let error = karat(folder.path(), &["call", "m::f", &argument, "1"]).error();
@@ -146,7 +146,7 @@ fn wrong_bindings_and_overrides_of_a_call_are_errors() {
     let json = r#"globals={"scale": 2, "offset": [0, 0.5], "count": 1}"#;
     let scaled = ["call", "lit::scaled", "3", "--bind", json, "--override"];
     let error = karat(folder.path(), &[&scaled[..], &["GAIN=true"]].concat()).error();
-    let part = "--override GAIN=true: `GAIN` is f32, so write a number";
+    let part = "--override GAIN=true: `GAIN` has the type f32, so write a number";
     assert!(error.contains(part), "{error}");
     let error = karat(folder.path(), &["call", "lit::sampled", "u=1", "image=1"]).error();
     assert!(error.contains("--bind image="), "{error}");
@@ -190,7 +190,7 @@ fn a_table_of_expected_values_checks_a_function() {
     assert_eq!(renamed, called(&folder, &["lit::cubic", "--table", "cases.csv", "--hex"]));
     let check = ["--table", "cases.csv", "--expect", "cube", "--tolerance", "4 ulp"];
     let out = called(&folder, &[&["lit::cubic"][..], &check].concat());
-    assert_eq!(out, "cpu: all 2 rows agree (4 ulp)\n");
+    assert_eq!(out, "cpu: all 2 rows agree with the shader (4 ulp)\n");
     write(folder.path(), "cases.csv", &table.replace("0x1p-6", "0.02"));
     let all = [&["call", "lit::cubic"][..], &check, &["--path", "cpu"]].concat();
     let ran = karat(folder.path(), &all);
@@ -277,7 +277,7 @@ fn tables_have_derivatives_and_carry_their_columns() {
     error(&spec, "`spec` isn't a number");
     error(
         &["lit::cubic", "1", "true", "--override", "GAIN=1", "--override", "GAIN=2"],
-        "given twice",
+        "sets the same name",
     );
 }
 
@@ -302,7 +302,7 @@ fn wrong_arguments_of_a_call_are_errors() {
     told(&["lit::cubic", "1", "true", "--override", "GAIM=1"], "no override `GAIM`");
     told(&["lit::cubic", "0..1", "true"], "number of points");
     told(&["lit::cubic", "x=1", "true"], "no parameter `x`");
-    told(&["lit::cubic", "t=1", "t=2"], "`t` is given twice");
+    told(&["lit::cubic", "t=1", "t=2"], "`t` has two arguments");
     told(&["lit::cubic", "1@0@0", "true"], "uses no derivatives");
     told(&["lit::edge", "1@0"], "needs two derivatives");
     told(&["lit::cubic", "1", "true", "--plot"], "--plot needs a sweep");
@@ -333,7 +333,7 @@ fn each_option_of_a_call_is_used_or_refused() {
     write(folder.path(), "returned.csv", &table);
     let again =
         ["lit::cubic", "--table", "returned.csv", "--expect", "cpu", "--tolerance", "exact"];
-    assert_eq!(called(&folder, &again), "cpu: all 7 rows agree (0 ulp)\n");
+    assert_eq!(called(&folder, &again), "cpu: all 7 rows agree with the shader (0 ulp)\n");
 }
 
 #[test]
@@ -348,8 +348,8 @@ fn a_path_that_is_required_is_not_left_out() {
     assert!(free.code == Some(0) && free.out.contains("vulkan   0.5"), "{free:?}");
     assert_eq!(required.code, Some(2), "{required:?}");
     let (told, refused) = match karat::unstable::path::adapter(karat::Path::GL) {
-        Ok(_) => ("note: path `gl` can't bind", "error: no result on gl: path `gl` can't bind"),
-        Err(_) => ("", "error: no result on gl: execution path `gl` is unavailable"),
+        Ok(_) => ("note: path `gl` can't bind", "error: gl has no result: path `gl` can't bind"),
+        Err(_) => ("", "error: gl has no result: execution path `gl` is unavailable"),
     };
     assert!(free.err.contains(told) && required.err.contains(refused), "{free:?}, {required:?}");
 }
@@ -455,7 +455,7 @@ fn a_panic_of_one_path_leaves_the_others_their_results() {
     let called = karat(path, &[&["call", "spin::spin"], &bound[..]].concat());
     assert_eq!(called.code, Some(2), "{called:?}");
     assert!(called.out.contains("lock = [1, 42]"), "{called:?}");
-    assert!(called.err.contains(&format!("no result on gl: {panics}")), "{called:?}");
+    assert!(called.err.contains(&format!("gl has no result: {panics}")), "{called:?}");
     assert!(
         !called.err.contains("RUST_BACKTRACE") && !called.err.contains("thread '"),
         "{called:?}"

@@ -228,7 +228,7 @@ fn call_dispatches_a_compute_pass_and_checks_for_races() {
     );
     for (wrong, part) in [
         (&["m::reverse", "--dispatch", "0", "--arbitrary"][..], "from 1 to 65535"),
-        (&["m::reverse", "--dispatch", "1,x", "--arbitrary"][..], "write workgroups as 4"),
+        (&["m::reverse", "--dispatch", "1,x", "--arbitrary"][..], "write the workgroups as 4"),
         (&["m::shade", "--dispatch", "1", "--arbitrary"][..], "isn't a compute entry point"),
         (&["m::revers", "--dispatch", "1", "--arbitrary"][..], "did you mean `m::reverse`"),
         (&["m::reverse", "--dispatch", "1"][..], "add --bind"),

@@ -107,7 +107,7 @@ fn a_first_test_is_written_and_passes() {
     write(&folder.path().join("shaders"), "brdf.wgsl", "fn count(k: u32) -> u32 { return k; }\n");
     let again = karat(folder.path(), &["init", "--github"]).good();
     assert!(
-        again.contains("there are tests already") && again.contains("exists already"),
+        again.contains("the folder has tests already") && again.contains("keeps the existing"),
         "{again}"
     );
     assert!(!read("shaders/brdf.test.toml").contains("finite"));
@@ -130,20 +130,20 @@ fn init_skips_functions_that_rust_tests_check() {
     write(&record, "run.json", r#"{"schema":5,"selected":[],"passed":true}"#);
     // `karat init --github` writes only the workflow.
     let ran = karat(path, &["init", "--github"]).good();
-    assert!(ran.contains("there are tests in Rust, so no test is written"), "{ran}");
+    assert!(ran.contains("Karat writes no test, because the project has tests in Rust"), "{ran}");
     assert!(!path.join("shaders/a.test.toml").exists());
     write(path, ".gitignore", "/target\n.karat/\n*.new.exr\n*.new.csv\n");
     let ran = karat(path, &["init"]).good();
     assert!(ran.contains("a test of `a::h`"), "{ran}");
     assert!(ran.contains("added *.new.png to .gitignore"), "{ran}");
-    assert!(ran.contains("1 passed") && ran.contains("the record of the last run stays"), "{ran}");
+    assert!(ran.contains("1 passed") && ran.contains("Karat keeps the old record"), "{ran}");
     let report = karat(path, &["report"]).good();
     assert!(report.contains("a::g") && !report.contains("a::h"), "{report}");
     // If each function has a test, there is nothing to write and nothing to run.
     std::fs::remove_file(path.join("shaders/a.test.toml")).expect("it was written");
     write(path, "tests/more/b.rs", "SHADERS.function(\"a::h\");\n");
     let ran = karat(path, &["init"]).good();
-    assert!(ran.contains("each function has a test already, so no test is written"), "{ran}");
+    assert!(ran.contains("Karat writes no test: each function has a test already"), "{ran}");
     assert!(!path.join("shaders/a.test.toml").exists());
 }
 
@@ -159,7 +159,7 @@ fn a_failing_first_test_of_init_says_what_to_do() {
     for part in [
         "a test of `a::lobe`",
         "1 check, 1 failed",
-        "the first test fails: correct the function, or write in shaders/a.test.toml which inputs your program passes to it",
+        "the first test fails: correct the function, or write in shaders/a.test.toml which inputs your program passes to the function",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {ran:?}");
     }
@@ -182,7 +182,11 @@ fn init_explains_why_there_is_nothing_to_test() {
     let init = || karat(folder.path(), &["init"]).error();
     assert!(init().contains("has no .wgsl or .wesl file"), "{}", init());
     write(folder.path(), "a.wgsl", "@compute @workgroup_size(1) fn main() {}\n");
-    assert!(init().contains("`a::main`") && init().contains("no first test"), "{}", init());
+    assert!(
+        init().contains("`a::main`") && init().contains("can't write a first test"),
+        "{}",
+        init()
+    );
     write(folder.path(), "a.wgsl", "struct A { x: f32 }\n");
     let nothing = karat(folder.path(), &["init"]);
     assert!(nothing.code == Some(2) && nothing.out.contains("declares no function"), "{nothing:?}");
@@ -191,11 +195,11 @@ fn init_explains_why_there_is_nothing_to_test() {
                  fn tex(uv: vec2f) -> vec4f { return textureLoad(t, vec2i(uv), 0); }\n";
     write(folder.path(), "b.wgsl", bound);
     let told = init();
-    for part in ["1 function: reads a binding", "`b::tex`"] {
+    for part in ["1 function: a binding needs a value", "`b::tex`"] {
         assert!(told.contains(part), "no `{part}` in {told}");
     }
     let with = karat(folder.path(), &["init", "--github"]).error();
-    assert!(with.contains("no first test can be written"), "{with}");
+    assert!(with.contains("Karat can't write a first test"), "{with}");
     let left = std::fs::read_dir(folder.path()).expect("there").count();
     assert_eq!(left, 2, "the two modules alone");
     let none = karat(folder.path(), &["init", "nowhere"]).error();
@@ -378,7 +382,7 @@ fn a_project_for_the_web_gets_a_script() {
     let said = init().good();
     assert!(said.contains("added `npm run test:shaders`"), "{said}");
     assert!(
-        said.contains("because package.json doesn't have it: `npm install --save-dev webgpu`"),
+        said.contains("because package.json doesn't list it: run `npm install --save-dev webgpu`"),
         "{said}"
     );
     let manifest = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
@@ -392,7 +396,7 @@ fn a_project_for_the_web_gets_a_script() {
     let with = manifest.replacen('{', "{ \"devDependencies\": { \"webgpu\": \"0.3\" },", 1);
     write(folder.path(), "package.json", &with);
     let said = init().good();
-    assert!(said.contains("Chrome's compiler isn't used"), "{said}");
+    assert!(said.contains("the tests don't require Chrome's compiler: "), "{said}");
 }
 
 /// `karat init` reports an invalid module, and writes tests for the others. `matrix` and `compare` accept a folder, as
@@ -414,7 +418,7 @@ fn init_writes_tests_for_the_valid_modules() {
     let said = red(run(&["init", "src/wgsl"]));
     for part in [
         "`tone` declares `tone`: write `import package::tone::tone;`",
-        "no test of these modules can pass until you correct them",
+        "the tests of these modules fail until you correct the modules",
         "tone.test.toml, a test of `tone::tone`",
         "1 module isn't valid: use; 1 check passed",
     ] {
@@ -465,5 +469,5 @@ fn the_folder_that_has_all_modules_is_found() {
     // No command finds a package within a package.
     write(path, "karat.toml", "");
     let error = run(&["init", "src/shaders"]).error();
-    assert!(error.contains("`src/shaders` is a part of it: run `karat init .`"), "{error}");
+    assert!(error.contains("contains the folder `src/shaders`: run `karat init .`"), "{error}");
 }

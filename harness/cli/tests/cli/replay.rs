@@ -87,7 +87,7 @@ fn more_failures_than_are_named_are_counted() {
     let project = recorded(&many);
     let report = karat(project.path(), &["report"]).out;
     assert_eq!(names(&report).len(), 8, "{report}");
-    assert!(report.contains("\nand 3 more: `karat replay` lists all\n"), "{report}");
+    assert!(report.contains("\nand 3 more failures: `karat replay` lists all\n"), "{report}");
     let listed = karat(project.path(), &["replay"]).err;
     assert!((0..11).all(|i| listed.contains(&format!("  calc::f{i} agrees_with\n"))), "{listed}");
     let few = karat(recorded(&many[..8]).path(), &["report"]).out;

@@ -409,7 +409,7 @@ fn pictures_are_of_the_run_that_is_reported() {
         let ran = output(command.env("GITHUB_STEP_SUMMARY", folder.join("summary.md")));
         assert_eq!(ran.code, Some(1), "{ran:?}");
         let summary = std::fs::read_to_string(folder.join("summary.md")).expect("written");
-        let told = summary.contains("In the artefact of this run");
+        let told = summary.contains("Pictures in the artefact of this run");
         assert_eq!(told, picture("actual").exists(), "{summary}");
         let image = || Image::read(&picture("actual")).expect("a picture, and not the old text");
         picture("actual").exists().then(|| image().width())
@@ -464,7 +464,7 @@ fn github_shows_ten_annotations_and_the_last_names_the_rest() {
     let shown = annotations(&ran);
     assert_eq!(shown.len(), 10);
     assert!(shown[8].contains("title=calc%3A%3Af08 agrees_with::error: "), "{shown:?}");
-    let rest = "::error title=3 more checks failed::their messages are in the log:%0A\
+    let rest = "::error title=3 more checks failed::the log has the messages of these checks:%0A\
                 calc::f09 agrees_with%0Acalc::f10 agrees_with%0Acalc::f11 agrees_with";
     assert_eq!(shown[9], rest);
 }
@@ -540,7 +540,7 @@ fn tests_that_fail_outside_of_checks_are_counted() {
     assert!(both.out.contains("1 check, 1 failed") && both.out.contains(told), "{both:?}");
     let short = run(&["--short"], "yes");
     let end = format!(
-        "{told}; 1 check, 1 failed; Tint wasn't asked: KARAT_TINT=off; run without --short to see the message\n"
+        "{told}; 1 check, 1 failed; Tint wasn't asked: KARAT_TINT=off; to see the message, run without --short\n"
     );
     assert!(short.out.ends_with(&end), "{short:?}");
     let by_check = run(&[], "");
@@ -653,7 +653,7 @@ fn no_closing_line_contradicts_its_run() {
         (
             pass.clone(),
             Run { not_run: 7, passed: false, ..Run::default() },
-            "7 tests weren't run after a failure: run with --no-fail-fast; 1 check passed",
+            "7 tests weren't run because another test failed: run with --no-fail-fast; 1 check passed",
         ),
     ] {
         write(&folder, "1.jsonl", &lines);
@@ -704,7 +704,7 @@ fn a_run_and_a_merge_that_lack_checks_say_so() {
     };
     let words = "warning: 4/5 tests were not run due to test failure (run with --no-fail-fast ..)";
     let stopped = part("a", "fail", words);
-    let told = "4 tests weren't run after a failure: run with --no-fail-fast; 1 check, 1 failed";
+    let told = "4 tests weren't run because another test failed: run with --no-fail-fast; 1 check, 1 failed";
     assert!(stopped.code == Some(1) && stopped.out.contains(told), "{stopped:?}");
     part("b", "pass", "");
     let cargo = part("c", "fail", "error: test failed, to rerun pass `--lib`");
@@ -712,8 +712,8 @@ fn a_run_and_a_merge_that_lack_checks_say_so() {
     let whole = karat(folder, &["report", "--merge", "a", "b", "c"]);
     assert_eq!(whole.code, Some(1), "{whole:?}");
     for told in [
-        "`a` has 1 check, and lacks 4 tests that didn't run after a failure (see --no-fail-fast); ",
-        "; `c` has 1 check, and may lack others, because its runner stopped at a failure (see --no-fail-fast); ",
+        "`a` has 1 check, and lacks 4 tests that didn't run after a failure (run with --no-fail-fast); ",
+        "; `c` has 1 check, and may lack other checks, because its runner stopped at a failure (run with --no-fail-fast); ",
         "; 3 checks, 2 failed",
     ] {
         assert!(whole.out.contains(told), "no `{told}` in {}", whole.out);

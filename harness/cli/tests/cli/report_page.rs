@@ -195,5 +195,5 @@ fn a_failed_or_missing_shard_fails_the_merged_report() {
     );
     let missing = code(&[parts[0], "nowhere"]);
     assert_eq!(missing.code, Some(3), "{missing:?}");
-    assert!(missing.err.contains("there is no record of a run (`nowhere`)"), "{missing:?}");
+    assert!(missing.err.contains("there is no record of a run in `nowhere`"), "{missing:?}");
 }

@@ -189,7 +189,7 @@ fn tests_without_a_check_and_broken_builds_are_named() {
     write(project.path(), "broken", "");
     let error = run().error();
     assert!(
-        error.contains("no test ran: the build failed, or the programs ended early"),
+        error.contains("no test ran: the build failed, or the test programs ended early"),
         "{error}"
     );
 }

@@ -669,7 +669,7 @@ fn required_columns_decide_the_exit_code() {
         ),
         (&["--require", "vulkan"], "write COLUMN=STATUS"),
         (&["--require", "vulkn=valid"], "did you mean `vulkan`?"),
-        (&["--within=-1"], "a bound is a number of at least 0"),
+        (&["--within=-1"], "write a finite number of at least 0"),
         (&["--only", "nothing"], "whose name contains `nothing`"),
     ] {
         let ran = matrix(wrong);
@@ -701,7 +701,7 @@ fn a_matrix_without_evidence_fails() {
     assert!(bare.contains("none of the 2 rows was judged"), "{bare}");
     let absent = matrix(&["--columns", "vulkan,vulkan:wgsl,metal", "--only", "maths"]);
     let absent = absent.error();
-    assert!(absent.contains("`metal` doesn't open, so nothing ran on it"), "{absent}");
+    assert!(absent.contains("path `metal` doesn't open, so no row ran on this path"), "{absent}");
     assert!(absent.contains("The column `msl` translates and validates"), "{absent}");
     for same in ["out", "./out", "new/../out"] {
         let twice = matrix(&["--html", "out", "--junit", same]).error();
@@ -714,9 +714,9 @@ fn a_matrix_without_evidence_fails() {
     write(&folder.path().join("shaders"), "karat.toml", "");
     for taken in ["shaders/types.wgsl", "shaders/karat.toml", "shaders/new.wgsl"] {
         let html = matrix(&["--html", taken]).error();
-        assert!(html.contains("a file of the package `shaders`, or become one"), "{html}");
+        assert!(html.contains("a file of the package `shaders`, or become a file"), "{html}");
         let out = ["translate", "maths::blend", "--to", "hlsl", "--out", taken];
-        assert!(karat(folder.path(), &out).error().contains("or become one"), "{taken}");
+        assert!(karat(folder.path(), &out).error().contains("or become a file"), "{taken}");
     }
     let types = std::fs::read_to_string(folder.path().join("shaders/types.wgsl"));
     assert_eq!(types.expect("it is there"), "const K: f32 = 2.0;\n");
@@ -729,7 +729,7 @@ fn a_matrix_without_evidence_fails() {
     std::os::unix::fs::symlink("shaders", folder.path().join("link")).expect("a link");
     for place in ["shaders/bugs", "link/bugs", "none/../shaders"] {
         let inside = matrix(&["--reproduce", place]).error();
-        assert!(inside.contains("is in the package `shaders`"), "{inside}");
+        assert!(inside.contains("would belong to the package `shaders`"), "{inside}");
     }
     write(&folder.path().join("bugs"), "older.txt", "");
     assert!(matrix(&["--reproduce", "bugs"]).error().contains("`bugs` isn't an empty folder"));
@@ -787,7 +787,7 @@ fn tests_judge_the_functions_that_they_have() {
     let other = "0".repeat(64);
     let stale = matrix(&[record("blends", "vulkan:wgsl", 3, &other)]);
     assert_eq!(stale.code, Some(2), "{stale:?}");
-    assert!(stale.err.contains("the last run has no test of these functions"), "{stale:?}");
+    assert!(stale.err.contains("no test of the last run checked these functions"), "{stale:?}");
 }
 
 /// Tests with planted faults after naga's translation. A fake compiler changes its input or output. Karat finds each
@@ -813,7 +813,10 @@ mod planted {
     fn with_glslang(before: &str, after: &str) -> serde_json::Value {
         let ran = run_with_glslang(&shaders(), before, after, &["--json"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
-        assert!(ran.err.contains("one cell of the matrix is wrong, and not declared"), "{ran:?}");
+        assert!(
+            ran.err.contains("one cell of the matrix is wrong, and `karat.toml` doesn't declare"),
+            "{ran:?}"
+        );
         json(&ran.out)
     }
 
@@ -923,7 +926,7 @@ mod planted {
             explained,
             "| `y` | 1 |",
             "| `vulkan:hlsl` | 2 | 0x40000000 |",
-            "The first let-binding that differs is `less` at shaders/maths.wgsl:3:9",
+            "The first value that differs is `less` at shaders/maths.wgsl:3:9",
             "let thrice = x * 3.0;",
             "glslangValidator -D",
             "naga 30.0.1",
@@ -1049,8 +1052,8 @@ mod planted {
         run_with_glslang(&folder, ANOTHER_OPERATOR, "", &required).good();
         let healthy = run_with_glslang(&folder, "", "", &["--html", "m.html"]);
         assert_eq!(healthy.code, Some(1), "{healthy:?}");
-        let outdated = "one cell declared to fail works: delete from `karat.toml` the \
-                        declarations for maths::blend on vulkan:hlsl: the row reaches `agrees`";
+        let outdated = "one declared failure is gone: delete the \
+                        declarations in `karat.toml` for maths::blend on vulkan:hlsl: the row reaches `agrees`";
         assert!(healthy.err.contains(outdated), "{healthy:?}");
         // A row is declared to be rejected. If a compiler accepts it and the result differs, Karat doesn't report the
         // declaration as fixed.

@@ -31,9 +31,12 @@ fn features_reach_the_tests_of_a_folder() {
         &gated.replace("#ifdef SLOW\n", "").replace("#endif\n", ""),
     );
     let without = test(folder.path(), &["--feature", "fast=false"]);
-    let told = "not run: 1 test whose condition is false, b_test::gated @if(fast)";
+    let told = "1 test not run because of a false condition: b_test::gated @if(fast)";
     assert!(without.out.contains(told), "{without:?}");
-    assert!(without.out.contains(" compared; 1 test left out by conditions;"), "{without:?}");
+    assert!(
+        without.out.contains(" compared; 1 test left out because of conditions;"),
+        "{without:?}"
+    );
     let with = test(folder.path(), &["--feature", "fast"]);
     assert!(with.code == Some(1) && with.out.contains("4 checks, 3 failed"), "{with:?}");
     // The printed command repeats the run with the same features.
@@ -87,7 +90,7 @@ fn a_file_whose_name_resembles_a_test_file_fails_the_run() {
     }
     let declared = karat(folder.path(), &["test", "wgsl/a.test.toml"]).error();
     assert!(
-        declared.contains("name the module that it tests, such as `wgsl/a.wgsl`"),
+        declared.contains("name the module of these tests, such as `wgsl/a.wgsl`"),
         "{declared}"
     );
 }
@@ -221,7 +224,10 @@ fn tests_of_a_killed_process_are_named() {
     let out = String::from_utf8_lossy(&ended.stdout);
     assert_eq!(ended.status.code(), Some(1), "{out}");
     assert!(out.contains("signal: 9"), "{out}");
-    assert!(out.contains("before a verdict of") && out.contains("a::f in_range"), "{out}");
+    assert!(
+        out.contains("before these tests had a verdict: ") && out.contains("a::f in_range"),
+        "{out}"
+    );
     // The test counts as failed, and runs again singly.
     write(folder.path(), "wgsl/a.test.toml", &format!("{IN_RANGE}finite = true\n"));
     let failed = test(folder.path(), &["--failed"]).good();

@@ -151,7 +151,10 @@ fn the_exit_code_is_one_while_frames_are_pending() {
     let help = project.karat(&["review", "--help"]).output().expect("it was built");
     let help = String::from_utf8_lossy(&help.stdout).into_owned();
     assert!(help.contains("karat review --static report") && help.contains("Exit codes"), "{help}");
-    assert!(help.contains("/ filters them") && help.contains("#name shows that frame"), "{help}");
+    assert!(
+        help.contains("/ filters the frames") && help.contains("#name shows that frame"),
+        "{help}"
+    );
 }
 
 #[test]

@@ -44,7 +44,7 @@ impl Given {
             ensure!(
                 matches!(parts.len(), 1 | 3),
                 "argument `{name}` needs two derivatives, to the right and downwards: \
-                 `{}@DX@DY`",
+                 write `{}@DX@DY`",
                 parts[0]
             );
             given.varying.push(parts.len() == 3);
@@ -64,7 +64,7 @@ impl Given {
             counted(scalars.len(), "component"),
             words.len(),
             match shape {
-                Shape::Struct { .. } => format!("; as JSON it is {}", example(shape)),
+                Shape::Struct { .. } => format!("; as JSON, write {}", example(shape)),
                 _ => String::new(),
             }
         );
@@ -74,7 +74,7 @@ impl Given {
             match word.split_once("..") {
                 None => self.lanes.push(parse(word, scalar).with_context(of)?),
                 Some((least, rest)) => {
-                    ensure!(self.sweep.is_none(), "a call can sweep only one component");
+                    ensure!(self.sweep.is_none(), "a call can have only one sweep: remove a sweep");
                     let values = swept(scalar, least, rest).with_context(of)?;
                     self.lanes.push(values[0]);
                     self.sweep = Some(Sweep { lane, values });
@@ -119,7 +119,7 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
         };
         match found.get_mut(place) {
             Some(slot @ None) => *slot = Some(value),
-            Some(Some(_)) => bail!("the argument `{}` is given twice", parameters[place].0),
+            Some(Some(_)) => bail!("the parameter `{}` has two arguments", parameters[place].0),
             None => break,
         }
     }
@@ -127,7 +127,7 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
     let expected = parameters.len();
     ensure!(
         count == expected && found.iter().all(Option::is_some),
-        "`{}` takes {}, not {count}\n  {function}",
+        "`{}` needs {}, but the call has {count}\n  {function}",
         function.name,
         counted(expected, "argument"),
     );
@@ -157,20 +157,20 @@ fn example(shape: &Shape) -> String {
 /// Returns the lanes of the values in `least..most:count`.
 fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     let (most, count) = rest.split_once(':').with_context(|| {
-        format!("`{least}..{rest}`: a sweep needs the number of points: `0..1:100`")
+        format!("the sweep `{least}..{rest}` has no number of points: write, say, `0..1:100`")
     })?;
     ensure!(
         !most.starts_with('.'),
-        "`{least}..{rest}` has one dot too many: write `{least}..0{most}:{count}`"
+        "the sweep `{least}..{rest}` has one dot too many: write `{least}..0{most}:{count}`"
     );
     let most = most.strip_prefix('=').unwrap_or(most);
     let count: u32 = count.trim().parse().with_context(|| format!("`{count}` isn't a number"))?;
     ensure!(
         (2..=MOST_POINTS).contains(&count),
-        "a sweep has 2 to {MOST_POINTS} points, not {count}"
+        "a sweep can have 2 to {MOST_POINTS} points, but this sweep has {count}"
     );
     let end = |word: &str| Ok::<_, anyhow::Error>(scalar.decode(parse(word, scalar)?));
-    ensure!(scalar != Scalar::Bool, "a bool can't be swept");
+    ensure!(scalar != Scalar::Bool, "a sweep can't have the type bool: write `true` or `false`");
     let (least, most) = (end(least)?, end(most)?);
     ensure!(least.is_finite() && most.is_finite(), "both ends of a sweep must be finite");
     let distinct = (most - least).abs() + 1.0;

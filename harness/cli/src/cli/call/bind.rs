@@ -31,7 +31,7 @@ pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<Str
     for text in given {
         let (name, value) = one(text)?;
         if all.insert(name, value).is_some() {
-            bail!("the override is given twice: --override {text}");
+            bail!("an earlier --override sets the same name: remove --override {text}");
         }
     }
     Ok(all)
@@ -68,7 +68,7 @@ pub(super) fn expect_types(probed: &Probed, given: &[String]) -> anyhow::Result<
         let (name, value) = parted("override", text)?;
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let ("true" | "false", Some(kind)) = (value, kind) {
-            bail!("--override {text}: `{name}` is {}, so write a number", kind.wgsl());
+            bail!("--override {text}: `{name}` has the type {}, so write a number", kind.wgsl());
         }
     }
     Ok(())
@@ -92,12 +92,12 @@ pub(super) fn fixtures(
         let Some(binding) = known else {
             let near = nearest(name, bindings.iter().map(|b| b.name()));
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            bail!("`{}` reads no variable `{name}`{near}", probed.function().name);
+            bail!("`{}` uses no variable `{name}`{near}", probed.function().name);
         };
         if all.iter().any(|(other, _): &(String, _)| {
             other == name || *other == binding.path || other == binding.name()
         }) {
-            bail!("`{}` is bound twice: --bind {text}", binding.name());
+            bail!("the variable `{}` is bound twice: remove --bind {text}", binding.name());
         }
         let value = parsed(value).with_context(|| format!("--bind {text}"))?;
         let fixture = karat_suite::fixture(probed.program(), binding, &value, Path::new(""))
@@ -116,7 +116,7 @@ pub(super) fn fixtures(
         let (name, kind) = (missing.name(), missing.kind);
         let place = missing.span.as_ref().map_or_else(String::new, |span| format!(" ({span})"));
         bail!(
-            "`{name}`, a {kind}, is used{place} and has no value: add --bind {name}={}, or --arbitrary",
+            "the variable `{name}`, a {kind}, is used{place}, but it has no value: add --bind {name}={}, or --arbitrary",
             example(missing.kind)
         );
     }

@@ -57,11 +57,11 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
     let columns = columns(function);
     ensure!(
         !columns.is_empty(),
-        "`{}` has no parameters, so a table can't have columns for them",
+        "`{}` has no parameters, so a table can't set its arguments: remove --table",
         function.name
     );
     let table = read(input, &columns, function, request.expect.as_ref())?;
-    ensure!(!table.rows.is_empty(), "`{}` has no cases", input.display());
+    ensure!(!table.rows.is_empty(), "the table `{}` has no cases", input.display());
     let given = results(request, &table.rows)?;
     eprint!("{}", given.printed);
     match &request.expect {
@@ -100,7 +100,7 @@ impl Given {
     pub(super) fn ending(&self) -> Outcome {
         let told = |(path, error): &(Path, ProbeError)| {
             let error = error.to_string();
-            format!("no result on {path}: {}", error.trim_start_matches("error: "))
+            format!("{path} has no result: {}", error.trim_start_matches("error: "))
         };
         let told: Vec<String> = self.stopped.iter().map(told).collect();
         ensure!(told.is_empty(), "{}", told.join("\n"));
@@ -205,7 +205,7 @@ pub(super) fn write_table(
         });
         writer.write_record(inputs.chain(others).chain(values))?;
     }
-    let bytes = writer.into_inner().context("a table in memory")?;
+    let bytes = writer.into_inner().context("can't make the table of results")?;
     match request.output {
         Some(path) => write_whole(path, &bytes)
             .with_context(|| format!("can't write `{}`", path.display()))?,
@@ -255,7 +255,7 @@ fn compare(
         let count = table.rows.len();
         match failing {
             0 if count == 1 => writeln!(out, "{path}: the row agrees ({tolerance})")?,
-            0 => writeln!(out, "{path}: all {count} rows agree ({tolerance})")?,
+            0 => writeln!(out, "{path}: all {count} rows agree with the shader ({tolerance})")?,
             _ => {
                 writeln!(out, "{path}: {failing} of {count} rows differ ({tolerance})")?;
                 ending = Ending::Bad;
@@ -323,21 +323,21 @@ fn read(
     let mut table = Table::default();
     let mut record = csv::StringRecord::new();
     for index in 0.. {
-        if !reader.read_record(&mut record).with_context(|| format!("in `{shown}`"))? {
+        if !reader.read_record(&mut record).with_context(|| format!("can't read `{shown}`"))? {
             break;
         }
         let start = above + record.position().map_or(0, |position| position.byte() as usize);
         let line = || line_of(text.as_bytes(), start);
         ensure!(
             !begins_with_mark(text.as_bytes(), start),
-            "`{shown}` line {} begins with `#`, but comments may stand only above the head: remove the line, or quote its \
+            "`{shown}` line {} begins with `#`, but comments are allowed only above the header: remove the line, or quote its \
              first cell",
             line()
         );
         if index == 0 && record.iter().any(is_name) {
             if let Some(both) = expected.iter().find(|name| columns.iter().any(|(c, _)| c == *name))
             {
-                bail!("`{both}` is an argument, so it can't be the expected result");
+                bail!("--expect can't name `{both}`, because this column has an argument");
             }
             let head: Vec<&str> = record.iter().collect();
             let own: Vec<&str> = columns.iter().map(|(name, _)| &**name).collect();
@@ -351,20 +351,20 @@ fn read(
         }
         ensure!(
             headed || expect.is_none(),
-            "`{shown}` has no head, so no column is called `{}`",
+            "the table `{shown}` has no header, so --expect finds no column `{}`",
             expect.unwrap_or_default()
         );
         ensure!(
             record.len() == width,
-            "`{shown}` line {} has {}, but {} has {width}: {}",
+            "`{shown}` line {} has {}, but {} {width}: {}",
             line(),
             counted(record.len(), "column"),
-            if width == columns.len() { "a case" } else { "its head" },
+            if width == columns.len() { "a case needs" } else { "the header has" },
             names(columns)
         );
         ensure!(
             table.rows.len() < MOST_CASES,
-            "`{shown}` has more than {MOST_CASES} cases: evaluate it in parts"
+            "the table `{shown}` has more than {MOST_CASES} cases: split the table into several files"
         );
         let at = |name: &str| format!("`{shown}` line {}, column `{name}`", line());
         let row = columns.iter().zip(&places.arguments).map(|((name, scalar), place)| {
@@ -403,7 +403,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     }
     ensure!(
         length <= LONGEST,
-        "`{shown}` is longer than {} MB: evaluate it in parts",
+        "the table `{shown}` is longer than {} MB: split the table into several files",
         LONGEST >> 20
     );
     Ok(text)
@@ -470,7 +470,7 @@ mod tests {
         };
         let error = given.ending().expect_err("a path has no result").to_string();
         assert!(
-            error.starts_with("no result on vulkan: path `vulkan` returned 0 words"),
+            error.starts_with("vulkan has no result: path `vulkan` returned 0 words"),
             "{error}"
         );
     }

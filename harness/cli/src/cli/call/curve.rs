@@ -59,7 +59,7 @@ fn tick(value: f64) -> String {
 /// Draws curves with characters.
 pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let Some([(left, right), (bottom, top)]) = ends(curves) else {
-        anyhow::bail!("no value is finite, so there is no curve");
+        anyhow::bail!("no result of the sweep is finite, so Karat can't draw a curve");
     };
     let Size { columns, rows } = terminal::size();
     let wide = columns.map_or(COLUMNS, |columns| columns.saturating_sub(BESIDE).max(LEAST));
@@ -100,7 +100,7 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
         let gone = curve.points.iter().filter(|(_, y)| !y.is_finite()).count();
         let hidden = !field.iter().flatten().any(|own| own == mark) && curves.len() <= MARKS.len();
         let gone = match gone {
-            0 if hidden => " (behind the others)".to_owned(),
+            0 if hidden => " (behind the other curves)".to_owned(),
             0 => String::new(),
             count => format!(" (not finite: {})", counted(count, "point")),
         };
@@ -112,7 +112,7 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
 /// Draws curves into an SVG.
 pub(super) fn write_svg(curves: &[Curve], axis: &str, file: &FilePath) -> anyhow::Result<()> {
     let ends = ends(curves);
-    ensure!(ends.is_some(), "no value is finite, so there is no curve");
+    ensure!(ends.is_some(), "no result of the sweep is finite, so Karat can't draw a curve");
     let [(left, right), (bottom, top)] = ends.unwrap_or_default();
     let mut text = String::new();
     {
@@ -141,7 +141,7 @@ pub(super) fn write_svg(curves: &[Curve], axis: &str, file: &FilePath) -> anyhow
             area.present()?;
             Ok(())
         };
-        drawn().map_err(|error| anyhow::anyhow!("the curve can't be drawn: {error}"))?;
+        drawn().map_err(|error| anyhow::anyhow!("can't draw the curve: {error}"))?;
     }
     write_whole(file, text.as_bytes()).with_context(|| format!("can't write `{}`", file.display()))
 }

@@ -18,12 +18,12 @@ pub(super) fn workgroups(text: &str) -> Result<[u32; 3], String> {
     let groups = numbers(text, 1);
     // The largest number is WebGPU's `maxComputeWorkgroupsPerDimension` (section 3.6.2).
     let groups = groups.filter(|all| all.iter().all(|count| (1..=65_535).contains(count)));
-    groups.ok_or_else(|| "write workgroups as 4, or as 4,2,1; each is from 1 to 65535".to_owned())
+    groups.ok_or_else(|| "write the workgroups as 4 or 4,2,1, each from 1 to 65535".to_owned())
 }
 
 /// Parses `3`, `3,0` or `3,0,0`.
 pub(super) fn invocation(text: &str) -> Result<[u32; 3], String> {
-    let wrong = "write an invocation as 3, or as 3,0,0: its `global_invocation_id`";
+    let wrong = "write the `global_invocation_id` of an invocation as 3 or 3,0,0";
     numbers(text, 0).ok_or_else(|| wrong.to_owned())
 }
 
@@ -50,7 +50,7 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
             Err(error) => {
                 let error = error.to_string();
                 stopped
-                    .push(format!("no result on {path}: {}", error.trim_start_matches("error: ")));
+                    .push(format!("{path} has no result: {}", error.trim_start_matches("error: ")));
                 continue;
             }
         };
@@ -69,17 +69,17 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     let fails = found.iter().any(|(one, _)| one.kind.fails());
     for name in unlike {
         let why = match fails {
-            true => "the problem below may be the reason",
+            true => "the problem that is described below may be the reason",
             false => "the results may depend on the order of invocations",
         };
-        writeln!(out, "{KNOWN}paths have different results in `{name}`: {why}{KNOWN:#}")?;
+        writeln!(out, "{KNOWN}the values of `{name}` differ between the paths: {why}{KNOWN:#}")?;
     }
     for (one, message) in &found {
         let style = if one.kind.fails() { BAD } else { DIM };
         writeln!(out, "\n{style}{message}{style:#}")?;
     }
     if !watched.reason.is_empty() {
-        writeln!(out, "{DIM}not checked completely: {}{DIM:#}", watched.reason)?;
+        writeln!(out, "{DIM}the sanitizer didn't check the whole pass: {}{DIM:#}", watched.reason)?;
     }
     for table in printed(compute)? {
         write!(out, "{table}")?;

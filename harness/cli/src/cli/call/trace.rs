@@ -32,7 +32,7 @@ pub(in crate::cli) fn write_rows(rows: &[Row], out: &mut dyn Write) -> anyhow::R
     }
     table.write(out)?;
     if rows.is_empty() {
-        writeln!(out, "{DIM}the function computes nothing{DIM:#}")?;
+        writeln!(out, "{DIM}the function has no operations to show{DIM:#}")?;
     }
     Ok(())
 }

@@ -46,11 +46,11 @@ fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result
     let name = shown(file);
     let text = std::fs::read_to_string(file).with_context(|| format!("`{name}`"))?;
     let Ok(manifest) = serde_json::from_str::<Value>(&text) else {
-        writeln!(out, "{DIM}{name} isn't valid JSON: no script is added{DIM:#}")?;
+        writeln!(out, "{DIM}{name} isn't valid JSON, so Karat adds no script{DIM:#}")?;
         return Ok(());
     };
     if !manifest.is_object() || !matches!(manifest["scripts"], Value::Null | Value::Object(_)) {
-        writeln!(out, "{DIM}{name} isn't a package.json of npm: no script is added{DIM:#}")?;
+        writeln!(out, "{DIM}{name} isn't a package.json of npm, so Karat adds no script{DIM:#}")?;
         return Ok(());
     }
     if manifest["scripts"][SCRIPT].is_string() {
@@ -119,8 +119,7 @@ fn ask_for_tint(
     if !has(&manifest, TINT) {
         writeln!(
             out,
-            "{DIM}Chrome's compiler isn't required, because {FILE} doesn't have it: `npm install --save-dev {TINT}`, and run this \
-             again{DIM:#}"
+            "{DIM}the tests don't require Chrome's compiler, because {FILE} doesn't list it: run `npm install --save-dev {TINT}`, and then `karat init`{DIM:#}"
         )?;
         return Ok(());
     }
@@ -129,7 +128,7 @@ fn ask_for_tint(
         let remedy = &missing.remedy;
         writeln!(
             out,
-            "{DIM}Chrome's compiler isn't used: {missing}; {remedy}, and run this again{DIM:#}"
+            "{DIM}the tests don't require Chrome's compiler: {missing}; {remedy}, and run `karat init` again{DIM:#}"
         )?;
         return Ok(());
     }
@@ -138,7 +137,7 @@ fn ask_for_tint(
                  [compilers]\nrequire = [\"tint\"]\n";
     std::fs::write(&file, format!("{known}{blank}{asked}"))
         .with_context(|| format!("`{}`", file.display()))?;
-    writeln!(out, "{GOOD}wrote{GOOD:#} {}: Tint's verdict is required", file.display())?;
+    writeln!(out, "{GOOD}wrote{GOOD:#} {}: each module must be valid for Tint", file.display())?;
     Ok(())
 }
 

@@ -73,7 +73,7 @@ pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<Stri
     let first = written.first()?;
     Some(format!(
         "[[compute]]\nentry = \"{name}\"\nworkgroups = [{x}, {y}, {z}]\n# The resources before the pass: values, \
-         files, or a number of elements from a range.\nwith = {{ {} }}\n# No race, no barrier that some invocations miss, no \
+         files, or a number of elements from a range.\nwith = {{ {} }}\n# The pass has no race, no missed barrier and no \
          index outside of an array.\nno_hazards = true\n# The resources after the pass:\n# [compute.after.{first}]\n# finite = true\n",
         with.join(", ")
     ))

@@ -39,9 +39,9 @@ pub(super) fn page(matrices: &[Matrix]) -> anyhow::Result<String> {
     deflated
         .write_all(data.to_string().as_bytes())
         .and_then(|()| deflated.try_finish())
-        .context("the page can't be compressed")?;
+        .context("can't compress the page")?;
     let data = base64::engine::general_purpose::STANDARD
-        .encode(deflated.finish().context("the page can't be compressed")?);
+        .encode(deflated.finish().context("can't compress the page")?);
     let script = SCRIPTS.join("\n");
     let mut page = String::with_capacity(HTML.len() + CSS.len() + script.len() + data.len());
     for (position, piece) in HTML.split("{{").enumerate() {

@@ -50,7 +50,7 @@ fn status(
     match wanted {
         _ if cell.fails_as_declared().is_some() => TestCaseStatus::success(),
         Some(wanted) if cell.status >= Some(wanted) => TestCaseStatus::success(),
-        Some(wanted) => said(failure(), &format!("not `{wanted}`: {}", row.why(column))),
+        Some(wanted) => said(failure(), &format!("the row isn't `{wanted}`: {}", row.why(column))),
         None if cell.status == Some(Status::Agrees) => TestCaseStatus::success(),
         None => said(TestCaseStatus::skipped(), &format!("{}: {}", cell.word(), row.why(column))),
     }
@@ -63,11 +63,11 @@ fn evidence(cell: &Cell) -> String {
         format!("{}: {verdict} ({})", said.command, said.version)
     }));
     if cell.compared > 0 {
-        lines.push(format!("{} cases compared, {} differ", cell.compared, cell.differing));
+        lines.push(format!("{} results compared, {} differ", cell.compared, cell.differing));
     }
     if cell.open > 0 {
-        lines.push(format!("{} differ where WGSL allows several results", cell.open));
+        lines.push(format!("{} results differ where WGSL allows several results", cell.open));
     }
-    lines.extend(cell.known.as_ref().map(|known| format!("known: {}", known.reason)));
+    lines.extend(cell.known.as_ref().map(|known| format!("known issue: {}", known.reason)));
     lines.join("\n")
 }

@@ -41,10 +41,10 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
     let mut files = vec![(
         "shader.wgsl".to_owned(),
         if row.kind == "function" {
-            "the function with everything that it uses, and the kernel that calls it: `karat_in` has the \
-             32-bit words of the arguments, `karat_out` those of the results; a canary follows each case"
+            "the function with everything that it uses, and the kernel that calls it: `karat_in` contains \
+             the arguments as 32-bit words, `karat_out` contains the results, with a canary after each case"
         } else {
-            "the entry point's module with everything that it uses"
+            "the linked text of the entry point"
         }
         .to_owned(),
     )];
@@ -124,14 +124,14 @@ fn readme(
         if let (true, Some(adapter)) =
             (one.name == head.name || Some(&*one.name) == baseline, &one.adapter)
         {
-            writeln!(text, "- `{}` ran on {adapter}", one.name)?;
+            writeln!(text, "- column `{}` ran on {adapter}", one.name)?;
         }
     }
     if let Some(found) = &cell.divergence {
         write_divergence(&mut text, head, found)?;
     }
     let source = &row.source;
-    writeln!(text, "\n## The author's text\n\n`{}:{}`\n", source.file, source.line)?;
+    writeln!(text, "\n## The shader's source\n\n`{}:{}`\n", source.file, source.line)?;
     writeln!(text, "{}", fenced("wgsl", &source.text))?;
     writeln!(text, "\n## Files\n")?;
     for (name, what) in files {
@@ -146,7 +146,7 @@ fn readme(
         }
     }
     let all = baseline.into_iter().chain([&*head.name]).collect::<Vec<_>>().join(",");
-    writeln!(text, "Karat repeats it with `karat matrix --shaders shader.wgsl --columns {all}`.")?;
+    writeln!(text, "Repeat the run with `karat matrix --shaders shader.wgsl --columns {all}`.")?;
     Ok(text)
 }
 
@@ -171,9 +171,8 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
     if !found.alone {
         writeln!(
             text,
-            "\nIf it is the only input, both results are equal: a result depends on the inputs that run \
-             beside it. These are the results among the inputs that Karat makes up, which are the same \
-             each time."
+            "\nIf the kernel runs only this input, both results are equal, so a result depends on the other inputs of \
+             the run. The results above are from a run of all generated inputs, which are the same in each run."
         )?;
         return Ok(());
     }
@@ -182,20 +181,20 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
             let place = first.location.as_ref().map_or_else(String::new, |at| format!(" at {at}"));
             writeln!(
                 text,
-                "\nThe first let-binding that differs is `{}`{place}: {} here, {} there.{}",
+                "\nThe first value that differs is `{}`{place}: {} on this column, {} on the other column.{}",
                 first.name,
                 first.here,
                 first.there,
-                if first.in_loop { " It is in a loop; these are its last values." } else { "" }
+                if first.in_loop { " The loop's last iteration has these values." } else { "" }
             )?;
             if let Some(line) = first.text_line {
-                writeln!(text, "It is line {line} of the translation.")?;
+                writeln!(text, "In the translation, this value is in line {line}.")?;
             }
         }
-        None => writeln!(text, "\nNone of the let-bindings that Karat could compare differs.")?,
+        None => writeln!(text, "\nAll intermediate values that Karat could compare are equal.")?,
     }
     if !found.unseen.is_empty() {
-        writeln!(text, "Not compared: `{}`.", found.unseen.join("`, `"))?;
+        writeln!(text, "Karat couldn't compare `{}`.", found.unseen.join("`, `"))?;
     }
     Ok(())
 }

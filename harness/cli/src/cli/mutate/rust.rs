@@ -58,7 +58,7 @@ impl RustTests {
         packages: &[String],
         filter: Option<&str>,
     ) -> anyhow::Result<Self> {
-        tell("building the tests in Rust, and running each test once");
+        tell("Karat builds the tests in Rust, and runs each test once");
         let (mut slowest, mut slow) = (Duration::ZERO, BTreeSet::new());
         let mut found: BTreeMap<String, Vec<PathRecord>> = BTreeMap::new();
         let mut direct: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -133,7 +133,7 @@ impl RustTests {
             let more =
                 if red.len() > 1 { format!(", and {} more", red.len() - 1) } else { String::new() };
             bail!(
-                "`{test}`{more} fails without a mutant, so it would kill each mutant: correct it first\n\n{}",
+                "a test that fails without a mutant would kill each mutant, so correct this test first: `{test}`{more}\n\n{}",
                 message.trim_end()
             );
         }
@@ -212,7 +212,7 @@ impl RustTests {
             }
             if was_ended {
                 let seconds = self.limit.as_secs();
-                let reason = format!("Karat ended it after {seconds} s");
+                let reason = format!("Karat ended the test after {seconds} s");
                 judged.stopped = Some((program.show(concerned[0]), reason));
                 continue;
             }

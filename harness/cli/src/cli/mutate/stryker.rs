@@ -42,7 +42,7 @@ fn mutant(one: &Tried) -> Value {
         Fate::Lived { .. } => ("Survived", String::new()),
         Fate::Untested { .. } => ("NoCoverage", String::new()),
         Fate::Invalid { reason } => ("CompileError", reason.clone()),
-        Fate::Idle => ("Ignored", "it changes no linked code".to_owned()),
+        Fate::Idle => ("Ignored", "no linked code changes".to_owned()),
         // Viewers count a `Timeout` as detected, but no test killed this mutant.
         Fate::Stopped { reason, .. } | Fate::Unknown { reason } => ("RuntimeError", reason.clone()),
     };

@@ -144,7 +144,7 @@ fn annotations(
     lines.splice(0..0, errors);
     if !rest.is_empty() {
         let title = format!("{} failed", counted(rest.len(), "more check"));
-        let message = format!("their messages are in the log:\n{}", rest.join("\n"));
+        let message = format!("the log has the messages of these checks:\n{}", rest.join("\n"));
         lines.push(annotation(None, &title, &message));
     }
     if !reasons.is_empty() {
@@ -156,7 +156,7 @@ fn annotations(
 /// Returns the message of a failure. A long message keeps its end, because the replay command is there.
 fn message(record: &Record) -> String {
     let message = record.message.clone();
-    let message = message.unwrap_or_else(|| "it fails without a message".to_owned());
+    let message = message.unwrap_or_else(|| "the check fails without a message".to_owned());
     if message.encode_utf16().count() <= LONGEST_ANNOTATION {
         return message;
     }
@@ -192,7 +192,7 @@ pub(in crate::cli) fn write_warnings(
         writeln!(out, "{}", command("warning", place.as_ref(), title, &message))?;
     }
     if count > shown {
-        let message = format!("{} more are in the log", count - shown);
+        let message = format!("the log has {} more warnings", count - shown);
         writeln!(out, "{}", command("warning", None, title, &message))?;
     }
     Ok(())
@@ -256,7 +256,7 @@ fn summary(
         }
     }
     if dropped > 0 {
-        writeln!(text, "{} in the log.", counted(dropped, "more message"))?;
+        writeln!(text, "The log has {}.", counted(dropped, "more message"))?;
     }
     Ok(text)
 }
@@ -301,7 +301,7 @@ fn section(record: &Record, names: &Names, project: &Project) -> anyhow::Result<
             format!("{what} `{}`", file.replace('\\', "/"))
         };
         let names: Vec<String> = pictures.iter().map(name).collect();
-        writeln!(text, "In the artefact of this run: {}\n", names.join(", "))?;
+        writeln!(text, "Pictures in the artefact of this run: {}\n", names.join(", "))?;
     }
     text.push_str("</details>\n\n");
     Ok(text)

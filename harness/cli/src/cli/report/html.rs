@@ -89,20 +89,19 @@ fn head(
             }
             @match run {
                 None => p class="fail" {
-                    "The record doesn't say that its run ended, so tests may be missing: the run was stopped, or it \
-                     is still running. Run the tests again."
+                    "Tests may be missing: the record doesn't say that the run has ended. Run the tests again."
                 },
                 Some(run) if !run.selected.is_empty() => p { "Only: " (run.selected.join(" ")) },
                 Some(_) => {}
             }
             @for overlay in overlays {
-                p class="fail" { "With KARAT_OVERLAY=" (overlay) ": files of this folder replaced modules of the packages." }
+                p class="fail" { "The run had KARAT_OVERLAY=" (overlay) ": files of this folder replaced modules of the packages." }
             }
-            @if let Some(matrix) = matrix { p { a href=(matrix) { "Every translation of the shaders" } } }
+            @if let Some(matrix) = matrix { p { a href=(matrix) { "See the translations of the shaders" } } }
             ul class="adapters" { @for adapter in &adapters { li { (adapter) } } }
             label { "Search " input id="search" type="search" placeholder="name, test, path, message"; }
-            label { input id="failing" type="checkbox"; " only what fails" }
-            p id="none" hidden { "No row has all of these words." }
+            label { input id="failing" type="checkbox"; " only failures" }
+            p id="none" hidden { "No row contains all words of the search." }
         }
     }
 }
@@ -263,7 +262,7 @@ fn distribution(errors: &Errors) -> Markup {
         .chain((LEAST..=MOST).map(|power| {
             let word = if power == MOST { "above" } else { "up to" };
             let of = if power == MOST { power - 1 } else { power };
-            (format!("{word} 2^{of} of the bound"), within(power), power > 0)
+            (format!("{word} 2^{of} times the bound"), within(power), power > 0)
         }))
         .chain([("not finite".to_owned(), errors.not_finite, true)])
         .collect();
@@ -273,7 +272,7 @@ fn distribution(errors: &Errors) -> Markup {
     let height = |count: u64| 20.0 * ((1 + count) as f64).ln() / ((1 + most) as f64).ln();
     html! {
         svg class="bars" width="114" height="22" role="img"
-            aria-label={ "errors of " (errors.cases()) " cases, in powers of two of the bound" } {
+            aria-label={ "errors of " (errors.cases()) " cases, divided by the bound and grouped by powers of two" } {
             @for (at, (name, count, bad)) in bars.iter().enumerate() {
                 @if *count > 0 {
                     rect x=(at * 6) y={ (format!("{:.1}", 21.0 - height(*count))) } width="5"
@@ -303,8 +302,8 @@ fn functions(rows: &[Row<'_>]) -> Markup {
             section {
                 h2 { "Functions" }
                 p class="note" {
-                    "The worst error, its share of the bound, and how many cases were compared. Each bar counts the \
-                     cases of a sample between two powers of two of the bound; the line is the bound."
+                    "Each row shows the worst error, this error divided by its bound, and the number of compared cases. Each bar counts \
+                     the cases in which the error divided by the bound lies between two powers of two. The vertical line is the bound."
                 }
                 table {
                     @for (row, function, check, facts) in functions {
@@ -340,7 +339,7 @@ fn frames(rows: &[Row<'_>], review: Option<&str>) -> Markup {
             section {
                 h2 { "Frames" }
                 @if review.is_none() {
-                    p class="note" { "Show them with " code { "karat review" } "." }
+                    p class="note" { "To see the frames, run " code { "karat review" } "." }
                 }
                 table {
                     @for (row, golden, name) in frames {
@@ -367,8 +366,7 @@ fn hazards(all: &[Hazards]) -> Markup {
         section {
             h2 { "Hazards" }
             p class="note" {
-                "Operations that can go wrong, for arguments that names and types suggest, whether or not \
-                 a test notices: " code { "karat hazards" } "."
+                "These operations can go wrong for generated arguments, even if no test fails. For more details, run " code { "karat hazards" } "."
             }
             @for hazards in all {
                 p {

@@ -64,12 +64,12 @@ pub(super) fn missing(parts: &[Recorded]) -> Vec<String> {
         match (run.not_run, run.stopped) {
             (0, false) => None,
             (0, true) => Some(format!(
-                "`{folder}` has {checks}, and may lack others, because its runner stopped at a failure (see --no-fail-fast)"
+                "`{folder}` has {checks}, and may lack other checks, because its runner stopped at a failure (run with --no-fail-fast)"
             )),
             (tests, _) => {
                 let tests = counted(tests, "test");
                 Some(format!(
-                    "`{folder}` has {checks}, and lacks {tests} that didn't run after a failure (see --no-fail-fast)"
+                    "`{folder}` has {checks}, and lacks {tests} that didn't run after a failure (run with --no-fail-fast)"
                 ))
             }
         }

@@ -48,7 +48,7 @@ pub(in crate::cli) fn write(
     }
     lines.iter().try_for_each(|line| writeln!(out, "{}", one_line(line)))?;
     let more =
-        if sum.outside().is_empty() { "" } else { "; run without --short to see the message" };
+        if sum.outside().is_empty() { "" } else { "; to see the message, run without --short" };
     writeln!(out, "{}{}{more}", sum.line(), sum.remarks())
 }
 
@@ -115,7 +115,7 @@ fn headline(record: &Record) -> String {
     let (Subject::Function { function, check, .. }, Some(worst)) = (&record.subject, worst(record))
     else {
         let said = record.details.as_ref().map(|details| details.headline.clone());
-        return said.unwrap_or_else(|| "it fails without a message".to_owned());
+        return said.unwrap_or_else(|| "the check fails without a message".to_owned());
     };
     let seen = match worst.asserted.is_empty() {
         true => worst.worst.clone(),

@@ -64,7 +64,7 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     let least = orders.iter().min()?;
     let checks = counted(orders.len(), "check");
     Some(format!(
-        "{checks} of passes held in {} of invocations; there are more",
+        "{checks} of passes passed in {} of invocations; Karat didn't try all orders",
         counted(*least as usize, "order")
     ))
 }
@@ -77,7 +77,7 @@ fn unwritten(records: &[Record]) -> Option<String> {
     let lines = counted(all.len(), "line");
     let reads = if all.len() == 1 { "reads" } else { "read" };
     Some(format!(
-        "{lines} {reads} elements that no pass has written: {first}; add `value = 0` beside `size` if the host clears them"
+        "{lines} {reads} elements that no pass has written: {first}; if your program clears these elements, add `value = 0` beside `size`"
     ))
 }
 
@@ -128,7 +128,9 @@ impl Sum {
         if run.not_run > 0 {
             let tests = counted(run.not_run, "test");
             let were = if run.not_run == 1 { "wasn't" } else { "weren't" };
-            sum = sum.with(format!("{tests} {were} run after a failure: run with --no-fail-fast"));
+            sum = sum.with(format!(
+                "{tests} {were} run because another test failed: run with --no-fail-fast"
+            ));
         } else if run.stopped {
             let why = "the runner stopped at a failure, so later tests may be missing: run with \
                        --no-fail-fast";
@@ -258,12 +260,15 @@ mod tests {
         };
         assert_eq!(remarks(&[in_orders(12, true), in_orders(0, true)]), "");
         let some = remarks(&[in_orders(16, false), in_orders(12, true), in_orders(20, false)]);
-        assert_eq!(some, "; 2 checks of passes held in 16 orders of invocations; there are more");
+        assert_eq!(
+            some,
+            "; 2 checks of passes passed in 16 orders of invocations; Karat didn't try all orders"
+        );
         let mut reading = with("");
         let watched = reading.watched.as_mut().expect("it has passes");
         watched.unwritten.push("`partials[3]` at mean.wgsl:17:57".to_owned());
-        let expected = "; 1 line reads elements that no pass has written: `partials[3]` at mean.wgsl:17:57; add `value = 0` beside \
-                        `size` if the host clears them";
+        let expected = "; 1 line reads elements that no pass has written: `partials[3]` at mean.wgsl:17:57; if your program clears \
+                        these elements, add `value = 0` beside `size`";
         assert_eq!(remarks(&[reading.clone(), reading]), expected, "two checks of one pass");
         let mut accepting = with("");
         let watched = accepting.watched.as_mut().expect("it has passes");
@@ -311,7 +316,7 @@ mod tests {
         let stopped = Run { not_run: 4, failed: names(&["t"]), ..red.clone() };
         assert_eq!(
             line(one, Some(&stopped)),
-            "4 tests weren't run after a failure: run with --no-fail-fast; 1 check, 1 failed"
+            "4 tests weren't run because another test failed: run with --no-fail-fast; 1 check, 1 failed"
         );
         let stopped = Run { stopped: true, ..red };
         assert!(line(one, Some(&stopped)).starts_with("the runner stopped at a failure"));

@@ -105,7 +105,7 @@ pub(in crate::cli) fn write_sum(
         writeln!(out, "{BAD}karat replay {name}{BAD:#}  {}", called.subject(record))?;
     }
     if names.len() > NAMED {
-        writeln!(out, "and {} more: `karat replay` lists all", names.len() - NAMED)?;
+        writeln!(out, "and {} more failures: `karat replay` lists all", names.len() - NAMED)?;
     }
     if let Some(slowest) = slowest(records) {
         writeln!(out, "{DIM}slowest: {slowest}{DIM:#}")?;
@@ -115,7 +115,7 @@ pub(in crate::cli) fn write_sum(
     for overlay in overlays {
         writeln!(
             out,
-            "{BAD}with KARAT_OVERLAY={overlay}: it replaced modules of the packages{BAD:#}"
+            "{BAD}KARAT_OVERLAY was set: files of {overlay} replaced modules of the packages{BAD:#}"
         )?;
     }
     Ok(())
@@ -147,8 +147,8 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     }
     match filter {
         Some(filter) => bail!(
-            "no check ran: no test's name contains `{filter}`, and no test checked such a function in its last \
-             run. The filter finds a new test only by its name; `karat test` runs all tests. A run that compared nothing isn't a success"
+            "no check ran: no test's name contains `{filter}`, and no test of an earlier run checked a function \
+             whose name contains this text. The filter finds a new test only by its name; `karat test` runs all tests. A run that compared nothing isn't a success"
         ),
         None => bail!("no test ran a check. A run that compared nothing isn't a success"),
     }
@@ -275,8 +275,7 @@ fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
     if wider > 0 {
         writeln!(
             out,
-            "{DIM}tolerances of {wider} of {declared} checks are below what WGSL allows: another driver \
-             may fail them{DIM:#}"
+            "{DIM}{wider} of {declared} checks have a tolerance below the errors that WGSL allows: another driver may fail these checks{DIM:#}"
         )?;
     }
     Ok(())
@@ -337,7 +336,10 @@ pub(super) mod tests {
             Some(Allowance { cases: 200, wider: 1, worst: None, unbounded: 1 });
         write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         let text = String::from_utf8(text).expect("UTF-8");
-        assert!(text.contains("tolerances of 1 of 1 checks are below what WGSL allows"), "{text}");
+        assert!(
+            text.contains("1 of 1 checks have a tolerance below the errors that WGSL allows"),
+            "{text}"
+        );
     }
 
     pub(in crate::cli::report) fn record(

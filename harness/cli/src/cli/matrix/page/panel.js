@@ -35,9 +35,9 @@ function divergence(found, column, go) {
   const table = element("table", { className: "values" },
     element("tbody", {}, ...(found.arguments ?? []).map(([name, value]) => pair(plain(name), plain(value)))),
     element("tbody", {}, pair(`${plain(column.name)} returns`, here), pair(`${plain(found.baseline)} returns`, there)));
-  const made = section(found.alone ? "The simplest input found on which they differ" : "An input on which they differ", table);
+  const made = section(found.alone ? "The simplest input found for which the results differ" : "An input for which the results differ", table);
   const { first } = found;
-  if (!found.alone) made.append(element("p", {}, "If it is the only input, both results are equal: a result depends on the inputs that run beside it."));
+  if (!found.alone) made.append(element("p", {}, "If the kernel runs only this input, both results are equal, so a result depends on the other inputs of the run."));
   else if (first) {
     const [a, b] = apart(first.here, first.there);
     made.append(element("p", {}, first.name === "return" ? "The first value that differs is what " : "The first value that differs is ",
@@ -45,8 +45,8 @@ function divergence(found, column, go) {
       link(`line ${first.line}`, () => go("author", first.line)),
       ...(first.text_line ? [" of the author, ", link(`line ${first.text_line}`, () => go("text", first.text_line)), " of the translation."] : [" of the author."])),
     element("table", { className: "values" }, element("tbody", {}, pair(plain(column.name), a), pair(plain(found.baseline), b))));
-  } else made.append(element("p", { className: "dim" }, "None of the let-bindings that Karat could compare differs."));
-  if (found.unseen?.length) made.append(element("p", { className: "dim" }, `Not compared: ${found.unseen.map(plain).join(", ")}.`));
+  } else made.append(element("p", { className: "dim" }, "All intermediate values that Karat could compare are equal."));
+  if (found.unseen?.length) made.append(element("p", { className: "dim" }, `Karat couldn't compare ${found.unseen.map(plain).join(", ")}.`));
   return made;
 }
 
@@ -139,7 +139,7 @@ function codesOf(entry, judged, column) {
     sides.text = codeOf(text, { range: cell.text_lines ?? null, marked: new Map([...accused(cell).map((n) => [n, NAMED]), ...(first?.text_line ? [[first.text_line, DIFFERENT]] : [])]), label: "The translation" });
   } else {
     const why = element("p");
-    if (cell.status === null) why.append("naga doesn't write it, so there is no translation.");
+    if (cell.status === null) why.append("naga can't translate the row, so the page has no translation.");
     else if (column.head.language === "spirv") {
       const command = `${commandOf(entry, "spirv")} | spirv-dis`;
       const copied = button({}, "Copy");
@@ -158,10 +158,10 @@ function factsOf(entry, judged, column, go) {
   const facts = element("div", { className: "facts", tabIndex: 0 });
   facts.setAttribute("role", "region");
   facts.setAttribute("aria-label", "Details");
-  if (cell.known) facts.append(section("Known", element("p", {}, plain(cell.known)), element("p", { className: "dim" }, "The package declares that this fails, and it does. It isn't counted as a finding.")));
+  if (cell.known) facts.append(section("Known", element("p", {}, plain(cell.known)), element("p", { className: "dim" }, "The package declares this failure, so the failure isn't counted as a finding.")));
   if (cell.divergence) facts.append(divergence(cell.divergence, column, go));
   if (cell.stopped) {
-    const why = cell.status === null && cell.stopped.why === "unsupported" ? "naga doesn't write it" : WHY.get(cell.stopped.why) ?? "It gets no further";
+    const why = cell.status === null && cell.stopped.why === "unsupported" ? "naga can't translate the row" : WHY.get(cell.stopped.why) ?? "The row stops here";
     const said = section(why, element("pre", {}, plain(cell.stopped.says).trim()));
     const lines = [...new Set(accused(cell))].slice(0, 6);
     if (lines.length && Number.isInteger(cell.text)) said.append(element("p", {}, ...lines.flatMap((n, i) => [i ? ", " : "In the translation: ", link(`line ${n}`, () => go("text", n))])));
@@ -175,12 +175,12 @@ function factsOf(entry, judged, column, go) {
   if (cell.allowed) {
     const { bounded, outside, first } = cell.allowed;
     const all = `WGSL bounds the results of ${many(bounded, "case", "cases")}.`;
-    facts.append(section("What WGSL allows", element("p", {}, outside ? `✗ ${all} ${many(outside, "is", "are")} outside: ${plain(first)}.` : `✓ ${all} None is outside.`)));
+    facts.append(section("What WGSL allows", element("p", {}, outside ? `✗ ${all} ${many(outside, "is", "are")} outside of the bounds: ${plain(first)}.` : `✓ ${all} All results are inside of the bounds.`)));
   }
   if (cell.reference) {
     const { passed, checks, worst } = cell.reference;
     const share = Number.isFinite(worst) ? ` The worst error is ${Number(worst.toPrecision(3))} times the tolerance.` : "";
-    facts[passed ? "append" : "prepend"](section("Reference", element("p", {}, `${passed ? "✓" : "✗"} The package's own tests ${passed ? "accept" : "reject"} it on this path: ${many(checks ?? 0, "check")}.${share}`)));
+    facts[passed ? "append" : "prepend"](section("Reference", element("p", {}, `${passed ? "✓" : "✗"} The package's own tests ${passed ? "accept" : "reject"} the row on this path: ${many(checks ?? 0, "check")}.${share}`)));
   }
   facts.append(section("naga's options", element("p", {}, plain(cell.options))));
   const tools = (cell.validators ?? []).map(({ command, version, verdict }) => {
@@ -191,7 +191,7 @@ function factsOf(entry, judged, column, go) {
       element("div", { className: "dim" }, plain(version)),
       verdict === "valid" ? element("div", {}, "✓ valid") : element("pre", {}, `✗ ${plain(verdict)}`));
   });
-  facts.append(section("Validators", ...(tools.length ? tools : [element("p", {}, "No validator has checked it.")])));
+  facts.append(section("Validators", ...(tools.length ? tools : [element("p", {}, "No validator checked the translation.")])));
   if (column.head.adapter) facts.append(section("Runs on", element("p", {}, plain(column.head.adapter))));
   return facts;
 }

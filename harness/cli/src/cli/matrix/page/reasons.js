@@ -40,15 +40,15 @@ function reasonOf(reason) {
       byId("filter").value = "";
       change({ reason: reason.id, filter: "", show: new Set(), kinds: new Set(), columns: null }, { step: true });
       byId("tools").scrollIntoView({ block: "start" });
-    } }, "Show them"));
+    } }, "Show the rows"));
   const some = element("div", { className: "where" }, ...rows.slice(0, 6).map(open));
   if (rows.length > 6) {
     some.append(button({ className: "link", onclick: (event) => event.target.replaceWith(...rows.slice(6).map(open)) }, `${rows.length - 6} more`));
   }
   const others = reason.variants.size - 1;
   return element("li", {},
-    sort ? badge(sort) : element("span", { className: "dim" }, reason.why === NOT_CALLABLE ? NOT_CALLABLE : WHY.get(reason.why) ?? "It stops"),
+    sort ? badge(sort) : element("span", { className: "dim" }, reason.why === NOT_CALLABLE ? NOT_CALLABLE : WHY.get(reason.why) ?? "The row stops"),
     element("pre", {}, reason.says),
-    others ? element("div", { className: "where" }, `${many(others, "more reason differs", "more reasons differ")} from it only in numbers, names or inputs.`) : null,
+    others ? element("div", { className: "where" }, `${many(others, "more reason differs", "more reasons differ")} from this reason only in numbers, names or inputs.`) : null,
     where, some);
 }

@@ -8,7 +8,7 @@ function buildHead() {
   const outside = rows.filter(({ row }) => row.error).length;
   byId("about").textContent = [
     `naga ${plain(matrix.naga)} translates ${many(rows.length - outside, "row")} for ${many(columns.length, "column")}.`,
-    matrix.cases ? `Functions that can run are called with ${many(matrix.cases, "input")} each.` : "",
+    matrix.cases ? `Karat calls each function that can run with ${many(matrix.cases, "input")}.` : "",
     outside ? `${many(outside, "row is", "rows are")} in no column.` : "",
   ].filter(Boolean).join(" ");
 

@@ -3,27 +3,27 @@
 const STATUSES = ["translated", "valid", "executed", "agrees"];
 // The kinds of cells, in the order of bars and toggles. `sign` is for readers who see no colours.
 const SORTS = new Map(Object.entries({
-  agrees: { sign: "✓", about: "it ran, and another column has the same results" },
-  executed: { sign: "▷", about: "it ran on all inputs, and wrote all results" },
-  valid: { sign: "◐", about: "all installed validators of the language accept it" },
-  translated: { sign: "○", about: "naga writes it" },
-  differs: { sign: "≠", word: "DIFFERS", about: "it ran, and its results differ from those of the compared column" },
-  invalid: { sign: "✗", word: "INVALID", about: "a validator rejects what naga wrote" },
-  panics: { sign: "!", word: "PANICS", about: "naga panics as it writes it" },
+  agrees: { sign: "✓", about: "the row ran, and another column has the same results" },
+  executed: { sign: "▷", about: "the row ran on all inputs, and wrote all results" },
+  valid: { sign: "◐", about: "all installed validators of the language accept the translation" },
+  translated: { sign: "○", about: "naga translated the row" },
+  differs: { sign: "≠", word: "DIFFERS", about: "the row ran, and its results differ from the results of the compared column" },
+  invalid: { sign: "✗", word: "INVALID", about: "a validator rejects naga's translation" },
+  panics: { sign: "!", word: "PANICS", about: "naga panics during the translation" },
   broke: { sign: "?", word: "NO VERDICT", about: "a validator or a driver crashed, didn't end or doesn't run" },
-  unsupported: { sign: "⊘", about: "naga doesn't write it. After another word: naga wrote it, but can't translate it further on this route" },
-  known: { sign: "≡", word: "known", about: "the package declares that this fails, and it does; it isn't counted as a finding" },
+  unsupported: { sign: "⊘", about: "naga can't translate the row. After another word: naga translated the row, but can't translate the result further on this route" },
+  known: { sign: "≡", word: "known", about: "the package declares this failure, so the failure isn't counted as a finding" },
 }));
 const FINDINGS = ["differs", "invalid", "panics", "broke", "unsupported", "reference"];
 const WHY = new Map(Object.entries({
-  unsupported: "naga can't translate it further",
-  rejected: "A validator rejects it",
+  unsupported: "naga can't translate the row further",
+  rejected: "A validator rejects the translation",
   panicked: "naga panics",
   broke: "A validator or driver has no verdict",
   no_validator: "No validator of the language is installed",
-  unavailable: "Nothing on this machine runs it",
-  not_run: "It isn't run",
-  differs: "Its results differ",
+  unavailable: "Nothing on this machine runs this column",
+  not_run: "The row isn't run",
+  differs: "The results differ",
   nothing_to_compare: "No other column has results to compare",
 }));
 

@@ -25,10 +25,10 @@ pub(super) fn map(histogram: &Histogram, path: &str) -> Markup {
     html! {
         figure {
             figcaption {
-                "Samples in each of " (expected.len()) " cells on " (path) ", compared with the expected number: red where \
-                 there are too many, blue where there are too few; the full colour is at " (MOST) " standard deviations. "
-                (across) " runs to the right" @if !down.is_empty() { ", " (down) " down" }
-                "; the cells have equal sizes in this map."
+                "Samples in each of " (expected.len()) " cells on " (path) ", compared with the expected number. A cell is red \
+                 if it has too many samples, and blue if it has too few. The colour is strongest at " (MOST) " standard deviations. "
+                (across) " increases to the right" @if !down.is_empty() { ", " (down) " downwards" }
+                ". All cells have the same size in this map."
             }
             svg width=(WIDTH) height=(HEIGHT) role="img" aria-label="counts compared with expected counts" {
                 @for ((x, y, width), (observed, expected)) in cells.zip(numbers) {
@@ -83,7 +83,8 @@ mod tests {
         // A one-dimensional histogram is one row.
         let line = of(vec![1, 1], vec![1, 9], vec![5.0, 5.0]);
         assert!(
-            line.contains("height=\"180.00\" fill") && line.contains("theta runs to the right"),
+            line.contains("height=\"180.00\" fill")
+                && line.contains("theta increases to the right"),
             "{line}"
         );
         // The sample lies in a cell with probability 0.

@@ -40,9 +40,9 @@ pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
         @if !drawn.is_empty() {
             figure {
                 figcaption {
-                    "Error divided by its bound on " (path) " (" (asserted) "), of " (plot.rows.len())
-                    " cases. A dot is a case. The line at 1 is the bound, and dots above it are red. Blank fields of the map \
-                     had no cases."
+                    "Errors divided by their bounds on " (path) " (" (asserted) "). Each of the " (plot.rows.len())
+                    " dots is a case. The line at 1 is the bound, and dots above the line are red. Blank fields of the \
+                     map contain no case."
                 }
                 @for svg in drawn { (PreEscaped(svg)) }
             }
@@ -156,7 +156,7 @@ fn map(plot: &Plot, across: usize, up: usize) -> Option<String> {
     svg((360, 260), |area| {
         let text = ("sans-serif", 12).into_font().color(&INK);
         let title = format!(
-            "largest error: {} across, {} up (yellow: {:.0e})",
+            "largest error: {} to the right, {} upwards (yellow: {:.0e})",
             plot.arguments[across],
             plot.arguments[up],
             most.exp()
