@@ -188,7 +188,7 @@ fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
 }
 
 fn this() -> anyhow::Result<Command> {
-    Ok(Command::new(std::env::current_exe().context("can't find this program's own file")?))
+    Ok(Command::new(std::env::current_exe().context("can't find karat's executable file")?))
 }
 
 /// Writes a test of one function beside its module. If there is no function, writes a test of a compute pass. Prefers a

@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 fn supervise() -> Outcome {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let file = folder.path().join("journal.jsonl");
-    let program = std::env::current_exe().context("can't find this program's own file")?;
+    let program = std::env::current_exe().context("can't find karat's executable file")?;
     let mut command = Command::new(program);
     command.args(std::env::args_os().skip(1)).arg("--journal").arg(&file);
     let status = restarted(&file, &mut command).context("can't run this program again")?;

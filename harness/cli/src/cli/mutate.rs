@@ -227,7 +227,7 @@ fn list(requests: &[(String, Request)], out: &mut dyn Write) -> Outcome {
 /// must not write their files beside the shaders.
 fn apart(path: &str) -> Outcome {
     let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
-    let program = std::env::current_exe().context("can't find this program's own file")?;
+    let program = std::env::current_exe().context("can't find karat's executable file")?;
     let mut command = Command::new(program);
     let mut words = std::env::args_os().skip(1);
     command.args(words.next()).arg("--scratch").arg(scratch.path()).args(words);

@@ -508,7 +508,7 @@ impl<'a> Asked<'a> {
         progress: &mut Progress,
         out: &mut dyn Write,
     ) -> anyhow::Result<bool> {
-        let program = std::env::current_exe().context("can't find this program's own file")?;
+        let program = std::env::current_exe().context("can't find karat's executable file")?;
         let suite = Suite::of(self.args.package.featured(Package::open(folder)?))?;
         let no_frames = self.args.leaves_frames_out();
         let asked: Vec<&Test> = suite
