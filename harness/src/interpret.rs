@@ -114,8 +114,8 @@ impl Interpreted {
         if function.form.alone {
             let name = &function.name;
             let message = format!(
-                "`{name}` writes data that is visible outside of the function: Karat's engine computes its values, but no \
-                 bounds or hazards. `karat hazards` checks the entry points that call it"
+                "function `{name}` writes to variables outside of the function, so Karat's engine can't compute bounds or \
+                 search for hazards. Run `karat hazards` on the entry points that call the function"
             );
             return Err(PathError::Route { path: Path::CPU, message }.into());
         }
@@ -305,8 +305,8 @@ impl Interpreted {
         }
         let name = &self.function.name;
         let message = format!(
-            "`{name}` takes derivatives, for which WGSL requires no accuracy: use your own tolerance \
-             instead"
+            "`{name}` takes derivatives, and WGSL requires no accuracy of derivatives: use a tolerance such as \
+             `Abs` instead of `Spec`"
         );
         Err(PathError::Route { path: Path::CPU, message }.into())
     }
@@ -542,7 +542,7 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
             let message = format!(
                 "on path `cpu` `{name}` was stopped: this loop waits for a value that no invocation can change any more"
             );
-            let note = "another invocation must store that value before its own next loop or barrier that waits";
+            let note = "change the shader so that another invocation stores that value before it waits in a loop or at a barrier itself";
             (span, case, message, note)
         }
         other => {

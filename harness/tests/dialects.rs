@@ -568,7 +568,7 @@ fn a_condition_before_an_else_is_an_error() {
     let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    if x > 1.0 { y = 1.0; } @if(q) else { y = 2.0; }\n    \
                 y += 10.0;\n    return y;\n}\n";
     let said = error(&one(text), "f");
-    assert!(said.contains("a condition can't stand between an `if` and its `else`"), "{said}");
+    assert!(said.contains("a condition can't be between an `if` and its `else`"), "{said}");
 }
 
 #[test]
@@ -880,7 +880,7 @@ fn f(x: f32) -> f32 {
     ] {
         let said = error(&one(wrong).feature("A", true), "f");
         assert!(
-            said.contains("and nowhere else: put it before all of the statement"),
+            said.contains("move the condition to the beginning of the statement"),
             "{wrong}: {said}"
         );
     }
@@ -914,7 +914,7 @@ fn conditions_end_where_they_should() {
         ),
         (
             "fn f(x: f32) -> f32 { var r = 1.0; @if(A) { if x > 1.0 { r = 2.0; } } else { r = 3.0; } return r; }",
-            "an `else` follows no group",
+            "an `else` can't follow a group in braces",
         ),
     ] {
         for on in [true, false] {

@@ -642,7 +642,7 @@ impl Interpreted {
             "the pixel",
             "the pixel to its right",
             "the pixel below it",
-            "the pixel below to the right",
+            "the pixel below and to the right",
         ];
         let [reached, missing] =
             pixels.map(|pixel| NAMES[(pixel - first) % NAMES.len()].to_owned());

@@ -168,7 +168,9 @@ impl OrderOf {
                     "the invocations{of} run one after the other, the last one first"
                 )),
                 (Priorities::InTurn, _) => {
-                    all.push(format!("the invocations{of} take turns, each to its next atomic"));
+                    all.push(format!(
+                        "the invocations{of} take turns, and each runs up to its next atomic"
+                    ));
                 }
                 (Priorities::Shuffled(_), _) => all.push(format!(
                     "the invocations{of} run one after the other, in a shuffled order"
@@ -188,7 +190,11 @@ impl OrderOf {
             all
         };
         let all: Vec<String> = self.passes(passes).flat_map(of_pass).collect();
-        if all.is_empty() { "two invocations are swapped".to_owned() } else { all.join(", and ") }
+        if all.is_empty() {
+            "two invocations run in swapped order".to_owned()
+        } else {
+            all.join(", and ")
+        }
     }
 }
 

@@ -31,12 +31,17 @@ pub(super) fn partners(
                     }
                     // Usually the author forgot to close the inner bracket.
                     Some(first) => {
-                        let message =
-                            format!("this isn't closed: a `{}` comes first", char::from(symbol));
+                        let message = format!(
+                            "this bracket isn't closed before the next `{}`",
+                            char::from(symbol)
+                        );
                         return Err(syntax_error(file, tokens[first].range(), &message));
                     }
                     None => {
-                        let message = format!("this `{}` closes nothing", char::from(symbol));
+                        let message = format!(
+                            "this `{}` closes no bracket: an opening bracket is missing",
+                            char::from(symbol)
+                        );
                         return Err(syntax_error(file, token.range(), &message));
                     }
                 }

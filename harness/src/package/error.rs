@@ -53,7 +53,7 @@ pub enum PackageError {
         reason: String,
     },
     /// A line that asserts or prints has an error.
-    #[error("{place}: {reason}: write `//karat: print x` or `//karat: assert x >= 0.0`")]
+    #[error("{place}: {reason}. Write `//karat: print x` or `//karat: assert x >= 0.0`")]
     Asserts {
         /// The line's position.
         place: String,
@@ -61,7 +61,7 @@ pub enum PackageError {
         reason: String,
     },
     /// Karat can't find the shaders of a crate.
-    #[error("no shaders of crate `{name}`: {reason}")]
+    #[error("Karat can't open the shaders of crate `{name}`: {reason}")]
     Crate {
         /// The name of the crate.
         name: String,
