@@ -365,7 +365,7 @@ impl Library {
         let each = open.iter().map(|(name, all)| format!("{name} = {}", all[0]));
         let each = each.collect::<Vec<_>>().join(", ");
         let note = format!(
-            "other features of the package have no values either; in `karat.toml`: features = {{ {each} }}"
+            "other features of the package have no value, too. To set all values, write into `karat.toml`: features = {{ {each} }}"
         );
         PackageError::Shader(Box::new(diagnostic.note(note)))
     }

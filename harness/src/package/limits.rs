@@ -84,16 +84,21 @@ impl Limits {
                 let names = Limit::ALL.iter().map(|limit| limit.name);
                 let near = nearest(&camel, names.clone());
                 return Err(match near {
-                    Some(near) => format!("`[limits]` has no `{name}`; did you mean `{near}`?"),
+                    Some(near) => {
+                        format!("`[limits]` can't have the key `{name}`; did you mean `{near}`?")
+                    }
                     None => {
                         let names = names.collect::<Vec<_>>().join(", ");
-                        format!("`[limits]` has no `{name}`; it has `mode`, {names}")
+                        format!(
+                            "`[limits]` can't have the key `{name}`; its keys are `mode`, {names}"
+                        )
                     }
                 });
             }
             let number = value.as_integer().and_then(|number| u64::try_from(number).ok());
-            let number = number
-                .ok_or_else(|| format!("the limit `{name}` must be a whole number from 0"))?;
+            let number = number.ok_or_else(|| {
+                format!("the limit `{name}` must be a whole number of at least 0")
+            })?;
             limits.named.insert(name, number);
         }
         Ok(limits)

@@ -330,12 +330,12 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "t.wgsl",
             "import karat::expect_true;\n@test @cases(0) fn t() { expect_true(true); }\n",
-            "a whole number from 1",
+            "a whole number of at least 1",
         ),
         (
             "t.wgsl",
             "import karat::expect_true;\n@test fn t() -> f32 { expect_true(true); return 1.0; }\n",
-            "returns something",
+            "has a return type",
         ),
         (
             "t.wgsl",
@@ -409,7 +409,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "t.wgsl",
             "import karat::expect_true;\n@test fn t(@over(0,, 1) x: f32) { expect_true(x >= 0.0); }\n",
-            "has a comma too many",
+            "has one comma too many",
         ),
         (
             "t.wgsl",
