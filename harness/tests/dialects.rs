@@ -219,7 +219,10 @@ fn conditions_that_cannot_be_read_are_errors() {
             "`A` is true, which can't be compared by `< true`",
         ),
         ("#define A x\nfn f() {}\n", "a value must be a whole number"),
-        ("#define_import_path a\n#define A\nfn f() {}\n", "a module that others import can't"),
+        (
+            "#define_import_path a\n#define A\nfn f() {}\n",
+            "a module with `#define_import_path` can't",
+        ),
         (
             "#define_import_path a\n#define_import_path b\nfn f() {}\n",
             "a second `#define_import_path`",
@@ -665,8 +668,8 @@ fn files_that_the_host_concatenates_share_their_names() {
     let package = || Package::open(folder.path()).expect("a folder");
     let said = error(&package(), "material::shade");
     assert!(said.contains("material.wgsl:1:34"), "{said}");
-    let note = "`tone` declares `tone`: write `import package::tone::tone;`; or, if your host joins both texts, \
-                write in karat.toml beside the modules:";
+    let note = "module `tone` declares `tone`: write `import package::tone::tone;`. Or, if your program concatenates \
+                the two modules, write into karat.toml beside the modules:";
     assert!(said.contains(note) && said.contains("[join]\n"), "{said}");
     assert!(said.contains("material = [\"tone\"]"), "{said}");
     // The suggestion keeps the modules that are in the list already.
@@ -948,7 +951,7 @@ fn values_stand_for_placeholders() {
     let said = error(&package(), "a::f");
     assert!(
         said.contains("a template's placeholder isn't WGSL")
-            && said.contains("`[values]` and a line `M = 64`"),
+            && said.contains("`[values]` with a line `M = 64`"),
         "{said}"
     );
     write("karat.toml", "[values]\nN = 2.0\nM = \"0.5\"\nBLOCK = 64\n");
@@ -960,7 +963,7 @@ fn values_stand_for_placeholders() {
     for (text, message) in [
         ("[values]\nN = [1]\n", "the value of `N` must be a string, a number"),
         ("[values]\nN = \"a\\nb\"\n", "the value of `N` must be one line"),
-        ("[values]\n\"N M\" = 1\n", "`N M` in `[values]` isn't a name"),
+        ("[values]\n\"N M\" = 1\n", "the key `N M` of `[values]` isn't a name"),
         ("[features]\nset_by_engine = \"A\"\n", "`set_by_engine` must list names of features"),
         (
             "[features]\nset_by_engin = [\"A\"]\n",

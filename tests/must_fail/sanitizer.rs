@@ -742,7 +742,7 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     assert!(order.to_string().contains("use `subgroup_size`"), "{order}");
     for (entry, kind, part) in [
         ("tail", HazardKind::Barrier, "a subgroup operation that not every invocation"),
-        ("next", HazardKind::OutOfRange, "isn't in its subgroup"),
+        ("next", HazardKind::OutOfRange, "missing invocation of the subgroup"),
         ("fifth", HazardKind::OutOfRange, "in subgroups of 4, `fifth` reads the value"),
         ("room_for_two", HazardKind::OutOfRange, "in subgroups of 4, `room_for_two` writes"),
     ] {

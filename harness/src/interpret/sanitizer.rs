@@ -446,7 +446,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         )
     } else {
         format!(
-            "only barriers order the invocations of a workgroup: put a `{barrier}()` between the two accesses"
+            "only barriers order the invocations of a workgroup: put a `{barrier}()` between both accesses"
         )
     };
     let one = |access: &Access, at: usize| {

@@ -51,7 +51,7 @@ pub(super) fn partners(
     }
     match open.last() {
         None => Ok(partners),
-        Some(index) => Err(syntax_error(file, tokens[*index].range(), "this isn't closed")),
+        Some(index) => Err(syntax_error(file, tokens[*index].range(), "this bracket isn't closed")),
     }
 }
 

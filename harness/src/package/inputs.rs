@@ -252,17 +252,17 @@ mod tests {
     #[test]
     fn invalid_inputs_say_why() {
         for (text, part) in [
-            ("[1, 0]", "from 1 to 0: no range"),
-            ("[0, 1, 2]", "this one has 3"),
+            ("[1, 0]", "from 1 to 0, which isn't a range"),
+            ("[0, 1, 2]", "but has 3"),
             ("\"unit vector\"", "\"unit_vector\""),
-            ("true", "and this is true"),
-            ("{ value = 3 }", "no key `value`"),
+            ("true", "but is true"),
+            ("{ value = 3 }", "the key `value`"),
             ("{ one_of = [] }", "{ one_of = [..] }"),
             ("{ one_of = [\"a\"] }", "{ one_of = [..] }"),
             ("{ distinct = 1 }", "distinct = true"),
             ("[0, \"len(out)\"]", "length(out) - 1"),
             ("\"multiple of 64\"", "a range as in [0, 1]"),
-            ("inf", "this is inf"),
+            ("inf", "but is inf"),
         ] {
             let why = of("a", text).expect_err(text);
             assert!(why.contains(part) && why.contains("`a`"), "{text}: {why}");

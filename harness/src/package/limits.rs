@@ -157,9 +157,9 @@ mod tests {
             ("mode = \"web\"", "\"core\" or \"compatibility\""),
             ("maxBindGroup = 4", "did you mean `maxBindGroups`?"),
             ("max_bind_groups = 4", "did you mean `maxBindGroups`?"),
-            ("memory = 4", "it has `mode`, maxBindGroups"),
-            ("maxBindGroups = -1", "a whole number from 0"),
-            ("maxBindGroups = \"4\"", "a whole number from 0"),
+            ("memory = 4", "its keys are `mode`, maxBindGroups"),
+            ("maxBindGroups = -1", "a whole number of at least 0"),
+            ("maxBindGroups = \"4\"", "a whole number of at least 0"),
         ] {
             let error = read(text).expect_err(text);
             assert!(error.contains(part), "{text}: {error}");

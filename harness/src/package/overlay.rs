@@ -100,7 +100,10 @@ impl Overlay {
         }
         let modules: Vec<String> = self.replaced.keys().map(|module| shown(module)).collect();
         let modules = modules.join(", ");
-        let line = format!("note: files of KARAT_OVERLAY={} replace {modules}\n", folder.display());
+        let line = format!(
+            "note: KARAT_OVERLAY={}: files of this folder replace {modules}\n",
+            folder.display()
+        );
         let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
         if said.insert(line.clone()) {
             // If the write fails, the record still has the overlay.

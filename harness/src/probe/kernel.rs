@@ -155,7 +155,7 @@ impl Kernel {
             for (word, scalar) in case.iter().zip(&scalars) {
                 let value = f32::from_bits(*word);
                 if scalar.is_float() && !value.is_finite() {
-                    return Err(format!("{} isn't a constant in WGSL", format_f32(value)));
+                    return Err(format!("WGSL has no constant for {}", format_f32(value)));
                 }
             }
         }
@@ -192,10 +192,10 @@ impl Kernel {
         let form = &self.function.form;
         let what = match (form.fragment, form.alone) {
             (true, true) => {
-                "x: cases from a pixel to the next one on the right, y: canary, z: cases to the pixel below, w: first case"
+                "x: number of cases from a pixel to the pixel on its right, y: canary, z: number of cases to the pixel below, w: first case"
             }
             (true, false) => "x: number of cases, y: canary, z: quads in a row, w: rows of quads",
-            (false, true) => "y: canary, w: the case; x and z are unused",
+            (false, true) => "y: canary, w: the index of the case; x and z are unused",
             (false, false) => {
                 "x: number of cases, y: canary, z: invocations in a row of workgroups, w: invocations for each case"
             }

@@ -33,7 +33,7 @@ impl Program {
                 continue;
             }
             let (name, source) = (limit.name, limits.source(limit));
-            let message = format!("{who} uses {what}, and {source} {name} is {most}");
+            let message = format!("{who} uses {what}, but {source} {name} is {most}");
             let note = format!(
                 "if your users' devices support more, request this limit (`requiredLimits`), and write {name} = {amount} \
                  in `[limits]` of karat.toml"
@@ -109,7 +109,7 @@ impl Program {
                     push(limit, size, format!("a workgroup of {shown}"));
                 }
                 let all = size.iter().product();
-                push(Limit::INVOCATIONS, all, format!("{all} invocations a workgroup"));
+                push(Limit::INVOCATIONS, all, format!("{all} invocations in a workgroup"));
                 let memory = used.iter().filter(|(_, one)| one.space == AddressSpace::WorkGroup);
                 // WGSL, 13.2 and WebGPU, "validating GPUProgrammableStage": each variable's size is rounded up to
                 // a multiple of 16.
@@ -168,9 +168,17 @@ impl Program {
             all.push(Used { limit, amount, who, what, span, entry_point: None });
         };
         let group = u64::from(binding.group);
-        push(Limit::BIND_GROUPS, group + 1, format!("group {group}, so at least {}", group + 1));
+        push(
+            Limit::BIND_GROUPS,
+            group + 1,
+            format!("group {group}, so at least {} groups", group + 1),
+        );
         let number = u64::from(binding.binding);
-        push(Limit::BINDINGS, number + 1, format!("binding {number}, so at least {}", number + 1));
+        push(
+            Limit::BINDINGS,
+            number + 1,
+            format!("binding {number}, so at least {} bindings", number + 1),
+        );
         let size = self.size(variable);
         match variable.space {
             AddressSpace::Uniform => push(Limit::UNIFORM_SIZE, size, format!("{size} bytes")),
@@ -284,7 +292,7 @@ impl Program {
                      forbids writable storage in vertex stages",
                     entry.name
                 );
-                let note = "declare it `read`, or write it in a compute pass";
+                let note = "declare the variable as `read`, or write to it in a compute pass";
                 let diagnostic = Diagnostic::new(message).note(note);
                 let diagnostic = match self.entry_point_span(&entry.name) {
                     Some(span) => diagnostic.at(span, ""),

@@ -148,7 +148,7 @@ impl Function {
         members.extend(written);
         self.result = match &*members {
             [(_, shape)] => shape.clone(),
-            _ => Shape::Struct { name: "all that a call gives".to_owned(), members },
+            _ => Shape::Struct { name: "all results of a call".to_owned(), members },
         };
     }
 }
@@ -273,11 +273,11 @@ impl Program {
                 return Err(unprobeable(Diagnostic::new(message).at(span, "declared here")));
             }
             let span = Span { file: Arc::clone(&self.linked.file), range: 0..0 };
-            let message = format!("`{path}` isn't a function");
+            let message = format!("`{path}` isn't a function that Karat can call");
             return Err(unprobeable(
                 Diagnostic::new(message)
                     .at(span, "in this module")
-                    .note("a probe calls plain functions: move the tested code into one"),
+                    .note("move the tested code into a function"),
             ));
         };
         let span = self.function_span(handle);
@@ -285,7 +285,7 @@ impl Program {
         let discards = called != name;
         let (handle, function) = self.declared(called).expect("it is linked");
         let refuse = |what: String, note: &str| {
-            let message = format!("`{path}` can't be probed: {what}");
+            let message = format!("Karat can't call `{path}`: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
         // Textures and samplers are variables of the function that Karat calls instead.
@@ -300,8 +300,8 @@ impl Program {
         // Karat linked the program for another function. Otherwise a wrapper would return the discard as a flag.
         if fragment && info.may_kill && !discards {
             return Err(refuse(
-                "it may discard, and then there is no result".to_owned(),
-                "return the condition of the discard instead",
+                "it may discard, and a discarded call has no result".to_owned(),
+                "return the condition under which the function discards",
             ));
         }
         let mut form = Form {
@@ -318,7 +318,7 @@ impl Program {
         if form.stage != Some(Stage::Compute) && self.reaches_subgroups(path) {
             return Err(refuse(
                 "it has subgroup operations, and a call has only one invocation".to_owned(),
-                "test a compute pass that calls it",
+                "test a compute pass that calls the function",
             ));
         }
         let mut parameters = Vec::new();
@@ -378,14 +378,14 @@ impl Program {
         };
         if function.outputs().is_empty() && function.written().next().is_none() {
             return Err(refuse(
-                "it returns nothing and writes nothing that Karat could read afterwards".to_owned(),
+                "it returns nothing and writes nothing that Karat can read".to_owned(),
                 "return the value that should be checked",
             ));
         }
         let mut written = Vec::new();
         for binding in function.written() {
             let shape = self.written_shape(binding, None).ok_or_else(|| {
-                let what = format!("it writes `{}`, which no host can read", binding.path);
+                let what = format!("it writes `{}`, which Karat can't read", binding.path);
                 refuse(what, "pass and return values instead")
             })?;
             written.push((binding.name().to_owned(), shape));
@@ -497,15 +497,19 @@ impl Program {
             return Err(refuse(what.to_owned(), "use textureSampleLevel or textureSampleGrad"));
         }
         if let Some(shared) = self.shared_state(&self.checked.info[handle]) {
-            let what = format!("it {shared}, which other cases of the same dispatch see");
-            return Err(refuse(what, "a case must not depend on other cases"));
+            let what =
+                format!("it {shared}, so cases of the same dispatch would affect each other");
+            return Err(refuse(
+                what,
+                "write a `[[compute]]` test for an entry point that calls this code",
+            ));
         }
         let parameters = function.arguments.iter().map(|argument| {
             let name = argument.name.clone().expect(NAMED);
             if self.is_handle(argument.ty) {
-                let what = format!("nothing binds its parameter `{name}`, a texture or sampler");
+                let what = format!("its parameter `{name}` is a texture or sampler, which `@test` can't bind");
                 let note = format!(
-                    "remove `@test`, and declare the test in a `*.test.toml`, whose `with` binds it: \
+                    "remove `@test`, and declare the test in a `*.test.toml`, where `with` binds the parameter: \
                      `with = {{ {name} = ... }}`"
                 );
                 return Err(refuse(what, &note));

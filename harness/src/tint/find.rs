@@ -67,10 +67,10 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
         Some(program) if needed => Ok(Kind::Browser(program)),
         Some(_) => Err(Missing {
             reason: format!(
-                "{other}, but a browser has it, which Karat uses only if karat.toml says so"
+                "{other}. A browser with Tint is installed, but Karat uses it only if karat.toml requires Tint"
             ),
             remedy: format!(
-                "`[compilers] require = [\"tint\"]` in karat.toml makes Karat use the browser; or {REMEDY}"
+                "to use the browser, write `[compilers] require = [\"tint\"]` into karat.toml; or {REMEDY}"
             ),
         }),
         None => Err(missing(other)),
@@ -90,7 +90,7 @@ pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
         (Some(package), None) => {
             Err(format!("`{}` is installed, but PATH has no `node`", package.display()))
         }
-        (None, _) => Err("not here".to_owned()),
+        (None, _) => Err("it isn't installed".to_owned()),
     }
 }
 

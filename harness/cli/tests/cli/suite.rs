@@ -153,7 +153,7 @@ fn a_test_with_a_texture_says_where_it_is_bound() {
     write(folder.path(), "t.wgsl", text);
     let ran = cpu(folder.path(), &[]);
     for part in [
-        "nothing binds its parameter `image`, a texture or sampler",
+        "its parameter `image` is a texture or sampler, which `@test` can't bind",
         "declare the test in a `*.test.toml`, whose `with` binds it: `with = { image = ... }`",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {ran:?}");
@@ -790,7 +790,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     for (more, part) in [
         ("override = { GAIN = 2 }", "add `formats` with a format for each location"),
         ("override = { GAIN = 2 }", "sets `target` to 1"),
-        ("", "`override` in a test's file"),
+        ("", "`override` in a test file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
         ("target = 1\ndepth = true", "a frame compares `target` or `depth`, not both"),
