@@ -521,7 +521,7 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     let (span, case, message, note) = match stop {
         Stop::Fuel { span, case, rounds, own } => {
             let which = match is_of_several(*rounds, *own) {
-                true => "its loops together",
+                true => "its loops, counted together,",
                 false => "this loop",
             };
             let message =
@@ -542,7 +542,7 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
             let message = format!(
                 "on path `cpu` `{name}` was stopped: this loop waits for a value that no invocation can change any more"
             );
-            let note = "change the shader so that another invocation stores that value before it waits in a loop or at a barrier itself";
+            let note = "change the shader so that another invocation stores that value before that invocation waits in a loop or at a barrier";
             (span, case, message, note)
         }
         other => {

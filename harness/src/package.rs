@@ -257,7 +257,7 @@ impl Package {
     pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
         let package = self.found()?.into_owned();
         let Origin::Found(found) = &package.origin else {
-            let reason = "the package is a folder, so its `karat.toml` names its dependencies and their `root`";
+            let reason = "the package is a folder: write the crate's `root` under `[dependencies]` in its `karat.toml`";
             return Err(PackageError::Crate { name: krate.to_owned(), reason: reason.to_owned() });
         };
         let origin = Origin::Found(found.with_root(krate, root)?);

@@ -639,10 +639,10 @@ impl Interpreted {
     /// The names of the quad's pixels, and the position where their branches parted.
     fn missing(&self, first: usize, Parted { pixels, by }: Parted) -> Missing {
         const NAMES: [&str; quads::PIXELS] = [
-            "the pixel",
-            "the pixel to its right",
-            "the pixel below it",
-            "the pixel below and to the right",
+            "the pixel at the quad's upper left",
+            "the pixel at the quad's upper right",
+            "the pixel at the quad's lower left",
+            "the pixel at the quad's lower right",
         ];
         let [reached, missing] =
             pixels.map(|pixel| NAMES[(pixel - first) % NAMES.len()].to_owned());

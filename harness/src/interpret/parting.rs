@@ -108,7 +108,7 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
             }
             if let (None, Some((other, behind))) = (&all.late, turn.behind.as_ref().and_then(author)) {
                 let late = format!(
-                    "`{text}` ({span}) of {who} is seen after `{behind}` ({other}), which is later in the program"
+                    "other invocations see `{text}` ({span}) of {who} only after `{behind}` ({other}), which is later in the program"
                 );
                 all.late = Some((span, late));
             }

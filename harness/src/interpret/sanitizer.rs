@@ -425,11 +425,11 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     };
     let note = if pass.drawn.is_some() {
         let atomic = if let Place::Texel(_) = race.place { "" } else { "use an atomic, or " };
-        format!("nothing orders two pixels of a draw: {atomic}let each pixel write its own element")
+        format!("the pixels of a draw have no order: {atomic}let each pixel write its own element")
     } else if !race.one_workgroup {
         let atomic = if let Place::Texel(_) = race.place { "" } else { "use an atomic, or " };
         format!(
-            "nothing orders two workgroups of a dispatch: {atomic}read the element in a later pass, or write into another resource"
+            "the workgroups of a dispatch have no order: {atomic}read the element in a later pass, or write into another resource"
         )
     } else if is_within(&race.first, &race.second) || is_within(&race.second, &race.first) {
         match both_write {

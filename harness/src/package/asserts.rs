@@ -99,7 +99,7 @@ impl<'l> Line<'l> {
         let word: &str = rest.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
         let Some(verb) = Verb::of(word) else {
             let near = nearest(word, ["assert", "print"]);
-            let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
             return Err(format!("`//{COMMENT} {word}` isn't a command of Karat{near}"));
         };
         let behind = &rest[word.len()..];

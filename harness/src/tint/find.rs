@@ -67,7 +67,7 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
         Some(program) if needed => Ok(Kind::Browser(program)),
         Some(_) => Err(Missing {
             reason: format!(
-                "{other}. A browser with Tint is installed, but Karat uses it only if karat.toml requires Tint"
+                "{other}. A browser has Tint, but Karat uses the browser only if karat.toml requires Tint"
             ),
             remedy: format!(
                 "to use the browser, write `[compilers] require = [\"tint\"]` into karat.toml; or {REMEDY}"
