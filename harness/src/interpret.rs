@@ -1,7 +1,7 @@
 //! Runs functions of a package in Karat's engine, which needs no driver.
 //!
 //! The engine works with naga's IR and 32-bit words. A check works with functions, fixtures and source files. This
-//! module converts between the engine's values and those of checks.
+//! module converts between the values of the engine and the values of checks.
 
 mod alone;
 pub mod asserted;

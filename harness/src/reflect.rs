@@ -90,7 +90,7 @@ struct Checked {
 impl Kind for Checked {
     type Key = blake3::Hash;
     type Value = Arc<Self>;
-    // Even a large package has fewer functions and tests.
+    // Even a large package has fewer functions and tests than this.
     const MOST: usize = 2048;
 }
 

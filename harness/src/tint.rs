@@ -87,7 +87,7 @@ pub(crate) struct Attribute {
     pub(crate) format: &'static str,
 }
 
-/// The reason why a text has no verdict: a fault of the program with Tint.
+/// The reason why a text has no verdict: a fault of the program that contains Tint.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoVerdict {
     /// The process ended.

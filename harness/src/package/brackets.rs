@@ -7,8 +7,8 @@ use super::PackageError;
 use super::lexer::{Kind, Token};
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 
-/// The partners of brackets: for each bracket, the index of its partner. The partner of another token is the
-/// token itself.
+/// For each token, an index: for a bracket, the index of its partner bracket, and for any other token, its own
+/// index.
 pub(super) fn partners(
     file: &Arc<SourceFile>,
     tokens: &[Token],

@@ -1,7 +1,7 @@
 //! Finds the shaders of crates through cargo.
 //!
-//! Cargo's metadata has the folders of a project's crates, so Karat needs no table of folders. An update would
-//! make such a table wrong. A crate at an exact version needs no project: cargo fetches the crate and compiles
+//! Cargo's metadata has the folders of a project's crates, so Karat needs no table of folders. An update of a crate
+//! could make such a table wrong. A crate at an exact version needs no project: cargo fetches the crate and compiles
 //! nothing. Karat stores cargo's answer in cargo's home folder, under a hash of the files on which the answer
 //! depends. So a test program runs cargo only once for each lock file.
 
@@ -148,7 +148,7 @@ struct Graphs;
 impl Kind for Graphs {
     type Key = (PathBuf, String);
     type Value = Result<Arc<Graph>, String>;
-    // One process opens fewer projects.
+    // One process opens fewer projects than this.
     const MOST: usize = 1000;
 }
 

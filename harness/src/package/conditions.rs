@@ -14,8 +14,8 @@ use super::feature::{Features, is_on};
 use super::lexer::{Kind, Token};
 use crate::diagnostic::SourceFile;
 
-/// The deepest nesting of brackets in a condition. Authors write far fewer, and the stack suffices for this
-/// number.
+/// The deepest nesting of brackets in a condition. Authors never nest brackets so deeply, and the stack suffices for
+/// this depth.
 const MOST_BRACKETS: usize = 64;
 
 /// A declaration under a condition that is false.

@@ -14,8 +14,8 @@ use super::library::{Library, ModulePath};
 use super::syntax::Module;
 use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 
-/// The deepest nesting of braces in an import statement. Authors write far fewer, and the stack suffices for this
-/// number.
+/// The deepest nesting of braces in an import statement. Authors never nest braces so deeply, and the stack suffices
+/// for this depth.
 const MOST_BRACES: usize = 32;
 
 #[derive(Clone, Debug)]

@@ -38,7 +38,7 @@ pub enum Declaration {
         least: End,
         /// The largest element.
         most: End,
-        /// Reports if all elements differ.
+        /// Set if all elements must differ.
         distinct: bool,
     },
     /// Lengths that are multiples of this number.

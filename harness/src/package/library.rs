@@ -185,7 +185,7 @@ impl Library {
         has
     }
 
-    /// Checks if the folder of a module exists. Most paths in the checks name items, and have no folder.
+    /// Checks if the folder of a module exists. Most paths that Karat tries name items, which have no folder.
     fn has_folder(&self, package: &Package, path: &ModulePath) -> bool {
         let Some((_, above)) = path.components.split_last() else { return true };
         if above.is_empty() || matches!(package.origin, Origin::Memory { .. }) {
@@ -475,7 +475,7 @@ struct Modules;
 impl Kind for Modules {
     type Key = (Hash, Features);
     type Value = Arc<Module>;
-    // Any package has fewer modules.
+    // Any package has fewer modules than this.
     const MOST: usize = 10_000;
 }
 

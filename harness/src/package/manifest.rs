@@ -310,11 +310,11 @@ fn placed(file: &str, text: &str, keys: &[&str]) -> String {
 /// The largest number of bytes that a program may print for one module. Modules are far smaller.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// Cached manifests by the text of `karat.toml`. Each has the package that used it last.
+/// Cached manifests by the text of `karat.toml`. Each entry also has the package that used the manifest last.
 impl Kind for Manifest {
     type Key = String;
     type Value = (Origin, Self);
-    // Any test has fewer packages.
+    // Any test opens fewer packages than this.
     const MOST: usize = 64;
 }
 

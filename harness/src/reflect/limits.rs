@@ -48,8 +48,8 @@ impl Program {
         found
     }
 
-    /// The names of entry points that exceed default limits. A device with default limits can't make pipelines of
-    /// them.
+    /// The names of entry points that exceed default limits. A device with default limits can't make pipelines from
+    /// these entry points.
     pub(super) fn beyond_default(&self, compatibility: bool) -> Vec<String> {
         let limits = Limits::usual(compatibility);
         let over = self.used().into_iter().filter(|used| used.amount > limits.value(used.limit));
@@ -70,7 +70,7 @@ impl Program {
         let (module, info) = (&self.checked.module, &self.checked.info);
         let mut all = Vec::new();
         for (handle, variable) in module.global_variables.iter() {
-            // A variable that no entry point uses is in no pipeline layout.
+            // Pipeline layouts contain only variables that an entry point uses.
             let mut entries = 0..module.entry_points.len();
             if entries.any(|entry| !info.get_entry_point(entry)[handle].is_empty()) {
                 self.of_variable(handle, variable, &mut all);

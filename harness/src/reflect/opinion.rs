@@ -23,7 +23,7 @@ pub struct Opinion {
     pub tint_alone: Vec<String>,
     /// Modules without a verdict because Tint crashed, hung or printed something unreadable; each with the reason.
     pub broke: Vec<(String, String)>,
-    /// Modules that Tint didn't check because they declare wgpu's native features in `karat.toml`.
+    /// Modules that Tint didn't check, because they use native features of wgpu that `karat.toml` lists.
     pub native: Vec<String>,
     /// The reason why Karat didn't ask Tint about any module.
     pub unasked: Option<Missing>,

@@ -135,7 +135,7 @@ impl Function {
     }
 
     /// The resources that the function may write. The list is empty for a function that only reads its
-    /// `read_write` resources: its cases don't run alone.
+    /// `read_write` resources, because the cases of such a function don't run alone.
     pub fn written(&self) -> impl Iterator<Item = &Binding> {
         let written = |binding: &&Binding| self.form.alone && binding.kind.is_written();
         self.bindings.iter().filter(written)
@@ -189,7 +189,7 @@ impl Program {
     /// Reflects a function by the author's path.
     ///
     /// # Errors
-    /// If a probe can't call the function. The reason may be a pointer, a runtime-sized array, a missing result,
+    /// If a kernel can't call the function. The reason may be a pointer, a runtime-sized array, a missing result,
     /// a 64-bit type, or an operation that only fragment shaders have.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         self.function_in_state(path, &State::new())
@@ -713,7 +713,7 @@ impl Program {
         }
     }
 
-    /// The shape of a naga type. The error describes the part of the type that a probe can't pass.
+    /// The shape of a naga type. The error describes the part of the type that a kernel can't pass.
     pub(super) fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
         self.shape_of(&self.checked.module.types[ty])
     }

@@ -635,7 +635,7 @@ fn tell(
     rewrite(&mut body, &mut |statement| {
         let Statement::Return { value: returned } = statement else { return Rewritten::AsIs };
         let mut first = None;
-        // Appends an expression that needs no `Emit` statement. These come before all other new expressions.
+        // Appends an expression that needs no `Emit` statement. Such expressions come before all other new expressions.
         let mut before = |expression| function.expressions.append(expression, NOWHERE);
         let zero = before(Expression::Literal(Literal::U32(0)));
         let one = before(Expression::Literal(Literal::U32(1)));

@@ -135,7 +135,7 @@ impl CargoPackage {
     fn imports(&self) -> BTreeSet<String> {
         let declared = self.metadata["wgsl-analyzer"]["dependencies"].as_object();
         let path = |value: &serde_json::Value| Some(value.get("path")?.as_str()?.to_owned());
-        // The repository has `../bevy_render` beside this crate.
+        // In an engine's repository, the crates are beside each other: `../bevy_render`.
         let beside = |(name, value): &(&String, &serde_json::Value)| {
             path(value).is_some_and(|path| path == format!("../{name}"))
         };
