@@ -142,8 +142,8 @@ const MOST_ROUNDS: u64 = 65_536;
 /// Each such round runs both branches.
 const UNDECIDED: u64 = 16;
 
-/// Double precision rounds a number by up to 2^-53 of the number. So a difference that is less than this share (2^-41) of
-/// its operands has fewer than 12 correct bits even in double precision. 12 bits are half of the digits of an `f32`.
+/// Double precision rounds a number by up to 2^-53 of the number. So a difference that is less than this share (2^-41)
+/// of its operands has fewer than 12 correct bits even in double precision. An `f32` has 24 bits.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
 /// An interval whose relative width is at most this number counts as one number. If all operands of an operation are
