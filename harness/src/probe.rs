@@ -125,7 +125,8 @@ impl Probed {
         let form = &self.function.form;
         if inputs != Inputs::Storage && (form.alone || form.fragment) {
             let reason =
-                "it writes data that other invocations see, or needs a quad of pixels".to_owned();
+                "the function writes data that other invocations see, or needs a quad of pixels"
+                    .to_owned();
             return Err(ProbeError::Inputs { function: self.function.name, inputs, reason });
         }
         let kernel = Kernel::with_inputs(&self.program, &self.function, inputs);

@@ -48,7 +48,7 @@ pub struct Tint {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct Missing {
-    /// The reason why Tint is missing: `it isn't installed`.
+    /// The reason why Tint is missing: ``the npm package `webgpu` isn't installed``.
     pub reason: String,
     /// The advice for the user.
     pub remedy: String,

@@ -208,15 +208,15 @@ fn conditions_that_cannot_be_read_are_errors() {
         ("#if A == 1\n#endif\nfn f() {}\n", "`A` has no value"),
         (
             "#define A\n#if A >= 1\n#endif\nfn f() {}\n",
-            "`A` is true, which can't be compared by `>= 1`",
+            "`A` is true, which doesn't allow the comparison `>= 1`",
         ),
         (
             "#define A 1\n#if A == true\n#endif\nfn f() {}\n",
-            "`A` is 1, which can't be compared by `== true`",
+            "`A` is 1, which doesn't allow the comparison `== true`",
         ),
         (
             "#define A\n#if A < true\n#endif\nfn f() {}\n",
-            "`A` is true, which can't be compared by `< true`",
+            "`A` is true, which doesn't allow the comparison `< true`",
         ),
         ("#define A x\nfn f() {}\n", "a value must be a whole number"),
         (
@@ -478,15 +478,15 @@ fn an_include_guard_is_read() {
 #[test]
 fn a_feature_that_nothing_asks_about_is_an_error() {
     let wesl = "@if(MULTISAMPLED && !FAST) fn g() {}\nfn f() -> f32 { return 1.0; }";
-    assert_snapshot!(error(&one(wesl).feature("MULTISAMPLD", true), "f"), @"no condition in package `s` or in its imports uses the feature `MULTISAMPLD`; did you mean `MULTISAMPLED`?; its conditions use FAST, MULTISAMPLED");
+    assert_snapshot!(error(&one(wesl).feature("MULTISAMPLD", true), "f"), @"no condition in package `s` or in its imports uses the feature `MULTISAMPLD`; did you mean `MULTISAMPLED`?; the package's conditions use FAST, MULTISAMPLED");
     let oil =
         "#ifdef MULTISAMPLED\n#else if SAMPLES > 2\n#endif\nfn f() -> i32 { return #{COUNT}; }";
     // `A` occurs only outside conditions.
-    assert_snapshot!(error(&one(oil).feature("SAMPLE", 2), "f"), @"no condition in package `s` or in its imports uses the feature `SAMPLE`; did you mean `SAMPLES`?; its conditions use COUNT, MULTISAMPLED, SAMPLES");
+    assert_snapshot!(error(&one(oil).feature("SAMPLE", 2), "f"), @"no condition in package `s` or in its imports uses the feature `SAMPLE`; did you mean `SAMPLES`?; the package's conditions use COUNT, MULTISAMPLED, SAMPLES");
     let commented = "// of A\n@if(B) fn A() {}\nfn f() -> f32 { return 1.0; }";
     for word in ["A", "of", "return", "1"] {
         let said = error(&one(commented).feature(word, true), "f");
-        assert!(said.contains("its conditions use B"), "{said}");
+        assert!(said.contains("conditions use B"), "{said}");
     }
     assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"no condition in package `s` or in its imports uses the feature `A`");
 }
@@ -637,10 +637,10 @@ fn karat_toml_says_what_expands_modules() {
             "[features]\nfast = \"yes\"\n",
             "feature `fast` must be a whole number, `true` or `false`",
         ),
-        ("preprocess = [\"yes\"]\n", "it prints more than 16 MiB"),
+        ("preprocess = [\"yes\"]\n", "the program prints more than 16 MiB"),
         ("preprocess = [\"sh\", \"-c\", \"echo 'fn f() {}'; exit 3\"]\n", "exit status: 3: cd "),
         ("preprocess = [\"false\"]\n", "exit status: 1: cd "),
-        ("preprocess = [\"true\"]\n", "it prints nothing"),
+        ("preprocess = [\"true\"]\n", "the program prints nothing"),
         ("preprocess = [\"no-such-program-here\"]\n", "the program can't be started"),
         ("[features]\nfst = true\n", "uses the feature `fst`"),
     ] {

@@ -638,7 +638,7 @@ fn every_file_of_a_package_is_looked_at() {
         ("target/b.wgsl", "target/b.wgsl:1:"),
         ("a.wesl", "two modules named `a`"),
         ("v1.2/b.wgsl", "v1.2/b.wgsl:1:"),
-        ("B.WGSL", "write its extension in lower case"),
+        ("B.WGSL", "write the file's extension in lower case"),
     ] {
         let error = check(&["a.wgsl", file]).expect_err(file);
         assert!(error.contains(reason), "{file}: {error}");
@@ -657,7 +657,7 @@ fn paths_that_leave_the_package_and_null_characters_are_refused() {
     let package =
         Package::from_modules("s", [("n::a", &*up), ("m", "fn g() -> f32 { return 1.0; }")]);
     let error = Probed::new(&package, "n::a::f").expect_err("above the root").to_string();
-    assert!(error.contains("`super` leads above the root of package `s`"), "{error}");
+    assert!(error.contains("`super` goes above the root of package `s`"), "{error}");
     let package = Package::from_source("s", "fn f() -> f32 { return 1.0; } // a\0b");
     let error = package.try_is_valid().expect_err("no WGSL").to_string();
     assert!(error.contains("null character") && error.contains("<s>:1:35"), "{error}");

@@ -153,7 +153,7 @@ pub enum PackageError {
     #[error(
         "no condition in package `{package}` or in its imports uses the feature{} {}{}{}{}",
         if unknown.len() == 1 { "" } else { "s" }, listed(unknown),
-        if known.is_empty() { String::new() } else { format!("; its conditions use {known}") },
+        if known.is_empty() { String::new() } else { format!("; the package's conditions use {known}") },
         misspelt.as_ref().map_or_else(String::new, |text| format!("\n`{text}` isn't a condition: write `@if` or `@elif`")),
         bare.as_ref().map_or_else(String::new, |name| format!(
             "\na feature can't replace the name `{name}` of the shader: write the value into karat.toml \
@@ -173,7 +173,7 @@ pub enum PackageError {
         known: Box<str>,
     },
     /// A path goes above the root of its package.
-    #[error("`super` leads above the root of package `{package}`")]
+    #[error("`super` goes above the root of package `{package}`")]
     AboveRoot {
         /// The package.
         package: String,

@@ -187,7 +187,7 @@ impl Package {
             return match names.find(|name| name.eq_ignore_ascii_case(NAME)) {
                 Some(name) => Err(PackageError::Manifest {
                     file: shown(&root.join(name)),
-                    reason: format!("its name must be `{NAME}`, in lower case"),
+                    reason: format!("the file's name must be `{NAME}`, in lower case"),
                 }),
                 None => Ok(None),
             };
@@ -591,9 +591,9 @@ impl Manifest {
         let mut command = Command::new(program);
         command.args(arguments).arg(&file).current_dir(root);
         let text = String::from_utf8(printed(command).map_err(error)?);
-        let text = text.map_err(|_| error("its output isn't UTF-8".to_owned()))?;
+        let text = text.map_err(|_| error("the program's output isn't UTF-8".to_owned()))?;
         if text.trim().is_empty() {
-            return Err(error("it prints nothing".to_owned()));
+            return Err(error("the program prints nothing".to_owned()));
         }
         workspace::keep::<Printed>(key, text.clone());
         Ok(SourceFile::new(name, text))
@@ -613,7 +613,7 @@ fn printed(mut command: Command) -> Result<Vec<u8>, String> {
             }
         })?;
     if out.len() as u64 > MOST_BYTES {
-        return Err(format!("it prints more than {} MiB: {shown}", MOST_BYTES >> 20));
+        return Err(format!("the program prints more than {} MiB: {shown}", MOST_BYTES >> 20));
     }
     if !status.success() {
         let said = String::from_utf8_lossy(&err);

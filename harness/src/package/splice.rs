@@ -122,7 +122,8 @@ impl Spliced {
                 let copied = self.text.get(at..placed.start);
                 original.push_str(copied.ok_or_else(|| fault("edits overlap", here()))?);
                 let author = piece.file.text.get(edit.from.clone());
-                let author = author.ok_or_else(|| fault("an edit isn't in the file", here()))?;
+                let author =
+                    author.ok_or_else(|| fault("an edit's position isn't in the file", here()))?;
                 let now = self.text.get(placed.clone()).unwrap_or_default();
                 let sound = match &edit.name {
                     // The value of `#{NAME}` or `#NAME`.

@@ -35,7 +35,7 @@ impl Program {
             let (name, source) = (limit.name, limits.source(limit));
             let message = format!("{who} uses {what}, but {source} {name} is {most}");
             let note = format!(
-                "if your users' devices support more, request this limit (`requiredLimits`), and write {name} = {amount} \
+                "if the devices of your users support a larger value, request this limit (`requiredLimits`), and write {name} = {amount} \
                  in `[limits]` of karat.toml"
             );
             let diagnostic = Diagnostic::new(message).note(note);

@@ -300,7 +300,7 @@ impl Program {
         // Karat linked the program for another function. Otherwise a wrapper would return the discard as a flag.
         if fragment && info.may_kill && !discards {
             return Err(refuse(
-                "it may discard, and a discarded call has no result".to_owned(),
+                "the function may discard, and a discarded call has no result".to_owned(),
                 "return the condition under which the function discards",
             ));
         }
@@ -317,7 +317,8 @@ impl Program {
         }
         if form.stage != Some(Stage::Compute) && self.reaches_subgroups(path) {
             return Err(refuse(
-                "it has subgroup operations, and a call has only one invocation".to_owned(),
+                "the function has subgroup operations, and a call has only one invocation"
+                    .to_owned(),
                 "test a compute pass that calls the function",
             ));
         }
@@ -327,8 +328,8 @@ impl Program {
             let (ty, passed) = self.passed(argument.ty);
             let shape = self.shape(ty).map_err(|reason| {
                 refuse(
-                    format!("its parameter `{name}` is {reason}"),
-                    "pass and return values instead",
+                    format!("the parameter `{name}` is {reason}"),
+                    "use values as parameters and results instead",
                 )
             })?;
             if let naga::TypeInner::Struct { members, .. } = &self.checked.module.types[ty].inner {
@@ -346,7 +347,10 @@ impl Program {
         form.returns = match &called.result {
             None => None,
             Some(result) => Some(self.shape(result.ty).map_err(|reason| {
-                refuse(format!("its result is {reason}"), "pass and return values instead")
+                refuse(
+                    format!("the result is {reason}"),
+                    "use values as parameters and results instead",
+                )
             })?),
         };
         for (variable, Variable { name, .. }) in state {
@@ -378,15 +382,16 @@ impl Program {
         };
         if function.outputs().is_empty() && function.written().next().is_none() {
             return Err(refuse(
-                "it returns nothing and writes nothing that Karat can read".to_owned(),
+                "the function returns nothing and writes nothing that Karat can read".to_owned(),
                 "return the value that should be checked",
             ));
         }
         let mut written = Vec::new();
         for binding in function.written() {
             let shape = self.written_shape(binding, None).ok_or_else(|| {
-                let what = format!("it writes `{}`, which Karat can't read", binding.path);
-                refuse(what, "pass and return values instead")
+                let what =
+                    format!("the function writes `{}`, which Karat can't read", binding.path);
+                refuse(what, "use values as parameters and results instead")
             })?;
             written.push((binding.name().to_owned(), shape));
         }
@@ -492,13 +497,13 @@ impl Program {
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
         if !self.checked.info[handle].available_stages.contains(ShaderStages::COMPUTE) {
-            let what = "it uses operations of fragment shaders (derivatives, implicit-LOD \
+            let what = "the test uses operations of fragment shaders (derivatives, implicit-LOD \
                         sampling or discard)";
             return Err(refuse(what.to_owned(), "use textureSampleLevel or textureSampleGrad"));
         }
         if let Some(shared) = self.shared_state(&self.checked.info[handle]) {
             let what =
-                format!("it {shared}, so cases of the same dispatch would affect each other");
+                format!("the test {shared}, so cases of the same dispatch would affect each other");
             return Err(refuse(
                 what,
                 "write a `[[compute]]` test for an entry point that calls this code",
@@ -507,7 +512,7 @@ impl Program {
         let parameters = function.arguments.iter().map(|argument| {
             let name = argument.name.clone().expect(NAMED);
             if self.is_handle(argument.ty) {
-                let what = format!("its parameter `{name}` is a texture or sampler, which `@test` can't bind");
+                let what = format!("the parameter `{name}` is a texture or sampler, which `@test` can't bind");
                 let note = format!(
                     "remove `@test`, and declare the test in a `*.test.toml`, where `with` binds the parameter: \
                      `with = {{ {name} = ... }}`"
@@ -515,7 +520,7 @@ impl Program {
                 return Err(refuse(what, &note));
             }
             let shape = self.shape(argument.ty).map_err(|reason| {
-                refuse(format!("its parameter `{name}` is {reason}"), "use values as parameters")
+                refuse(format!("the parameter `{name}` is {reason}"), "use values as parameters")
             })?;
             Ok((name, shape))
         });
@@ -750,7 +755,7 @@ impl Program {
             TypeInner::Image { .. } | TypeInner::Sampler { .. } => {
                 return Err("a texture or sampler; bind it as a variable instead".to_owned());
             }
-            _ => return Err("of a type that can't be passed".to_owned()),
+            _ => return Err("of a type that Karat can't pass".to_owned()),
         })
     }
 }

@@ -148,7 +148,7 @@ pub(super) fn ask(
                 Resident::start(kind)
             }
             None => {
-                Err(Broken::Start(format!("it ended after each of {MOST_STARTS} starts")).into())
+                Err(Broken::Start(format!("Tint ended after each of {MOST_STARTS} starts")).into())
             }
         };
         match running {

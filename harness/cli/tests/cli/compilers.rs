@@ -14,7 +14,7 @@ fn folder(text: &str) -> TempDir {
 /// Runs `karat` with the Tint of this machine.
 fn with_tint(folder: &FilePath, arguments: &[&str]) -> Ran {
     let ran = output(command(folder, arguments).env_remove("KARAT_TINT"));
-    let missing = ran.out.contains("wasn't asked") || ran.err.contains("Tint: it isn't installed");
+    let missing = ran.out.contains("wasn't asked") || ran.err.contains("`webgpu` isn't installed");
     assert!(!missing, "this test needs Tint: run `cargo ci setup`\n{ran:?}");
     ran
 }
@@ -181,12 +181,17 @@ fn a_missing_tint_is_reported_by_each_command() {
     let out = bare(CHECK).good();
     // On a machine with an installed browser, the line also names the browser.
     assert!(
-        last_line(&out).starts_with("1 package valid; Tint wasn't asked: it isn't installed"),
+        last_line(&out).starts_with(
+            "1 package valid; Tint wasn't asked: the npm package `webgpu` isn't installed"
+        ),
         "{out}"
     );
     let test = ["test", "shaders", "--paths", "cpu"];
     let out = bare(&test).good();
-    assert!(out.contains(" compared; Tint wasn't asked: it isn't installed"), "{out}");
+    assert!(
+        out.contains(" compared; Tint wasn't asked: the npm package `webgpu` isn't installed"),
+        "{out}"
+    );
     let off = karat(folder.path(), CHECK).good();
     assert_eq!(last_line(&off), "1 package valid; Tint wasn't asked: KARAT_TINT=off");
     if cfg!(target_os = "linux") {
@@ -196,7 +201,7 @@ fn a_missing_tint_is_reported_by_each_command() {
             assert_eq!(ran.code, Some(1), "{arguments:?}\n{ran:?}");
             assert!(
                 ran.out.contains(
-                    "requires Tint's verdict, but Tint has no verdict: it isn't installed"
+                    "requires Tint's verdict, but Tint has no verdict: the npm package `webgpu` isn't installed"
                 ),
                 "{ran:?}"
             );

@@ -94,8 +94,9 @@ impl Reader<'_> {
             (Feature::Number(own), Feature::Number(value)) => own.cmp(&value),
             (Feature::Flag(own), Feature::Flag(value)) if equality => own.cmp(&value),
             (own, value) => {
-                let message =
-                    format!("`{name}` is {own}, which can't be compared by `{operator} {value}`");
+                let message = format!(
+                    "feature `{name}` is {own}, which doesn't allow the comparison `{operator} {value}`"
+                );
                 return Err(self.error(whole.clone(), &message));
             }
         };
