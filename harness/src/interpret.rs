@@ -114,8 +114,8 @@ impl Interpreted {
         if function.form.alone {
             let name = &function.name;
             let message = format!(
-                "function `{name}` writes to variables outside of the function, so Karat's engine can't compute bounds or \
-                 search for hazards. Run `karat hazards` on the entry points that call the function"
+                "function `{name}` writes to variables outside of the function, so Karat's engine can't compute bounds, search \
+                 for hazards or check assertions. Run `karat hazards` on the entry points that call the function"
             );
             return Err(PathError::Route { path: Path::CPU, message }.into());
         }
