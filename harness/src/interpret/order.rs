@@ -235,7 +235,7 @@ pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options)
 /// The number of orders that a runner tried. `all` is set if no untried order has other effects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tried {
-    /// The number of orders with different effects, without the usual order.
+    /// The number of tried orders, without the usual order.
     pub(crate) orders: u64,
     pub(crate) all: bool,
 }

@@ -147,7 +147,7 @@ impl Reader<'_> {
         self.open.last().is_none_or(Open::is_live)
     }
 
-    /// Hides bytes from code that reads tokens.
+    /// Replaces bytes by blanks, except line ends. Code that reads tokens then doesn't see these bytes.
     fn mask(&mut self, range: Range<usize>) {
         for byte in &mut self.bytes[range] {
             if !matches!(byte, b'\n' | b'\r') {

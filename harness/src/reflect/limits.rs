@@ -189,7 +189,7 @@ impl Program {
         }
     }
 
-    /// The limits towards which a variable counts in a stage.
+    /// The limits that count a variable in a stage, each with the number that the variable adds to the count.
     fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<(Limit, u64)> {
         let inner = &self.checked.module.types[variable.ty].inner;
         // WebGPU, "exceeds the binding slot limits": an external texture uses the slots of four textures, a
