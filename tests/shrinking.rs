@@ -425,7 +425,10 @@ fn what_is_no_constant_is_refused() {
         .unrecorded()
         .try_satisfies("is anything", |_, _: u32| true);
     let error = error.expect_err("NaN").to_string();
-    assert!(error.starts_with("the arguments of `f` can't come from constant inputs: "), "{error}");
+    assert!(
+        error.starts_with("Karat can't pass the arguments of `f` as constant inputs: "),
+        "{error}"
+    );
     // The result holds for any seed, not only by chance.
     for seed in 0..10 {
         let over = package.function("f").over(AnyF32::with_non_finite()).inputs(Inputs::Constant);

@@ -1,7 +1,7 @@
 //! Runs functions of a package in Karat's engine, which needs no driver.
 //!
 //! The engine works with naga's IR and 32-bit words. A check works with functions, fixtures and source files. This
-//! module converts between the engine's values and those of checks.
+//! module converts between the values of the engine and the values of checks.
 
 mod alone;
 pub mod asserted;
@@ -114,8 +114,8 @@ impl Interpreted {
         if function.form.alone {
             let name = &function.name;
             let message = format!(
-                "`{name}` writes data that is visible outside of the function: Karat's engine computes its values, but no \
-                 bounds or hazards. `karat hazards` checks the entry points that call it"
+                "function `{name}` writes to variables outside of the function, so Karat's engine can't compute bounds, search \
+                 for hazards or check assertions. Run `karat hazards` on the entry points that call the function"
             );
             return Err(PathError::Route { path: Path::CPU, message }.into());
         }
@@ -305,8 +305,8 @@ impl Interpreted {
         }
         let name = &self.function.name;
         let message = format!(
-            "`{name}` takes derivatives, for which WGSL requires no accuracy: use your own tolerance \
-             instead"
+            "`{name}` takes derivatives, and WGSL requires no accuracy of derivatives: use a tolerance such as \
+             `Abs` instead of `Spec`"
         );
         Err(PathError::Route { path: Path::CPU, message }.into())
     }
@@ -521,7 +521,7 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     let (span, case, message, note) = match stop {
         Stop::Fuel { span, case, rounds, own } => {
             let which = match is_of_several(*rounds, *own) {
-                true => "its loops together",
+                true => "its loops, counted together,",
                 false => "this loop",
             };
             let message =
@@ -542,7 +542,7 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
             let message = format!(
                 "on path `cpu` `{name}` was stopped: this loop waits for a value that no invocation can change any more"
             );
-            let note = "another invocation must store that value before its own next loop or barrier that waits";
+            let note = "change the shader so that another invocation stores that value before that invocation waits in a loop or at a barrier";
             (span, case, message, note)
         }
         other => {

@@ -135,7 +135,7 @@ enum Origin {
 /// static PBR: Package = karat::package!(crate = "bevy_pbr");
 /// // Any crate at an exact version: cargo fetches it, and compiles nothing of it.
 /// static FIXED: Package = karat::package!(crate = "bevy_pbr@0.20.1");
-/// // One whose modules don't lie where karat finds them.
+/// // A crate whose modules are in another folder than Karat would choose.
 /// static OTHER: Package = karat::package!(crate = "vello_shaders@0.11.0", root = "shader");
 /// ```
 #[macro_export]
@@ -158,7 +158,7 @@ impl Package {
     /// ```
     /// use karat::Package;
     ///
-    /// // What `karat::package!("shaders")` makes.
+    /// // The same package as `karat::package!("shaders")`.
     /// static SHADERS: Package = Package::relative(env!("CARGO_MANIFEST_DIR"), "examples/shaders");
     /// assert_eq!(SHADERS.name(), "shaders");
     /// ```
@@ -183,7 +183,7 @@ impl Package {
     /// ```no_run
     /// use karat::Package;
     ///
-    /// // What `karat::package!(crate = "bevy_pbr@0.20.1")` makes.
+    /// // The same package as `karat::package!(crate = "bevy_pbr@0.20.1")`.
     /// static PBR: Package = Package::from_crate(env!("CARGO_MANIFEST_DIR"), "bevy_pbr@0.20.1");
     /// println!("{:?}", PBR.modules());
     /// ```
@@ -239,8 +239,8 @@ impl Package {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
 
-    /// This package of a crate, but the modules of the imported crate `krate` are in the folder `root`. `root` is
-    /// relative to the folder of `krate`. Use this method if Karat doesn't find the modules of that crate.
+    /// This package of a crate, with another folder for the modules of the imported crate `krate`. The path `root` of
+    /// the folder is relative to the folder of `krate`. Use this method if Karat doesn't find the modules of `krate`.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -257,7 +257,7 @@ impl Package {
     pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
         let package = self.found()?.into_owned();
         let Origin::Found(found) = &package.origin else {
-            let reason = "the package is a folder, so its `karat.toml` names its dependencies and their `root`";
+            let reason = "the package is a folder: write the crate's `root` under `[dependencies]` in its `karat.toml`";
             return Err(PackageError::Crate { name: krate.to_owned(), reason: reason.to_owned() });
         };
         let origin = Origin::Found(found.with_root(krate, root)?);

@@ -125,7 +125,8 @@ impl Probed {
         let form = &self.function.form;
         if inputs != Inputs::Storage && (form.alone || form.fragment) {
             let reason =
-                "it writes data that other invocations see, or needs a quad of pixels".to_owned();
+                "the function writes data that other invocations see, or needs a quad of pixels"
+                    .to_owned();
             return Err(ProbeError::Inputs { function: self.function.name, inputs, reason });
         }
         let kernel = Kernel::with_inputs(&self.program, &self.function, inputs);
@@ -260,7 +261,7 @@ pub enum ProbeError {
     #[error(transparent)]
     Path(#[from] PathError),
     /// The driver doesn't compile the kernel.
-    #[error("the probe of `{function}` doesn't compile: {error}")]
+    #[error("the kernel of `{function}` doesn't compile: {error}")]
     Compile {
         /// The function.
         function: String,
@@ -278,7 +279,7 @@ pub enum ProbeError {
         ability: Ability,
     },
     /// The arguments can't come from this source.
-    #[error("the arguments of `{function}` can't come from {inputs} inputs: {reason}")]
+    #[error("Karat can't pass the arguments of `{function}` as {inputs} inputs: {reason}")]
     Inputs {
         /// The function.
         function: String,
@@ -290,7 +291,7 @@ pub enum ProbeError {
     /// Some cases have no result.
     #[error(
         "the kernel of `{function}` wrote no result for {count} of {cases} cases on path `{path}` \
-         (first: case {first} of its dispatch): the driver didn't run the kernel, or ran another one"
+         (the first is case {first} of its dispatch): the driver didn't run the kernel, or ran another kernel"
     )]
     NotWritten {
         /// The function.
@@ -318,8 +319,8 @@ pub enum ProbeError {
     /// Some results are still poison, because the kernel didn't write them.
     #[error(
         "the kernel of `{function}` ran on path `{path}`, but never wrote {count} of {words} result \
-         words (first: `result{component}` of case {first} of its dispatch): the driver drops \
-         writes, or the kernel doesn't reach them"
+         words (the first is `result{component}` of case {first} of its dispatch): the driver drops writes, \
+         or the kernel doesn't run the code that writes them"
     )]
     ResultNotWritten {
         /// The function.
@@ -348,7 +349,7 @@ pub enum ProbeError {
         path: Path,
     },
     /// An executor returned results of the wrong length.
-    #[error("path `{path}` returned {found} words instead of {expected}")]
+    #[error("path `{path}` returned {found} u32 words instead of {expected}")]
     Length {
         /// The path.
         path: Path,

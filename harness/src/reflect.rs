@@ -90,7 +90,7 @@ struct Checked {
 impl Kind for Checked {
     type Key = blake3::Hash;
     type Value = Arc<Self>;
-    // Even a large package has fewer functions and tests.
+    // Even a large package has fewer functions and tests than this.
     const MOST: usize = 2048;
 }
 
@@ -200,7 +200,8 @@ impl Program {
     fn from_linked(linked: Linked) -> Result<Self, ReflectError> {
         let invalid = |diagnostic| ReflectError::Invalid(Box::new(diagnostic));
         if let Some(at) = linked.text().find('\0') {
-            let message = "WGSL has no null character (U+0000), not even in a comment".to_owned();
+            let message =
+                "WGSL forbids the null character (U+0000), also in comments: remove it".to_owned();
             let mut diagnostic = Diagnostic::new(message);
             if let Some(span) = linked.spliced.resolve(at..at + 1) {
                 diagnostic = diagnostic.at(span, "");
@@ -208,8 +209,9 @@ impl Program {
             return Err(invalid(diagnostic));
         }
         if let Some(span) = linked.too_deep() {
-            let message = "this expression is too long or too deep to be compiled".to_owned();
-            let note = "compilers recurse over the expression: split it into several statements";
+            let message =
+                "this expression is too long, or nested too deeply, for compilers".to_owned();
+            let note = "split the expression into several statements";
             return Err(invalid(Diagnostic::new(message).at(span, "").note(note)));
         }
         on_deep_stack(|| Self::compiled(linked))

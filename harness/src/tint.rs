@@ -34,8 +34,8 @@ const JUDGE: &str = include_str!("tint/judge.js");
 const LONGEST: u64 = 16 << 20;
 
 /// The advice for a missing Tint, in one line.
-const REMEDY: &str = "`npm install --save-dev webgpu` in the project (with Node 20 or newer), or KARAT_TINT=PATH \
-                      of the installed package, of a `tint` or of a Chromium";
+const REMEDY: &str = "run `npm install --save-dev webgpu` in the project (with Node 20 or newer), or set KARAT_TINT to \
+                      the path of the installed package, of the program `tint` or of a Chromium";
 
 /// The Tint on this machine.
 pub struct Tint {
@@ -48,7 +48,7 @@ pub struct Tint {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct Missing {
-    /// The reason why Tint is missing: `not here`.
+    /// The reason why Tint is missing: ``the npm package `webgpu` isn't installed``.
     pub reason: String,
     /// The advice for the user.
     pub remedy: String,
@@ -87,20 +87,20 @@ pub(crate) struct Attribute {
     pub(crate) format: &'static str,
 }
 
-/// The reason why a text has no verdict: a fault of the program with Tint.
+/// The reason why a text has no verdict: a fault of the program that contains Tint.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoVerdict {
     /// The process ended.
     #[error(transparent)]
     Process(#[from] Broken),
     /// Karat can't parse the answer.
-    #[error("its answer can't be read: {0}")]
+    #[error("Tint's answer can't be read: {0}")]
     Garbage(String),
     /// The answer is about another text than the question.
-    #[error("it answered about another text")]
+    #[error("Tint answered about another text")]
     Other,
     /// The question got two answers.
-    #[error("it answered twice")]
+    #[error("Tint answered twice")]
     Twice,
     /// The browser's device lacks a feature that the text needs.
     #[error("this browser's device lacks a feature: {0}")]

@@ -103,7 +103,7 @@ fn an_assertion_that_is_not_looked_at_is_an_error() {
     let check = package.function("f").with("total", Storage::new([0.0_f32])).over(0.0..=4.0);
     let failure = check.unrecorded().try_satisfies("is any", |_, _: f32| true);
     let told = failure.expect_err("nothing looks at it").to_string();
-    assert!(told.contains("`f` writes data that is visible outside"), "{told}");
+    assert!(told.contains("function `f` writes to variables outside"), "{told}");
 }
 
 /// A pass prints values by invocation, and fails at the first invocation with a false assertion.

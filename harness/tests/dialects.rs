@@ -94,13 +94,13 @@ fn placeholders_are_replaced_by_their_values() {
     assert!(text.contains("@group(3) @binding(1) var<uniform> gain: f32;"), "{text}");
     assert!(text.contains("f32(3) * "), "{text}");
     assert_snapshot!(error(&oil(), "bound::amplified"), @r#"
-    error: `GROUP` has no value
+    error: feature `GROUP` has no value
       --> <bound>:3:8
       |
     3 | @group(#{GROUP}) @binding(1) var<uniform> gain: f32;
       |        ^^^^^^^^
       |
-      = set it: `.feature("GROUP", 3)`, or `--feature GROUP=3`
+      = set the value: `.feature("GROUP", 3)` in Rust, or `--feature GROUP=3`
     "#);
 }
 
@@ -199,37 +199,40 @@ fn conditions_choose_lines() {
 fn conditions_that_cannot_be_read_are_errors() {
     for (text, message) in [
         ("#ifdef A\nfn f() {}\n", "this condition has no `#endif`"),
-        ("#endif\nfn f() {}\n", "this `#endif` follows no `#if`"),
-        ("#else\nfn f() {}\n", "this `#else` follows no `#if`"),
+        ("#endif\nfn f() {}\n", "there is no `#if` before this `#endif`"),
+        ("#else\nfn f() {}\n", "there is no `#if` before this `#else`"),
         ("#ifdef\n#endif\nfn f() {}\n", "`#ifdef` needs exactly one feature"),
         ("#ifdef A B\n#endif\nfn f() {}\n", "`#ifdef` needs exactly one feature"),
-        ("#if A\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
-        ("#if A == x\n#endif\nfn f() {}\n", "values must be whole numbers"),
+        ("#if A\n#endif\nfn f() {}\n", "must compare a feature with a value"),
+        ("#if A == x\n#endif\nfn f() {}\n", "a value must be a whole number"),
         ("#if A == 1\n#endif\nfn f() {}\n", "`A` has no value"),
         (
             "#define A\n#if A >= 1\n#endif\nfn f() {}\n",
-            "`A` is true, which can't be compared by `>= 1`",
+            "`A` is true, which doesn't allow the comparison `>= 1`",
         ),
         (
             "#define A 1\n#if A == true\n#endif\nfn f() {}\n",
-            "`A` is 1, which can't be compared by `== true`",
+            "`A` is 1, which doesn't allow the comparison `== true`",
         ),
         (
             "#define A\n#if A < true\n#endif\nfn f() {}\n",
-            "`A` is true, which can't be compared by `< true`",
+            "`A` is true, which doesn't allow the comparison `< true`",
         ),
-        ("#define A x\nfn f() {}\n", "values must be whole numbers"),
-        ("#define_import_path a\n#define A\nfn f() {}\n", "a module that others import can't"),
+        ("#define A x\nfn f() {}\n", "a value must be a whole number"),
+        (
+            "#define_import_path a\n#define A\nfn f() {}\n",
+            "a module with `#define_import_path` can't",
+        ),
         (
             "#define_import_path a\n#define_import_path b\nfn f() {}\n",
             "a second `#define_import_path`",
         ),
-        ("#define_import_path a b\nfn f() {}\n", "a module declares its own path"),
-        ("#define_import_path\nfn f() {}\n", "a module declares its own path"),
+        ("#define_import_path a b\nfn f() {}\n", "`#define_import_path` needs a path"),
+        ("#define_import_path\nfn f() {}\n", "`#define_import_path` needs a path"),
         ("#ifdef A\n#else\n#else\n#endif\nfn f() {}\n", "a second `#else`"),
         ("#ifdef A\n#else\n#else ifdef B\n#endif\nfn f() {}\n", "a second `#else`"),
-        ("/* a */ #ifdef A\n#endif\nfn f() {}\n", "a directive must begin its line"),
-        ("#if A =< 3\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
+        ("/* a */ #ifdef A\n#endif\nfn f() {}\n", "a directive must be the first text in its line"),
+        ("#if A =< 3\n#endif\nfn f() {}\n", "must compare a feature with a value"),
         ("#ifdef A\n#else maybe\n#endif\nfn f() {}\n", "can follow an `#else`"),
         ("fn f() -> i32 { return #{N; }\n", "has no value"),
     ] {
@@ -285,7 +288,7 @@ fn definitions_reach_what_is_imported() {
     let wrong = error(&package, "wrong::f");
     assert!(wrong.contains("this file has a `#define`"), "{wrong}");
     let outside = error(&package, "outside::f");
-    assert!(outside.contains("its path leads out of package `m`"), "{outside}");
+    assert!(outside.contains("the path of this file leads out of package `m`"), "{outside}");
 }
 
 #[test]
@@ -303,7 +306,7 @@ fn names_that_two_files_give_are_errors() {
     1 | #import a::b::g
       |               ^ imported here
       |
-      = modules `package::one` and `package::two` both call themselves `a::b`
+      = modules `package::one` and `package::two` both declare `#define_import_path a::b`
     "#);
     linked(&two("#define_import_path a::c\n"), "user::f");
     let shared = |first: &'static str| {
@@ -328,7 +331,7 @@ fn names_that_two_files_give_are_errors() {
     let several =
         Package::from_modules("m", [("a::x", "const A = 1;"), ("b::x", ""), ("user", user)]);
     assert_snapshot!(error(&several, "user::f"), @r#"
-    error: `x` may be `a::x` or `b::x`
+    error: two modules match `x`: `a::x` and `b::x`
       --> <user>:1:1
       |
     1 | #import x
@@ -348,7 +351,7 @@ fn a_value_stands_for_a_number_with_its_suffix_and_for_no_part_of_a_name() {
         "fn f() -> u32 { return #{N}xy; }",
     ] {
         let said = error(&one(text).feature("N", 3), "f");
-        assert!(said.contains("a value can't be a part of a name"), "{said}");
+        assert!(said.contains("a feature's value can't be a part of a name"), "{said}");
     }
 }
 
@@ -414,7 +417,7 @@ fn values_of_features_are_constants() {
     2 | @group(constants::GROUP) @binding(0) var<uniform> x: f32;
       |                   ^^^^^
       |
-      = `GROUP` is a feature with a value: `.feature("GROUP", 3)`, or `--feature GROUP=3`
+      = to set the feature `GROUP`, write `.feature("GROUP", 3)` in Rust, or `--feature GROUP=3`
     "#);
 }
 
@@ -475,15 +478,15 @@ fn an_include_guard_is_read() {
 #[test]
 fn a_feature_that_nothing_asks_about_is_an_error() {
     let wesl = "@if(MULTISAMPLED && !FAST) fn g() {}\nfn f() -> f32 { return 1.0; }";
-    assert_snapshot!(error(&one(wesl).feature("MULTISAMPLD", true), "f"), @"no condition in package `s` or in its imports uses the feature `MULTISAMPLD`; did you mean `MULTISAMPLED`?; its conditions use FAST, MULTISAMPLED");
+    assert_snapshot!(error(&one(wesl).feature("MULTISAMPLD", true), "f"), @"no condition in package `s` or in its imports uses the feature `MULTISAMPLD`; did you mean `MULTISAMPLED`?; the package's conditions use FAST, MULTISAMPLED");
     let oil =
         "#ifdef MULTISAMPLED\n#else if SAMPLES > 2\n#endif\nfn f() -> i32 { return #{COUNT}; }";
     // `A` occurs only outside conditions.
-    assert_snapshot!(error(&one(oil).feature("SAMPLE", 2), "f"), @"no condition in package `s` or in its imports uses the feature `SAMPLE`; did you mean `SAMPLES`?; its conditions use COUNT, MULTISAMPLED, SAMPLES");
+    assert_snapshot!(error(&one(oil).feature("SAMPLE", 2), "f"), @"no condition in package `s` or in its imports uses the feature `SAMPLE`; did you mean `SAMPLES`?; the package's conditions use COUNT, MULTISAMPLED, SAMPLES");
     let commented = "// of A\n@if(B) fn A() {}\nfn f() -> f32 { return 1.0; }";
     for word in ["A", "of", "return", "1"] {
         let said = error(&one(commented).feature(word, true), "f");
-        assert!(said.contains("its conditions use B"), "{said}");
+        assert!(said.contains("conditions use B"), "{said}");
     }
     assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"no condition in package `s` or in its imports uses the feature `A`");
 }
@@ -500,50 +503,50 @@ fn other_preprocessors_are_named() {
         "{said}"
     );
     assert_snapshot!(error(&one("#use Mode::Fast\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
-    error: `#use` isn't WGSL: a preprocessor expands it
+    error: `#use` isn't WGSL: a preprocessor must expand it
       --> <s>:1:1
       |
     1 | #use Mode::Fast
       | ^^^^^^^^^^^^^^^
       |
-      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+      = to expand the text, write a `preprocess` command into karat.toml beside the modules, or use `Package::from_modules` in Rust
     "#);
     assert_snapshot!(error(&one("#ifdeff A\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
-    error: `#ifdeff` isn't WGSL: a preprocessor expands it
+    error: `#ifdeff` isn't WGSL: a preprocessor must expand it
       --> <s>:1:1
       |
     1 | #ifdeff A
       | ^^^^^^^^^
       |
       = did you mean `#ifdef`?
-      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+      = to expand the text, write a `preprocess` command into karat.toml beside the modules, or use `Package::from_modules` in Rust
     "#);
     assert_snapshot!(error(&one("#import \"shaders/a.wgsl\" as a\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
-    error: an import by an asset's path isn't WGSL: an engine's asset server expands it
+    error: an import by an asset's path isn't WGSL: an engine's asset server must expand it
       --> <s>:1:1
       |
     1 | #import "shaders/a.wgsl" as a
       | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
       |
-      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+      = to expand the text, write a `preprocess` command into karat.toml beside the modules, or use `Package::from_modules` in Rust
     "#);
     assert_snapshot!(error(&one("fn f() -> f32 {\n    return {{ value }};\n}"), "f"), @r#"
-    error: a template's placeholder isn't WGSL: a template engine expands it
+    error: a template's placeholder isn't WGSL: a template engine must expand it
       --> <s>:2:12
       |
     2 |     return {{ value }};
       |            ^^
       |
-      = hand Karat the expanded text: `[values]` and a line `value = 64`, or a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+      = to expand the text, write `[values]` with a line `value = 64`, or a `preprocess` command into karat.toml beside the modules, or use `Package::from_modules` in Rust
     "#);
     assert_snapshot!(error(&one("{% if fast %}\nfn f() -> f32 { return 1.0; }\n{% endif %}"), "f"), @r#"
-    error: a template's placeholder isn't WGSL: a template engine expands it
+    error: a template's placeholder isn't WGSL: a template engine must expand it
       --> <s>:1:1
       |
     1 | {% if fast %}
       | ^^
       |
-      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+      = to expand the text, write a `preprocess` command into karat.toml beside the modules, or use `Package::from_modules` in Rust
     "#);
     // `{{` also occurs in WGSL: a block inside a block.
     assert!(f(&one("fn f() -> f32 {{ return 1.0; }}")).contains("{{ return 1.0; }}"));
@@ -558,7 +561,7 @@ fn a_name_that_no_module_gives_itself_is_an_error() {
     1 | #import engine::maths::PI
       |                        ^^ imported here
       |
-      = no module calls itself `engine::maths` with `#define_import_path`; did you mean `engine::math`?
+      = no module declares `#define_import_path engine::maths`; did you mean `engine::math`?
     "#);
 }
 
@@ -568,7 +571,7 @@ fn a_condition_before_an_else_is_an_error() {
     let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    if x > 1.0 { y = 1.0; } @if(q) else { y = 2.0; }\n    \
                 y += 10.0;\n    return y;\n}\n";
     let said = error(&one(text), "f");
-    assert!(said.contains("a condition can't stand between an `if` and its `else`"), "{said}");
+    assert!(said.contains("a condition can't be between an `if` and its `else`"), "{said}");
 }
 
 #[test]
@@ -624,21 +627,21 @@ fn karat_toml_says_what_expands_modules() {
     write("a.wgsl", "fn f() -> f32 { return $(OTHER); }\n");
     let failed = said("a::f");
     assert!(
-        failed.starts_with("`sed`, which karat.toml names to expand modules, fails for"),
+        failed.starts_with("`sed`, the `preprocess` program of karat.toml, fails for"),
         "{failed}"
     );
     for (text, message) in [
-        ("preprocess = []\n", "`shaders/karat.toml` can't be used: `preprocess` names no program"),
+        ("preprocess = []\n", "`shaders/karat.toml` can't be used: `preprocess` is an empty list"),
         ("preproces = [\"a\"]\n", "unknown field `preproces`"),
         (
             "[features]\nfast = \"yes\"\n",
             "feature `fast` must be a whole number, `true` or `false`",
         ),
-        ("preprocess = [\"yes\"]\n", "it prints more than 16 MiB"),
+        ("preprocess = [\"yes\"]\n", "the program prints more than 16 MiB"),
         ("preprocess = [\"sh\", \"-c\", \"echo 'fn f() {}'; exit 3\"]\n", "exit status: 3: cd "),
         ("preprocess = [\"false\"]\n", "exit status: 1: cd "),
-        ("preprocess = [\"true\"]\n", "it prints nothing"),
-        ("preprocess = [\"no-such-program-here\"]\n", "it doesn't run"),
+        ("preprocess = [\"true\"]\n", "the program prints nothing"),
+        ("preprocess = [\"no-such-program-here\"]\n", "the program can't be started"),
         ("[features]\nfst = true\n", "uses the feature `fst`"),
     ] {
         write("karat.toml", text);
@@ -665,8 +668,8 @@ fn files_that_the_host_concatenates_share_their_names() {
     let package = || Package::open(folder.path()).expect("a folder");
     let said = error(&package(), "material::shade");
     assert!(said.contains("material.wgsl:1:34"), "{said}");
-    let note = "`tone` declares `tone`: write `import package::tone::tone;`; or, if your host joins both texts, \
-                write in karat.toml beside the modules:";
+    let note = "module `tone` declares `tone`: write `import package::tone::tone;`. Or, if your program concatenates \
+                the two modules, write into karat.toml beside the modules:";
     assert!(said.contains(note) && said.contains("[join]\n"), "{said}");
     assert!(said.contains("material = [\"tone\"]"), "{said}");
     // The suggestion keeps the modules that are in the list already.
@@ -767,10 +770,10 @@ fn the_first_import_syntax_of_naga_oil_is_accepted() {
             true => error(&of(user, other), "user::f"),
             false => error(&of(&user.replace("thrice", "frice"), other), "user::f"),
         };
-        assert!(said.contains("both call themselves `demo::dummy`"), "{said}");
+        assert!(said.contains("both declare `#define_import_path demo::dummy`"), "{said}");
     }
     let said = error(&of(&user.replace("half, twice", "half, , twice"), &empty), "user::f");
-    assert!(said.contains("imports are written"), "{said}");
+    assert!(said.contains("this import is malformed"), "{said}");
     let said = error(&of(&user.replace("util half", "util hall"), &empty), "user::f");
     assert!(said.contains("half"), "{said}");
 }
@@ -880,7 +883,7 @@ fn f(x: f32) -> f32 {
     ] {
         let said = error(&one(wrong).feature("A", true), "f");
         assert!(
-            said.contains("and nowhere else: put it before all of the statement"),
+            said.contains("move the condition to the beginning of the statement"),
             "{wrong}: {said}"
         );
     }
@@ -914,7 +917,7 @@ fn conditions_end_where_they_should() {
         ),
         (
             "fn f(x: f32) -> f32 { var r = 1.0; @if(A) { if x > 1.0 { r = 2.0; } } else { r = 3.0; } return r; }",
-            "an `else` follows no group",
+            "an `else` can't follow a group in braces",
         ),
     ] {
         for on in [true, false] {
@@ -948,7 +951,7 @@ fn values_stand_for_placeholders() {
     let said = error(&package(), "a::f");
     assert!(
         said.contains("a template's placeholder isn't WGSL")
-            && said.contains("`[values]` and a line `M = 64`"),
+            && said.contains("`[values]` with a line `M = 64`"),
         "{said}"
     );
     write("karat.toml", "[values]\nN = 2.0\nM = \"0.5\"\nBLOCK = 64\n");
@@ -958,9 +961,9 @@ fn values_stand_for_placeholders() {
     // The column of `y` in the author's line, which has a placeholder before it.
     assert!(said.contains("b.wgsl:1:36"), "{said}");
     for (text, message) in [
-        ("[values]\nN = [1]\n", "the value of `N` must be a text, a number"),
+        ("[values]\nN = [1]\n", "the value of `N` must be a string, a number"),
         ("[values]\nN = \"a\\nb\"\n", "the value of `N` must be one line"),
-        ("[values]\n\"N M\" = 1\n", "`N M` in `[values]` isn't a name"),
+        ("[values]\n\"N M\" = 1\n", "the key `N M` of `[values]` isn't a name"),
         ("[features]\nset_by_engine = \"A\"\n", "`set_by_engine` must list names of features"),
         (
             "[features]\nset_by_engin = [\"A\"]\n",

@@ -88,7 +88,7 @@ fn a_custom_executor_is_checked_like_a_path() {
     assert!(wrong.contains("replay: KARAT_SEED="), "{wrong}");
 
     let missing = check(&Fake { missing: 1, ..RIGHT }).expect_err("a result is missing");
-    assert_eq!(missing.to_string(), "path `cpu` returned 99 words instead of 100");
+    assert_eq!(missing.to_string(), "path `cpu` returned 99 u32 words instead of 100");
 }
 
 /// Authors declare tolerances and known issues for an executor by its path or by its driver.

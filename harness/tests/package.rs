@@ -381,7 +381,7 @@ fn a_folder_declares_its_dependencies() {
         ("noise = { path = \"../nose\" }", "nose` (dependency `noise`)"),
         ("noise = { path = \"../noise\", crate = \"noise\" }", "or { crate = \"name@version\" }"),
         ("noise = {}", "the dependency `noise` must be { path = \"..\" }"),
-        ("karat = { path = \"../noise\" }", "no dependency can have the name `karat`"),
+        ("karat = { path = \"../noise\" }", "a dependency can't have the name `karat`"),
         ("noise = { pat = \"../noise\" }", "unknown field `pat`"),
     ] {
         declared(&format!("[dependencies]\n{text}\n"));

@@ -570,7 +570,8 @@ fn an_unknown_function_is_not_another_modules_error() {
     let error = |path: &str| Probed::new(&package, path).expect_err("not there").to_string();
     assert!(error("m::ff").contains("has no function `m::ff`"), "{}", error("m::ff"));
     assert!(error("m::b").contains("declared under `@if(fast)`"), "{}", error("m::b"));
-    let unknown = "package `s` has no function `n::f` among its 1; did you mean `m::f`?";
+    let unknown =
+        "package `s` has no function `n::f` among its functions (1); did you mean `m::f`?";
     assert_eq!(error("n::f"), unknown, "of a module that isn't there");
     let Err(ProbeError::Reflect(ReflectError::Package(PackageError::Inactive { .. }))) =
         Probed::new(&package, "m::b")
@@ -595,7 +596,7 @@ fn an_import_that_gives_a_name_a_second_meaning_is_refused() {
         "import package::math::sq;\nfn sq(x: f32) -> f32 { return 7.0; }\n",
     ] {
         let error = check(&format!("{imports}{f}")).expect_err(imports);
-        assert!(error.contains("`sq` would mean two things in this module"), "{error}");
+        assert!(error.contains("the name `sq` has two meanings in this module"), "{error}");
         assert!(error.contains("<a>:1:") || error.contains("<a>:2:"), "{error}");
     }
     let same = "import package::math::sq;\nimport package::math::{sq, cube};\n";
@@ -637,7 +638,7 @@ fn every_file_of_a_package_is_looked_at() {
         ("target/b.wgsl", "target/b.wgsl:1:"),
         ("a.wesl", "two modules named `a`"),
         ("v1.2/b.wgsl", "v1.2/b.wgsl:1:"),
-        ("B.WGSL", "write its extension in lower case"),
+        ("B.WGSL", "write the file's extension in lower case"),
     ] {
         let error = check(&["a.wgsl", file]).expect_err(file);
         assert!(error.contains(reason), "{file}: {error}");
@@ -656,7 +657,7 @@ fn paths_that_leave_the_package_and_null_characters_are_refused() {
     let package =
         Package::from_modules("s", [("n::a", &*up), ("m", "fn g() -> f32 { return 1.0; }")]);
     let error = Probed::new(&package, "n::a::f").expect_err("above the root").to_string();
-    assert!(error.contains("`super` leads above the root of package `s`"), "{error}");
+    assert!(error.contains("`super` goes above the root of package `s`"), "{error}");
     let package = Package::from_source("s", "fn f() -> f32 { return 1.0; } // a\0b");
     let error = package.try_is_valid().expect_err("no WGSL").to_string();
     assert!(error.contains("null character") && error.contains("<s>:1:35"), "{error}");

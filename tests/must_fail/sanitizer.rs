@@ -138,7 +138,7 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     // Without the list there is no race, but the count is too low.
     let error = counted(&package(stale, "atomicStore(&count, n + 1u);"), false);
     let Err(ComputeError::Order(order)) = error else { panic!("{error:?}") };
-    assert_eq!(order.swap, "the invocations take turns, each to its next atomic");
+    assert_eq!(order.swap, "the invocations take turns, and each runs up to its next atomic");
     assert!(order.to_string().contains("`atomicLoad(&count)` gives local (0, 0, 0)"), "{order}");
     // The report lists each of the six loads and stores, in the order of the failing run.
     assert_eq!(order.turns[0].matches("`atomic").count(), 12, "{order}");
@@ -363,7 +363,7 @@ fn an_index_one_beyond_the_end() {
     };
     assert!(headline.contains("reads outside of `data`, and"), "{headline}");
     assert_eq!(accesses[0].invocation, "local (63, 0, 0) of workgroup (1, 0, 0)");
-    assert_eq!(accesses[0].does, "has index 128, but `data` has 128 elements");
+    assert_eq!(accesses[0].does, "uses index 128, but `data` has 128 elements");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 1)));
     assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
     // The element changes the result only if it is a certain number.
@@ -508,7 +508,7 @@ fn an_append_whose_order_matters() {
     let seen = order(after("invocations", 1, "found").try_agrees_with(thirds, Abs(0.0)));
     assert!(seen.location.starts_with("<append>:4:"), "{}", seen.location);
     let operation = seen.operation.as_deref();
-    let expected = "`atomicAdd(&count, 1u)` gives local (0, 0, 0) of workgroup (0, 0, 0) 2 in this order, and 0 in the usual order";
+    let expected = "`atomicAdd(&count, 1u)` gives local (0, 0, 0) of workgroup (0, 0, 0) the value 2 in this order, and 0 in the usual order";
     assert_eq!(operation, Some(expected));
     let place = seen.element.as_ref().map(|element| element.place.to_string());
     assert_eq!(place.as_deref(), Some("[0]"), "{seen}");
@@ -742,7 +742,7 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     assert!(order.to_string().contains("use `subgroup_size`"), "{order}");
     for (entry, kind, part) in [
         ("tail", HazardKind::Barrier, "a subgroup operation that not every invocation"),
-        ("next", HazardKind::OutOfRange, "isn't in its subgroup"),
+        ("next", HazardKind::OutOfRange, "missing invocation of the subgroup"),
         ("fifth", HazardKind::OutOfRange, "in subgroups of 4, `fifth` reads the value"),
         ("room_for_two", HazardKind::OutOfRange, "in subgroups of 4, `room_for_two` writes"),
     ] {

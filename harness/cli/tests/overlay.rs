@@ -93,7 +93,7 @@ fn a_file_that_replaces_nothing_is_an_error() {
 fn an_overlay_without_files_is_an_error() {
     let project = Project::new(&[]);
     let err = project.refused("overlay");
-    assert!(err.contains("has no file, so that it replaces nothing"), "{err}");
+    assert!(err.contains("has no files, so it replaces no module"), "{err}");
     let err = project.refused("elsewhere");
-    assert!(err.contains("elsewhere` (KARAT_OVERLAY) isn't a folder, seen from `"), "{err}");
+    assert!(err.contains("elsewhere` (KARAT_OVERLAY) isn't a folder in `"), "{err}");
 }

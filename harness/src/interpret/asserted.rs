@@ -447,7 +447,7 @@ pub(crate) fn printed_by(passes: &Passes, most: usize) -> Result<Vec<String>, Di
                 Line::Assertion(own) => {
                     all.extend(own.unreached());
                     let Some(first) = own.fails().filter(|_| wrong.is_none()) else { continue };
-                    let note = format!("by Karat's engine, in `{}`", pass.name);
+                    let note = format!("Karat's engine found this in the pass `{}`", pass.name);
                     let invocation = pass.invocation(size, first);
                     let of = if own.wrong > 1 { "first by" } else { "by" };
                     wrong = Some(own.diagnostic(of, &invocation, &note));

@@ -160,7 +160,7 @@ pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
     firsts.map(agree).all(|agrees| agrees == Some(true)).then_some(count)
 }
 
-/// The number of cases to run at once, so that not all arguments and results are in memory.
+/// The number of cases to run at once. Memory then holds the arguments and results of only these cases.
 const BATCH_OF_ALL: usize = 1 << 16;
 
 /// The number of values of a scalar type, if it has at most 2^16.

@@ -40,7 +40,7 @@ pub struct Found {
     pub site: usize,
     /// The position of the operation in the source file.
     pub span: Span,
-    /// The operation, as the source file has it.
+    /// The text of the operation in the source file.
     pub text: String,
     /// Set if the result is finite nevertheless, because a later operation hides the hazard.
     pub hidden: bool,
@@ -142,8 +142,8 @@ const MOST_ROUNDS: u64 = 65_536;
 /// Each such round runs both branches.
 const UNDECIDED: u64 = 16;
 
-/// If a difference is less than this share of its operands, it has fewer than half of `f32`'s digits even in double
-/// precision. The last digit of double precision is 2^-53 of a number.
+/// Double precision rounds a number by up to 2^-53 of the number. So a difference that is less than this share (2^-41)
+/// of its operands has fewer than 12 correct bits even in double precision. An `f32` has 24 bits.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
 /// An interval whose relative width is at most this number counts as one number. If all operands of an operation are
@@ -394,8 +394,8 @@ impl<'e> Twins<'e> {
 }
 
 impl Interpreted {
-    /// The hazards in some cases. For each kind, it returns the ignored hazards up to the first hazard that isn't
-    /// ignored.
+    /// The hazards in some cases. For each kind, the list ends with the first hazard that `left_out` doesn't ignore.
+    /// The hazards before it are ignored.
     pub fn hazards_but(
         &self,
         cases: usize,
@@ -525,7 +525,7 @@ impl Interpreted {
 
     /// For each site, the number of cases that reached it with finite operands.
     fn good(&self, reach: Reach, events: &[Event<f32>]) -> BTreeMap<usize, usize> {
-        // For each lane and site, set if each operation there had a bad operand.
+        // For each site and lane, `true` if every run of the operation had an operand that isn't finite.
         let mut bad: BTreeMap<(usize, usize), bool> = BTreeMap::new();
         for event in events {
             // Only a few operations have an operand that isn't finite.
@@ -639,10 +639,10 @@ impl Interpreted {
     /// The names of the quad's pixels, and the position where their branches parted.
     fn missing(&self, first: usize, Parted { pixels, by }: Parted) -> Missing {
         const NAMES: [&str; quads::PIXELS] = [
-            "the pixel",
-            "the pixel to its right",
-            "the pixel below it",
-            "the pixel below to the right",
+            "the pixel at the quad's upper left",
+            "the pixel at the quad's upper right",
+            "the pixel at the quad's lower left",
+            "the pixel at the quad's lower right",
         ];
         let [reached, missing] =
             pixels.map(|pixel| NAMES[(pixel - first) % NAMES.len()].to_owned());

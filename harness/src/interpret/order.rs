@@ -168,7 +168,9 @@ impl OrderOf {
                     "the invocations{of} run one after the other, the last one first"
                 )),
                 (Priorities::InTurn, _) => {
-                    all.push(format!("the invocations{of} take turns, each to its next atomic"));
+                    all.push(format!(
+                        "the invocations{of} take turns, and each runs up to its next atomic"
+                    ));
                 }
                 (Priorities::Shuffled(_), _) => all.push(format!(
                     "the invocations{of} run one after the other, in a shuffled order"
@@ -188,7 +190,11 @@ impl OrderOf {
             all
         };
         let all: Vec<String> = self.passes(passes).flat_map(of_pass).collect();
-        if all.is_empty() { "two invocations are swapped".to_owned() } else { all.join(", and ") }
+        if all.is_empty() {
+            "two invocations run in swapped order".to_owned()
+        } else {
+            all.join(", and ")
+        }
     }
 }
 
@@ -229,7 +235,7 @@ pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options)
 /// The number of orders that a runner tried. `all` is set if no untried order has other effects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tried {
-    /// The number of orders with different effects, without the usual order.
+    /// The number of tried orders, without the usual order.
     pub(crate) orders: u64,
     pub(crate) all: bool,
 }

@@ -13,7 +13,8 @@ use crate::dispatch::DispatchError;
 const MOST_RUNS: usize = 64;
 
 /// Other values that a read may return, the most useful first. If there are few reads, Karat tries more elements.
-/// Shaders compare kinds and flags with small numbers, so only one element may change the result.
+/// An element may be a kind or a flag, which shaders compare with small numbers. Then only one of the elements may
+/// change the result.
 const OTHERS: [Elsewhere; 7] = [
     Elsewhere::Number(0),
     Elsewhere::Nth(0),

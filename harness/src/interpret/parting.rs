@@ -73,12 +73,12 @@ impl Turns {
     /// The atomics as notes for a message.
     pub(crate) fn told(&self) -> Vec<String> {
         let order = (!self.lines.is_empty())
-            .then(|| format!("its atomics run in this order:\n{}", self.lines.join("\n")));
+            .then(|| format!("the atomics run in this order:\n{}", self.lines.join("\n")));
         let relaxed = self.late.as_ref().map(|(_, late)| {
             format!(
-                "{late}: WGSL's atomics are relaxed (15.4, *Memory model*), so other invocations may see them in another order than \
-                 the program's. A barrier between both orders them for one workgroup. A second pass orders them for \
-                 all workgroups. Or store both numbers in one atomic"
+                "{late}: WGSL's atomics are relaxed (15.4, *Memory model*), so other invocations may see the two operations in another \
+                 order. A barrier between the two operations orders them for one workgroup. A second pass orders them for \
+                 all workgroups. You can also store both numbers in one atomic"
             )
         });
         order.into_iter().chain(relaxed).collect()
@@ -108,7 +108,7 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
             }
             if let (None, Some((other, behind))) = (&all.late, turn.behind.as_ref().and_then(author)) {
                 let late = format!(
-                    "`{text}` ({span}) of {who} is seen after `{behind}` ({other}), which is later in the program"
+                    "other invocations see `{text}` ({span}) of {who} only after `{behind}` ({other}), which is later in the program"
                 );
                 all.late = Some((span, late));
             }
@@ -181,7 +181,7 @@ fn first(prepared: &Prepared<'_>, order: &OrderOf) -> Option<(Span, String)> {
                 scalar => format_lane(scalar, given.word),
             });
             let says = format!(
-                "`{text}` gives {invocation} {other} in this order, and {usual} in the usual order"
+                "`{text}` gives {invocation} the value {other} in this order, and {usual} in the usual order"
             );
             return Some((span.first_line(), says));
         }

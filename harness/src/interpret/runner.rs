@@ -128,7 +128,7 @@ impl<'p> Runner<'p> {
         next
     }
 
-    /// The next run when trying all orders. After the last of these orders, it chooses another kind of run.
+    /// The next run while the runner tries all orders. After the last order, the runner tries another kind of run.
     fn explored(&mut self, mut explorer: Box<Explorer>, stores: Stores) -> Option<Run> {
         loop {
             let spent = self.runs * self.passes.invocations();

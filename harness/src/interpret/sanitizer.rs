@@ -197,8 +197,8 @@ fn run(
         if let Some(some) = &some {
             // A later pass would read data that no invocation wrote.
             watched.reason = format!(
-                "in `{}`, {} of {groups} workgroups ran, and no later pass ran: more than {WHOLE} invocations take \
-                 too long",
+                "in `{}`, only {} of {groups} workgroups ran, and no later pass ran, because more than {WHOLE} invocations \
+                 take too long",
                 pass.name,
                 some.len()
             );
@@ -291,9 +291,9 @@ fn run(
         }
         if found.untried > 0 {
             let lines = match found.untried {
-                1 => "1 line that reads outside of an array wasn't tried with other values",
+                1 => "1 line reads outside of an array, and Karat didn't test its effect",
                 more => &format!(
-                    "{more} lines that read outside of an array weren't tried with other values"
+                    "{more} lines read outside of an array, and Karat didn't test their effect"
                 ),
             };
             watched.reason = format!("in `{}`, {lines}", pass.name);
@@ -425,24 +425,24 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     };
     let note = if pass.drawn.is_some() {
         let atomic = if let Place::Texel(_) = race.place { "" } else { "use an atomic, or " };
-        format!("nothing orders two pixels of a draw: {atomic}let each pixel write its own element")
+        format!("the pixels of a draw have no order: {atomic}let each pixel write its own element")
     } else if !race.one_workgroup {
         let atomic = if let Place::Texel(_) = race.place { "" } else { "use an atomic, or " };
         format!(
-            "nothing orders two workgroups of a dispatch: {atomic}read in a later pass, or write into another resource"
+            "the workgroups of a dispatch have no order: {atomic}read the element in a later pass, or write into another resource"
         )
     } else if is_within(&race.first, &race.second) || is_within(&race.second, &race.first) {
         match both_write {
             false => format!(
-                "if both write the element, use an atomic. If one reads it, read it into a `let` first, and write after a \
-                 `{barrier}()`"
+                "if both accesses must write the element, use an atomic. Otherwise read the element into a `let` first, and \
+                 write after a `{barrier}()`"
             ),
             true => "let one invocation write the element, or use an atomic".to_owned(),
         }
     } else if examining.together && is_behind(&race.first, &race.second) {
         format!(
-            "the second access is in a later round of the loop or in a later call. A barrier between both lines orders \
-             only one round or call: put a `{barrier}()` at the end of the loop or of the function, too"
+            "the second access is in a later round of the loop or in a later call. A barrier between the two lines orders \
+             the accesses of one round or call: put a `{barrier}()` at the end of the loop or of the function, too"
         )
     } else {
         format!(
@@ -514,7 +514,7 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     };
     let accesses = [(place, examining.invocation(one.reached), "reaches it".to_owned()), other];
     let note = format!(
-        "{} of the {among}'s invocations don't reach it, but WGSL requires {operation} to be in uniform control flow \
+        "{} of the {among}'s invocations don't reach this line, but WGSL requires {operation} to be in uniform control flow \
          (15.2)",
         one.count
     );
@@ -531,7 +531,7 @@ fn of_outside(
     others: &[&Outside],
 ) -> (Violation, Diagnostic) {
     let pass = examining.pass;
-    let reads = "and the results of the passes depend on it";
+    let reads = "and the results of the passes depend on this read";
     let name = one.variable.as_ref().map(|variable| named(&pass.program, variable, "").1);
     let of = match (name, one.bounds, one.nested) {
         (Some(name), _, false) => format!("`{name}`"),
@@ -551,20 +551,20 @@ fn of_outside(
     };
     let (place, invocation) = (examining.span(&one.site), examining.invocation(one.invocation));
     let beyond = match one.bounds {
-        Bounds::Subgroup => "asks an invocation that isn't active or isn't in its subgroup",
-        Bounds::Texture => "accesses a texel beyond the edge",
-        _ => "has an index beyond the array",
+        Bounds::Subgroup => "reads from an inactive or missing invocation of the subgroup",
+        Bounds::Texture => "accesses a texel beyond the edge of the texture",
+        _ => "uses an index beyond the end of the array",
     };
     let beyond = match one.index {
         Some((meant, index)) if one.bounds == Bounds::Wrapped => {
             format!("computes index {meant}, but accesses element {index}")
         }
         Some((index, length)) if one.bounds == Bounds::Texture => {
-            format!("accesses texel {index}, but {of} has {length} in that direction")
+            format!("accesses texel {index}, but {of} has {length} texels in that direction")
         }
         Some((index, length)) => {
             let owner = if one.nested || one.variable.is_none() { "the array" } else { &of };
-            format!("has index {index}, but {owner} has {}", counted(length, "element"))
+            format!("uses index {index}, but {owner} has {}", counted(length, "element"))
         }
         None => beyond.to_owned(),
     };
@@ -578,11 +578,11 @@ fn of_outside(
     }
     let note = match one.bounds {
         Bounds::Subgroup => {
-            "WGSL allows any result (*Subgroup Built-in Functions*): compare the index with `subgroup_size`, and `select` another value"
+            "WGSL allows any result for such an index (*Subgroup Built-in Functions*): if the index isn't below `subgroup_size`, `select` another value"
         }
         Bounds::Wrapped => {
-            "a sum or a product in the index exceeds 32 bits, and WGSL keeps the lowest 32 (*Arithmetic Expressions*): compare the parts first, \
-             or use smaller parts"
+            "a sum or a product in the index exceeds 32 bits, and WGSL keeps only the lowest 32 bits (*Arithmetic Expressions*): \
+             compare the operands with a limit first, or use smaller operands"
         }
         Bounds::Texture => {
             "WGSL allows such a read to return any texel or zero, and ignores such a write (*textureLoad*, *textureStore*): \
@@ -603,7 +603,7 @@ fn of_outside(
         let mut places: Vec<String> = places.map(|span| span.to_string()).collect();
         places.dedup();
         diagnostic = diagnostic.note(format!(
-            "it changes the results only together with other reads outside of arrays: at {}",
+            "this read changes the results only together with other reads outside of arrays: at {}",
             places.join(", ")
         ));
     }

@@ -23,13 +23,16 @@ pub(super) fn supply(
     } else if let Some(view) = fixture.view() {
         let texture = texture(binding, &view).map_err(|message| {
             let variable = &binding.path;
-            let message = format!("the texture of `{variable}`: {message}");
+            let message =
+                format!("Karat's engine can't use the texture of variable `{variable}`: {message}");
             PathError::Route { path: Path::CPU, message }
         })?;
         resources.set_texture(group, number, texture);
     } else if let Fixture::Sampler(given) = fixture {
         if given.anisotropy > 1 {
-            let reason = "Karat's engine has no anisotropic filter: run it on drivers".to_owned();
+            let reason =
+                "Karat's engine can't filter with anisotropy: run the check only on drivers"
+                    .to_owned();
             return Err(FixtureError::Unusable { variable: binding.path.clone(), reason }.into());
         }
         resources.set_sampler(group, number, sampler(given));

@@ -156,7 +156,7 @@ impl Values {
 }
 
 impl Seen {
-    /// The value for a reader. `signed` says how to read the bits of an integer.
+    /// The value that a trace shows. `signed` says how to read the bits of an integer.
     fn value(self, signed: bool) -> Value {
         match self {
             Self::Single(x) => Value::Single(x),

@@ -55,7 +55,7 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         let is_name = |c: char| c.is_alphanumeric() || c == '_';
         let returned = previous.strip_prefix("return").filter(|rest| !rest.starts_with(is_name));
         if returned.is_some_and(|rest| rest.ends_with(';')) {
-            return Err(wrong("the line stands behind a `return`, so it never runs".to_owned()));
+            return Err(wrong("this line comes after a `return`, so it never runs".to_owned()));
         }
         let indent = line.len() - line.trim_start().len();
         let (before, behind) = line[indent + head.len()..]
@@ -90,7 +90,7 @@ impl<'l> Line<'l> {
             return match line.find(CONDITION_HEAD) {
                 Some(_) => Self::called(own),
                 None if is_meant(line) => {
-                    Err(format!("put `//{COMMENT}`, with two slashes, on a line of its own"))
+                    Err(format!("`//{COMMENT}` must begin a line, with exactly two slashes"))
                 }
                 None => Ok(None),
             };
@@ -99,8 +99,8 @@ impl<'l> Line<'l> {
         let word: &str = rest.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
         let Some(verb) = Verb::of(word) else {
             let near = nearest(word, ["assert", "print"]);
-            let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            return Err(format!("`//{COMMENT} {word}` neither asserts nor prints{near}"));
+            let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+            return Err(format!("`//{COMMENT} {word}` isn't a command of Karat{near}"));
         };
         let behind = &rest[word.len()..];
         let head = &own[..own.len() - behind.len()];
@@ -108,8 +108,8 @@ impl<'l> Line<'l> {
         let expression = behind.split("//").next().unwrap_or_default();
         let expression = expression.trim().trim_end_matches(';').trim_end();
         match (expression.is_empty(), is_one(expression)) {
-            (true, _) => Err(format!("`//{COMMENT} {word}` has no expression")),
-            (_, false) => Err(format!("`{expression}` isn't one expression")),
+            (true, _) => Err(format!("an expression is missing after `//{COMMENT} {word}`")),
+            (_, false) => Err(format!("`{expression}` isn't a single expression")),
             _ => Ok(Some(Self { verb, head, expression })),
         }
     }
@@ -118,7 +118,7 @@ impl<'l> Line<'l> {
     fn called(own: &'l str) -> Result<Option<Self>, String> {
         let wrong = || {
             Err(format!(
-                "only an import of `karat`, or `print(x);` or `assert(x);` on one line, can follow `{CONDITION}`"
+                "after `{CONDITION}`, only an import of `karat`, or `print(x);` or `assert(x);` on the same line is allowed"
             ))
         };
         let Some(rest) = own.strip_prefix(CONDITION).map(str::trim_start) else { return wrong() };
@@ -263,22 +263,22 @@ mod tests {
         };
         for (line, part) in [
             ("//karat: prnt x", "did you mean `print`?"),
-            ("//karat: assert", "has no expression"),
-            ("//karat:", "neither asserts nor prints"),
-            ("let y = x; //karat: print y", "on a line of its own"),
-            ("@if(karat) print(x", "on one line"),
-            ("@if(karat) let y = f(x);", "on one line"),
-            ("let y = x; @if(karat) print(y);", "on one line"),
-            ("@if(karat && true) print(y);", "on one line"),
-            ("@if(karat) print(x); @if(karat) print(x);", "on one line"),
-            ("@if(karat) print(x) + (y);", "on one line"),
-            ("//karat: print x; y = 9.0", "isn't one expression"),
-            ("//karat: print f(x", "isn't one expression"),
-            ("//karat: print x /* open", "isn't one expression"),
-            ("//karat print x", "on a line of its own"),
-            ("// Karat : assert x > 1", "on a line of its own"),
-            ("/// karat: print x", "with two slashes"),
-            ("    return x;\n\n    //karat: assert x > 0.0", "behind a `return`"),
+            ("//karat: assert", "an expression is missing"),
+            ("//karat:", "isn't a command of Karat"),
+            ("let y = x; //karat: print y", "must begin a line"),
+            ("@if(karat) print(x", "on the same line"),
+            ("@if(karat) let y = f(x);", "on the same line"),
+            ("let y = x; @if(karat) print(y);", "on the same line"),
+            ("@if(karat && true) print(y);", "on the same line"),
+            ("@if(karat) print(x); @if(karat) print(x);", "on the same line"),
+            ("@if(karat) print(x) + (y);", "on the same line"),
+            ("//karat: print x; y = 9.0", "isn't a single expression"),
+            ("//karat: print f(x", "isn't a single expression"),
+            ("//karat: print x /* open", "isn't a single expression"),
+            ("//karat print x", "must begin a line"),
+            ("// Karat : assert x > 1", "must begin a line"),
+            ("/// karat: print x", "exactly two slashes"),
+            ("    return x;\n\n    //karat: assert x > 0.0", "after a `return`"),
         ] {
             let error = error(line);
             let at = format!("m.wgsl:{}", 1 + line.lines().count());

@@ -7,8 +7,8 @@ use super::PackageError;
 use super::lexer::{Kind, Token};
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 
-/// The partners of brackets: for each bracket, the index of its partner. The partner of another token is the
-/// token itself.
+/// For each token, an index: for a bracket, the index of its partner bracket, and for any other token, its own
+/// index.
 pub(super) fn partners(
     file: &Arc<SourceFile>,
     tokens: &[Token],
@@ -31,12 +31,17 @@ pub(super) fn partners(
                     }
                     // Usually the author forgot to close the inner bracket.
                     Some(first) => {
-                        let message =
-                            format!("this isn't closed: a `{}` comes first", char::from(symbol));
+                        let message = format!(
+                            "this bracket isn't closed before the next `{}`",
+                            char::from(symbol)
+                        );
                         return Err(syntax_error(file, tokens[first].range(), &message));
                     }
                     None => {
-                        let message = format!("this `{}` closes nothing", char::from(symbol));
+                        let message = format!(
+                            "this `{}` closes no bracket: an opening bracket is missing",
+                            char::from(symbol)
+                        );
                         return Err(syntax_error(file, token.range(), &message));
                     }
                 }
@@ -46,7 +51,7 @@ pub(super) fn partners(
     }
     match open.last() {
         None => Ok(partners),
-        Some(index) => Err(syntax_error(file, tokens[*index].range(), "this isn't closed")),
+        Some(index) => Err(syntax_error(file, tokens[*index].range(), "this bracket isn't closed")),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Finds the shaders of crates through cargo.
 //!
-//! Cargo's metadata has the folders of a project's crates, so Karat needs no table of folders. An update would
-//! make such a table wrong. A crate at an exact version needs no project: cargo fetches the crate and compiles
+//! Cargo's metadata has the folders of a project's crates, so Karat needs no table of folders. An update of a crate
+//! could make such a table wrong. A crate at an exact version needs no project: cargo fetches the crate and compiles
 //! nothing. Karat stores cargo's answer in cargo's home folder, under a hash of the files on which the answer
 //! depends. So a test program runs cargo only once for each lock file.
 
@@ -96,7 +96,7 @@ impl Found {
             let near = nearest(&plain, self.known());
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(error(format!(
-                "no crate of this name ships shaders to `{}`{near}",
+                "no crate of this name is among the dependencies with shaders of `{}`{near}",
                 self.krate().name
             )));
         };
@@ -148,7 +148,7 @@ struct Graphs;
 impl Kind for Graphs {
     type Key = (PathBuf, String);
     type Value = Result<Arc<Graph>, String>;
-    // One process opens fewer projects.
+    // One process opens fewer projects than this.
     const MOST: usize = 1000;
 }
 
@@ -208,15 +208,15 @@ impl Graph {
                 let near =
                     near.map_or_else(|| ".".to_owned(), |near| format!("; did you mean `{near}`?"));
                 Err(format!(
-                    "the project doesn't depend on the crate{near} With a version, such as `{name}@1.2.3`, \
-                     cargo fetches it"
+                    "the project doesn't depend on the crate{near} If you add a version, such as `{name}@1.2.3`, \
+                     cargo fetches the crate"
                 ))
             }
             ref several => {
                 let versions: Vec<&str> =
                     several.iter().map(|index| &*self.crates[*index].version).collect();
                 Err(format!(
-                    "the project has several versions: name the crate with one of them, `{name}@{}`",
+                    "the project depends on several versions of the crate: choose one, such as `{name}@{}`",
                     versions.join("` or `@")
                 ))
             }
@@ -232,7 +232,7 @@ fn of_project(base: &Path) -> Result<Graph, String> {
     else {
         let base = shown(&base);
         return Err(format!(
-            "there is no Cargo.toml in or above `{base}`: name a version, and cargo fetches the crate"
+            "there is no Cargo.toml in or above `{base}`: add a version to the crate's name, and cargo fetches the crate"
         ));
     };
     let lock = base.ancestors().map(|folder| folder.join("Cargo.lock")).find(|file| file.is_file());

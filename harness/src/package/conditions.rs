@@ -14,8 +14,8 @@ use super::feature::{Features, is_on};
 use super::lexer::{Kind, Token};
 use crate::diagnostic::SourceFile;
 
-/// The deepest nesting of brackets in a condition. Authors write far fewer, and the stack suffices for this
-/// number.
+/// The deepest nesting of brackets in a condition. Authors never nest brackets so deeply, and the stack suffices for
+/// this depth.
 const MOST_BRACKETS: usize = 64;
 
 /// A declaration under a condition that is false.
@@ -137,11 +137,11 @@ impl Reader<'_> {
             return Ok(at);
         };
         if let Some(second) = conditions.next() {
-            return Err(self.error(second, "a second condition; join both with `&&`"));
+            return Err(self.error(second, "this is a second condition before the same item: join the two conditions with `&&`"));
         }
         let open = found.open.last().copied();
         if self.is_list(open) && self.is(at, b'{') {
-            let message = "groups in braces contain declarations or statements: give each member or parameter a \
+            let message = "only declarations and statements can be in a group in braces: give each member or parameter a \
                            condition of its own";
             return Err(self.error(&condition, message));
         }
@@ -149,32 +149,37 @@ impl Reader<'_> {
             let range = self.brackets[at] + 1..self.brackets[at] + 2;
             return Err(self.error(
                 &range,
-                "an `else` follows no group: the compiler doesn't see the group's braces",
+                "an `else` can't follow a group in braces that has a condition: write `@else`",
             ));
         }
         if !self.takes_condition(start, open) || self.is(at, b';') {
-            let message = "a condition stands before an import, a directive, a declaration, a member, \
-                           a parameter, a statement or a case, and nowhere else: put it before all of \
-                           the statement or declaration";
+            let message = "a condition can only come before an import, a directive, a declaration, a member, \
+                           a parameter, a statement or a case: move the condition to the beginning of the statement or \
+                           declaration";
             return Err(self.error(&condition, message));
         }
         if at >= self.tokens.len() {
-            return Err(self.error(&condition, "nothing follows this condition"));
+            return Err(
+                self.error(&condition, "the declaration that this condition applies to is missing")
+            );
         }
         if self.text(at) == "else" {
-            let message = "a condition can't stand between an `if` and its `else`: put it before the \
+            let message = "a condition can't be between an `if` and its `else`: put the condition before the \
                            `if`, or inside of the branch";
             return Err(self.error(&condition, message));
         }
         let end = self.end(at).ok_or_else(|| {
-            self.error(&condition, "the declaration or statement behind this condition doesn't end")
+            self.error(
+                &condition,
+                "the end of the declaration or statement after this condition is missing",
+            )
         })?;
         // The brackets of a type can't contain attributes.
         let mut tokens = at + 1..end;
         if let Some(next) =
             tokens.find(|token| self.is(*token, b'@')).filter(|_| self.is_list(open))
         {
-            return Err(self.error(&(next..next + 2), "a `,` is missing before this"));
+            return Err(self.error(&(next..next + 2), "a `,` is missing before this attribute"));
         }
         let holds = match (self.text(condition.start + 1), chains.get(&start)) {
             ("if", _) => {
@@ -183,7 +188,8 @@ impl Reader<'_> {
                 holds
             }
             (word, None) => {
-                let message = format!("this `@{word}` follows no `@if`");
+                let message =
+                    format!("this `@{word}` doesn't follow a declaration or statement with `@if`");
                 return Err(self.error(&condition, &message));
             }
             ("elif", Some(taken)) => {
@@ -301,7 +307,9 @@ impl Reader<'_> {
     fn evaluate(&self, attribute: &Range<usize>) -> Result<bool, PackageError> {
         let inner = attribute.start + 3..attribute.end.saturating_sub(1);
         if inner.start > inner.end || !self.is(attribute.start + 2, b'(') {
-            return Err(self.error(attribute, "a condition is missing: `@if(feature)`"));
+            return Err(
+                self.error(attribute, "a condition in brackets is missing: write `@if(feature)`")
+            );
         }
         let mut depth = 0_usize;
         for token in inner.clone() {
@@ -311,7 +319,9 @@ impl Reader<'_> {
                 _ => depth,
             };
             if depth > MOST_BRACKETS {
-                return Err(self.error(&(token..token + 1), "too many brackets in a condition"));
+                return Err(
+                    self.error(&(token..token + 1), "this condition has too many nested brackets")
+                );
             }
         }
         let mut at = inner.start;
@@ -321,7 +331,7 @@ impl Reader<'_> {
             at += 1;
         }
         if at < inner.end {
-            let message = "conditions are features joined by `&&`, `||`, `!` and brackets";
+            let message = "a condition consists of features, `&&`, `||`, `!` and brackets";
             return Err(self.error(&(at..at + 1), message));
         }
         Ok(value)

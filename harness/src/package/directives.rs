@@ -147,7 +147,7 @@ impl Reader<'_> {
         self.open.last().is_none_or(Open::is_live)
     }
 
-    /// Hides bytes from code that reads tokens.
+    /// Replaces bytes by blanks, except line ends. Code that reads tokens then doesn't see these bytes.
     fn mask(&mut self, range: Range<usize>) {
         for byte in &mut self.bytes[range] {
             if !matches!(byte, b'\n' | b'\r') {
@@ -219,7 +219,7 @@ impl Reader<'_> {
                 return Ok(());
             }
             if KNOWN.contains(&word) {
-                return Err(self.error(whole, "a directive must begin its line"));
+                return Err(self.error(whole, "a directive must be the first text in its line"));
             }
             // `naga_oil` also accepts a value without braces.
             if self.features.contains_key(word) || self.is_oil(word, first) {
@@ -257,11 +257,11 @@ impl Reader<'_> {
             "else" => {
                 let (word, condition) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
                 let Some(open) = self.open.last() else {
-                    return Err(self.error(whole, "this `#else` follows no `#if`"));
+                    return Err(self.error(whole, "there is no `#if` before this `#else`"));
                 };
                 let (outer, taken) = (open.outer, open.taken);
                 if open.last {
-                    return Err(self.error(whole, "a second `#else`"));
+                    return Err(self.error(whole, "this is a second `#else` for the same `#if`"));
                 }
                 let holds = outer
                     && !taken
@@ -281,7 +281,7 @@ impl Reader<'_> {
             }
             "endif" => {
                 if self.open.pop().is_none() {
-                    return Err(self.error(whole, "this `#endif` follows no `#if`"));
+                    return Err(self.error(whole, "there is no `#if` before this `#endif`"));
                 }
             }
             _ if !self.is_live() => return Ok(()),
@@ -293,8 +293,8 @@ impl Reader<'_> {
                     self.features.entry(name.to_owned()).or_insert(value);
                 }
                 if self.found.path.is_some() {
-                    let message = "a module that others import can't `#define`: only the \
-                                   linked module may";
+                    let message = "a module with `#define_import_path` can't use `#define`: move the \
+                                   `#define` to the module that imports it";
                     return Err(self.error(whole, message));
                 }
             }
@@ -302,11 +302,10 @@ impl Reader<'_> {
                 let path = rest.trim_end_matches(';').trim_end();
                 let is_part = |c: char| c.is_alphanumeric() || c == '_';
                 if self.found.path.as_ref().is_some_and(|known| known != path) {
-                    return Err(self.error(whole, "a second `#define_import_path`"));
+                    return Err(self.error(whole, "this is a second `#define_import_path`"));
                 }
                 if path.split("::").any(|part| part.is_empty() || !part.chars().all(is_part)) {
-                    let message =
-                        "a module declares its own path: `#define_import_path engine::math`";
+                    let message = "`#define_import_path` needs a path, such as `engine::math`";
                     return Err(self.error(whole, message));
                 }
                 self.found.path = Some(path.to_owned());
@@ -315,9 +314,10 @@ impl Reader<'_> {
             "include" => {
                 let named = rest.strip_prefix('"').and_then(|rest| rest.split_once('"'));
                 let Some((name, _)) = named else {
-                    return Err(
-                        self.error(whole, "an `#include` needs a file: `#include \"a.wgsl\"`")
-                    );
+                    return Err(self.error(
+                        whole,
+                        "an `#include` needs a file name in quotes: `#include \"a.wgsl\"`",
+                    ));
                 };
                 self.found.includes.push((Include::File(name.to_owned()), whole.clone()));
             }

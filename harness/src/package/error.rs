@@ -12,11 +12,13 @@ pub enum PackageError {
     NoFolder(String),
     /// A test names a package's folder that doesn't exist.
     #[error(
-        "the shader folder `{0}` doesn't exist; `karat::package!` takes a path relative to Cargo.toml"
+        "the shader folder `{0}` doesn't exist: write a path relative to Cargo.toml in `karat::package!`"
     )]
     Missing(String),
     /// The folder has no modules.
-    #[error("the shader folder `{0}` has no .wgsl or .wesl file: name the folder that has them")]
+    #[error(
+        "the shader folder `{0}` has no .wgsl or .wesl file: name the folder that has your shaders"
+    )]
     Empty(String),
     /// A module can't be read.
     #[error("can't read `{file}`: {cause}")]
@@ -43,7 +45,7 @@ pub enum PackageError {
         reason: String,
     },
     /// The program that expands modules failed.
-    #[error("`{program}`, which karat.toml names to expand modules, fails for `{file}`: {reason}")]
+    #[error("`{program}`, the `preprocess` program of karat.toml, fails for `{file}`: {reason}")]
     Preprocess {
         /// The module's file.
         file: String,
@@ -53,7 +55,7 @@ pub enum PackageError {
         reason: String,
     },
     /// A line that asserts or prints has an error.
-    #[error("{place}: {reason}: write `//karat: print x` or `//karat: assert x >= 0.0`")]
+    #[error("{place}: {reason}. Write `//karat: print x` or `//karat: assert x >= 0.0`")]
     Asserts {
         /// The line's position.
         place: String,
@@ -61,7 +63,7 @@ pub enum PackageError {
         reason: String,
     },
     /// Karat can't find the shaders of a crate.
-    #[error("no shaders of crate `{name}`: {reason}")]
+    #[error("Karat can't open the shaders of crate `{name}`: {reason}")]
     Crate {
         /// The name of the crate.
         name: String,
@@ -76,7 +78,7 @@ pub enum PackageError {
     },
     /// An import names a package that isn't a dependency.
     #[error(
-        "package `{package}` has no dependency `{name}`{}; declare it with `depends_on`, or under \
+        "package `{package}` has no dependency `{name}`{}; declare the dependency with `depends_on`, or under \
          `[dependencies]` in the package's `karat.toml`",
         did_you_mean(nearest)
     )]
@@ -102,7 +104,7 @@ pub enum PackageError {
         nearest: Option<String>,
     },
     /// No module declares this path for itself.
-    #[error("no module calls itself `{path}` with `#define_import_path`{}", did_you_mean(nearest))]
+    #[error("no module declares `#define_import_path {path}`{}", did_you_mean(nearest))]
     NotComposed {
         /// The path in the import.
         path: String,
@@ -110,7 +112,7 @@ pub enum PackageError {
         nearest: Option<String>,
     },
     /// Two modules of one package declare the same path for themselves.
-    #[error("modules `{first}` and `{second}` both call themselves `{path}`")]
+    #[error("modules `{first}` and `{second}` both declare `#define_import_path {path}`")]
     ComposedTwice {
         /// The path.
         path: String,
@@ -121,7 +123,7 @@ pub enum PackageError {
     },
     /// A path names a function that the package doesn't have.
     #[error(
-        "package `{package}` has no function `{path}` among its {count}{}",
+        "package `{package}` has no function `{path}` among its functions ({count}){}",
         did_you_mean(nearest)
     )]
     UnknownFunction {
@@ -151,10 +153,10 @@ pub enum PackageError {
     #[error(
         "no condition in package `{package}` or in its imports uses the feature{} {}{}{}{}",
         if unknown.len() == 1 { "" } else { "s" }, listed(unknown),
-        if known.is_empty() { String::new() } else { format!("; its conditions use {known}") },
+        if known.is_empty() { String::new() } else { format!("; the package's conditions use {known}") },
         misspelt.as_ref().map_or_else(String::new, |text| format!("\n`{text}` isn't a condition: write `@if` or `@elif`")),
         bare.as_ref().map_or_else(String::new, |name| format!(
-            "\n`{name}` is a name in the text, which no feature replaces: write its value into karat.toml \
+            "\na feature can't replace the name `{name}` of the shader: write the value into karat.toml \
              beside the modules\n\n[values]\n{name} = 64"
         ))
     )]
@@ -171,7 +173,7 @@ pub enum PackageError {
         known: Box<str>,
     },
     /// A path goes above the root of its package.
-    #[error("`super` leads above the root of package `{package}`")]
+    #[error("`super` goes above the root of package `{package}`")]
     AboveRoot {
         /// The package.
         package: String,

@@ -14,8 +14,8 @@ use super::library::{Library, ModulePath};
 use super::syntax::Module;
 use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 
-/// The deepest nesting of braces in an import statement. Authors write far fewer, and the stack suffices for this
-/// number.
+/// The deepest nesting of braces in an import statement. Authors never nest braces so deeply, and the stack suffices
+/// for this depth.
 const MOST_BRACES: usize = 32;
 
 #[derive(Clone, Debug)]
@@ -112,16 +112,17 @@ pub(super) fn imports(module: &Module) -> Result<Vec<Import>, PackageError> {
 
 /// The error for a name that has two meanings because of an import.
 fn twice(module: &Module, import: &Import, first: Span, how: &str) -> PackageError {
-    let message = format!("`{}` would mean two things in this module", import.alias);
+    let message = format!("the name `{}` has two meanings in this module", import.alias);
     let diagnostic = Diagnostic::new(message)
         .at(module.span(import.token), "imported here")
         .at(first, how)
-        .note("give one of them another name: `import package::module::name as other;`");
+        .note("import the name under another name: `import package::module::name as other;`");
     PackageError::Shader(Box::new(diagnostic))
 }
 
 fn malformed(module: &Module, token: usize) -> PackageError {
-    let message = "imports are written `import package::module::{name, other as alias};`";
+    let message =
+        "this import is malformed: write `import package::module::{name, other as alias};`";
     syntax_error(&module.file, module.span(token).range, message)
 }
 
@@ -175,7 +176,7 @@ fn list(
         }
         // `naga_oil` also imports whole modules.
         if words.len() < 2 && !module.composes {
-            let message = "an import names a package and a module: `import package::module::name;`";
+            let message = "an import needs a package and a module: `import package::module::name;`";
             return Err(syntax_error(&module.file, module.span(token).range, message));
         }
         // `#import bevy_pbr::utils PI, E`, the first syntax of `naga_oil`.
@@ -337,7 +338,7 @@ pub(super) fn resolve_path(
         Err(error @ (PackageError::Shader(_) | PackageError::NotUtf8 { .. })) => Err(error),
         Err(error) => Err(unresolved(error)),
         Ok(Target::Module(found)) => {
-            let message = format!("`{}` is a module", library.shown(&found));
+            let message = format!("`{}` is a module, not a declaration", library.shown(&found));
             let diagnostic = Diagnostic::new(message).at(module.span(last), "");
             Err(PackageError::Shader(Box::new(diagnostic)))
         }
@@ -396,7 +397,7 @@ fn hinted(
     let diagnostic = diagnostic.mended_by(mend);
     let diagnostic = match (condition, nearest) {
         (None, _) if module == CONSTANTS => diagnostic.note(format!(
-            "`{name}` is a feature with a value: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"
+            "to set the feature `{name}`, write `.feature(\"{name}\", 3)` in Rust, or `--feature {name}=3`"
         )),
         (Some(condition), _) => diagnostic
             .note(format!("`{name}` is declared under `{condition}`, which is false here")),

@@ -38,7 +38,7 @@ pub enum Declaration {
         least: End,
         /// The largest element.
         most: End,
-        /// Reports if all elements differ.
+        /// Set if all elements must differ.
         distinct: bool,
     },
     /// Lengths that are multiples of this number.
@@ -68,7 +68,7 @@ impl Declaration {
                      \"unit_rgb\", or { range = [0, \"length(out) - 1\"], distinct = true }"
                 }
             };
-            format!("the input `{name}` must be {what}, and this is {value}")
+            format!("the input `{name}` must be {what}, but is {value}")
         };
         let declared = match value {
             Value::Integer(_) | Value::Float(_) => {
@@ -80,7 +80,7 @@ impl Declaration {
                 _ => {
                     let count = ends.len();
                     return Err(format!(
-                        "the input `{name}` has a range of two numbers, and this one has {count}"
+                        "the range of the input `{name}` must have two numbers, but has {count}"
                     ));
                 }
             },
@@ -89,7 +89,7 @@ impl Declaration {
                 let known = |key: &String| matches!(&**key, "one_of" | "range" | "distinct");
                 if let Some(key) = table.keys().find(|key| !known(key)) {
                     return Err(format!(
-                        "the input `{name}` has no key `{key}`: its keys are one_of, range and distinct"
+                        "the input `{name}` can't have the key `{key}`: write one_of, range or distinct"
                     ));
                 }
                 let distinct = table.get("distinct").map(Value::as_bool);
@@ -126,14 +126,16 @@ impl Declaration {
             Self::Range(least, most) if is_size && !(is_count(*least) && is_count(*most)) => {
                 let what = if is_length { "elements" } else { "workgroups" };
                 return Err(format!(
-                    "the input `{name}` must have from 1 to {MOST_ELEMENTS} {what}, and this is {value}"
+                    "the input `{name}` must have from 1 to {MOST_ELEMENTS} {what}, but the value is {value}"
                 ));
             }
             Self::Values(_) | Self::Named(_) | Self::Elements { .. } if is_size => {
                 return Err(wrong());
             }
             Self::Range(least, most) if !(fits(*least) && fits(*most)) => {
-                return Err(format!("the input `{name}` is {value}, and no f32 is so large"));
+                return Err(format!(
+                    "the input `{name}` is {value}, which is too large for an f32"
+                ));
             }
             _ => {}
         }
@@ -141,7 +143,9 @@ impl Declaration {
             Self::Range(least, most)
                 if !(least <= most && least.is_finite() && most.is_finite()) =>
             {
-                Err(format!("the input `{name}` is declared from {least} to {most}: no range"))
+                Err(format!(
+                    "the input `{name}` is declared from {least} to {most}, which isn't a range"
+                ))
             }
             Self::MultipleOf(_) if !is_length => Err(wrong()),
             declared => Ok(declared),
@@ -248,17 +252,17 @@ mod tests {
     #[test]
     fn invalid_inputs_say_why() {
         for (text, part) in [
-            ("[1, 0]", "from 1 to 0: no range"),
-            ("[0, 1, 2]", "this one has 3"),
+            ("[1, 0]", "from 1 to 0, which isn't a range"),
+            ("[0, 1, 2]", "but has 3"),
             ("\"unit vector\"", "\"unit_vector\""),
-            ("true", "and this is true"),
-            ("{ value = 3 }", "no key `value`"),
+            ("true", "but is true"),
+            ("{ value = 3 }", "the key `value`"),
             ("{ one_of = [] }", "{ one_of = [..] }"),
             ("{ one_of = [\"a\"] }", "{ one_of = [..] }"),
             ("{ distinct = 1 }", "distinct = true"),
             ("[0, \"len(out)\"]", "length(out) - 1"),
             ("\"multiple of 64\"", "a range as in [0, 1]"),
-            ("inf", "this is inf"),
+            ("inf", "but is inf"),
         ] {
             let why = of("a", text).expect_err(text);
             assert!(why.contains(part) && why.contains("`a`"), "{text}: {why}");

@@ -185,7 +185,7 @@ impl Library {
         has
     }
 
-    /// Checks if the folder of a module exists. Most paths in the checks name items, and have no folder.
+    /// Checks if the folder of a module exists. Most paths that Karat tries name items, which have no folder.
     fn has_folder(&self, package: &Package, path: &ModulePath) -> bool {
         let Some((_, above)) = path.components.split_last() else { return true };
         if above.is_empty() || matches!(package.origin, Origin::Memory { .. }) {
@@ -365,7 +365,7 @@ impl Library {
         let each = open.iter().map(|(name, all)| format!("{name} = {}", all[0]));
         let each = each.collect::<Vec<_>>().join(", ");
         let note = format!(
-            "other features of the package have no values either; in `karat.toml`: features = {{ {each} }}"
+            "other features of the package have no value, too. To set all values, write into `karat.toml`: features = {{ {each} }}"
         );
         PackageError::Shader(Box::new(diagnostic.note(note)))
     }
@@ -475,7 +475,7 @@ struct Modules;
 impl Kind for Modules {
     type Key = (Hash, Features);
     type Value = Arc<Module>;
-    // Any package has fewer modules.
+    // Any package has fewer modules than this.
     const MOST: usize = 10_000;
 }
 

@@ -84,16 +84,21 @@ impl Limits {
                 let names = Limit::ALL.iter().map(|limit| limit.name);
                 let near = nearest(&camel, names.clone());
                 return Err(match near {
-                    Some(near) => format!("`[limits]` has no `{name}`; did you mean `{near}`?"),
+                    Some(near) => {
+                        format!("`[limits]` can't have the key `{name}`; did you mean `{near}`?")
+                    }
                     None => {
                         let names = names.collect::<Vec<_>>().join(", ");
-                        format!("`[limits]` has no `{name}`; it has `mode`, {names}")
+                        format!(
+                            "`[limits]` can't have the key `{name}`; its keys are `mode`, {names}"
+                        )
                     }
                 });
             }
             let number = value.as_integer().and_then(|number| u64::try_from(number).ok());
-            let number = number
-                .ok_or_else(|| format!("the limit `{name}` must be a whole number from 0"))?;
+            let number = number.ok_or_else(|| {
+                format!("the limit `{name}` must be a whole number of at least 0")
+            })?;
             limits.named.insert(name, number);
         }
         Ok(limits)
@@ -152,9 +157,9 @@ mod tests {
             ("mode = \"web\"", "\"core\" or \"compatibility\""),
             ("maxBindGroup = 4", "did you mean `maxBindGroups`?"),
             ("max_bind_groups = 4", "did you mean `maxBindGroups`?"),
-            ("memory = 4", "it has `mode`, maxBindGroups"),
-            ("maxBindGroups = -1", "a whole number from 0"),
-            ("maxBindGroups = \"4\"", "a whole number from 0"),
+            ("memory = 4", "its keys are `mode`, maxBindGroups"),
+            ("maxBindGroups = -1", "a whole number of at least 0"),
+            ("maxBindGroups = \"4\"", "a whole number of at least 0"),
         ] {
             let error = read(text).expect_err(text);
             assert!(error.contains(part), "{text}: {error}");

@@ -18,9 +18,9 @@ use super::{Package, PackageError, directives, imports};
 use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
-    /// Makes one package for each text. The text is the package's only module. Each package depends on this
-    /// package under `name`, and has the features in `set`. Each package also has the definitions of `text`, the
-    /// module with the same name.
+    /// Makes one package for each of the `texts`. Its only module is the text, with the name `module`. Each package
+    /// depends on this package under `name`, and has the features in `set`. In this package, the module `module` has
+    /// the contents `text`. Each new text begins with the definitions (`#define`) of `text`.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,

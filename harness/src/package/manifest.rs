@@ -187,7 +187,7 @@ impl Package {
             return match names.find(|name| name.eq_ignore_ascii_case(NAME)) {
                 Some(name) => Err(PackageError::Manifest {
                     file: shown(&root.join(name)),
-                    reason: format!("Karat reads only `{NAME}`, and not this file"),
+                    reason: format!("the file's name must be `{NAME}`, in lower case"),
                 }),
                 None => Ok(None),
             };
@@ -250,16 +250,16 @@ impl Declared {
         };
         let missing = self.rows.iter().filter(|row| !self.names.contains(row));
         let (keys, reason) = if let Some(name) = self.values.first() {
-            let what = ", but no module uses this name without declaring it";
+            let what = ", but no module uses this name as a placeholder or as an undeclared name";
             (["values", name], format!("`[values]` has a value for `{name}`{what}"))
         } else if let Some(name) = self.inputs.first() {
-            let what = "is declared, but nothing in the package has this name";
+            let what = "is declared, but nothing in the package's shaders has this name";
             (["inputs", name], format!("the input `{name}` {what}"))
         } else if let Some(name) = self.functions.iter().filter(lacks).chain(missing).next() {
             let near = nearest(name, self.names.iter().map(String::as_str));
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             let of = if self.functions.contains(name) { "hazard" } else { "matrix" };
-            let what = "and the package has no such function";
+            let what = "but the package has no function of this name";
             ([of, name], format!("an entry names `{name}`, {what}{near}"))
         } else {
             return Ok(());
@@ -310,11 +310,11 @@ fn placed(file: &str, text: &str, keys: &[&str]) -> String {
 /// The largest number of bytes that a program may print for one module. Modules are far smaller.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// Cached manifests by the text of `karat.toml`. Each has the package that used it last.
+/// Cached manifests by the text of `karat.toml`. Each entry also has the package that used the manifest last.
 impl Kind for Manifest {
     type Key = String;
     type Value = (Origin, Self);
-    // Any test has fewer packages.
+    // Any test opens fewer packages than this.
     const MOST: usize = 64;
 }
 
@@ -368,7 +368,8 @@ impl Manifest {
         let compilers = Compilers::of(compilers, limits, String::new()).map_err(error)?;
         for (name, dependency) in &dependencies {
             if TAKEN.contains(&&**name) {
-                let reason = format!("no dependency can have the name `{name}`");
+                let reason =
+                    format!("a dependency can't have the name `{name}`, which is reserved");
                 return Err(told(&["dependencies", name], reason));
             }
             let has_root = dependency.path.is_some() && dependency.root.is_some();
@@ -428,8 +429,9 @@ impl Manifest {
         if let Some(name) = unknown {
             let near = nearest(name, modules.iter().map(String::as_str));
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            let reason =
-                format!("`[join]` names `{name}`, and the package has no such module{near}");
+            let reason = format!(
+                "`[join]` names `{name}`, but the package has no module of this name{near}"
+            );
             return Err(told(&["join", name], reason));
         }
         let mut declared = BTreeMap::new();
@@ -443,13 +445,17 @@ impl Manifest {
                 #[expect(clippy::cast_precision_loss, reason = "no override has 54 bits")]
                 let whole = || value.as_integer().map(|one| one as f64);
                 let number = value.as_float().or_else(whole).filter(|x| x.is_finite());
-                let wrong = || told(&["overrides", &name], "an override must be finite".to_owned());
+                let wrong = || {
+                    told(
+                        &["overrides", &name],
+                        "the value of an override must be finite".to_owned(),
+                    )
+                };
                 Ok((name.clone(), number.ok_or_else(wrong)?))
             }
             _ => {
-                let reason = format!(
-                    "the override `{name}` must be a number or a bool, and this is {value}"
-                );
+                let reason =
+                    format!("the override `{name}` must be a number or a bool, but is {value}");
                 Err(told(&["overrides", &name], reason))
             }
         };
@@ -465,9 +471,10 @@ impl Manifest {
             None => matrix,
         };
         match preprocess {
-            Some(command) if command.is_empty() => {
-                Err(told(&["preprocess"], "`preprocess` names no program".to_owned()))
-            }
+            Some(command) if command.is_empty() => Err(told(
+                &["preprocess"],
+                "`preprocess` is an empty list: write a program in it".to_owned(),
+            )),
             command => {
                 let read = Some(FileRead::of(file, text.as_bytes()));
                 Ok(Self {
@@ -584,9 +591,9 @@ impl Manifest {
         let mut command = Command::new(program);
         command.args(arguments).arg(&file).current_dir(root);
         let text = String::from_utf8(printed(command).map_err(error)?);
-        let text = text.map_err(|_| error("its output isn't UTF-8".to_owned()))?;
+        let text = text.map_err(|_| error("the program's output isn't UTF-8".to_owned()))?;
         if text.trim().is_empty() {
-            return Err(error("it prints nothing".to_owned()));
+            return Err(error("the program prints nothing".to_owned()));
         }
         workspace::keep::<Printed>(key, text.clone());
         Ok(SourceFile::new(name, text))
@@ -599,14 +606,14 @@ fn printed(mut command: Command) -> Result<Vec<u8>, String> {
     let shown = format!("{command:?}");
     let Output { status, stdout: out, stderr: err } =
         lines::output(&mut command, deadline, MOST_BYTES).map_err(|broken| match broken {
-            Broken::Start(reason) => format!("it doesn't run: {reason} ({shown})"),
+            Broken::Start(reason) => format!("the program can't be started: {reason} ({shown})"),
             _ => {
                 let seconds = deadline.as_secs_f64();
-                format!("it didn't end within {seconds} s (KARAT_TIMEOUT): {shown}")
+                format!("the program didn't end within {seconds} s (KARAT_TIMEOUT): {shown}")
             }
         })?;
     if out.len() as u64 > MOST_BYTES {
-        return Err(format!("it prints more than {} MiB: {shown}", MOST_BYTES >> 20));
+        return Err(format!("the program prints more than {} MiB: {shown}", MOST_BYTES >> 20));
     }
     if !status.success() {
         let said = String::from_utf8_lossy(&err);

@@ -48,12 +48,12 @@ impl Overlay {
         }
         if !folder.is_dir() {
             let here = std::env::current_dir().unwrap_or_default();
-            return Err(error(format!("isn't a folder, seen from `{}`", here.display())));
+            return Err(error(format!("isn't a folder in `{}`", here.display())));
         }
         let mut files = Vec::new();
         list(folder, Path::new(""), &mut files)?;
         if files.is_empty() {
-            return Err(error("has no file, so that it replaces nothing".to_owned()));
+            return Err(error("has no files, so it replaces no module".to_owned()));
         }
         let mut replaced = BTreeMap::new();
         for file in files {
@@ -62,7 +62,7 @@ impl Overlay {
             match found.collect::<Vec<_>>().as_slice() {
                 [(_, module)] => {
                     if replaced.insert(module.clone(), folder.join(&file)).is_some() {
-                        return Err(error(format!("has `{name}` twice")));
+                        return Err(error(format!("has two files for the module of `{name}`")));
                     }
                 }
                 [] => return Err(error(unknown(&file, packages.values()))),
@@ -70,7 +70,7 @@ impl Overlay {
                     let names = several.iter().map(|(package, _)| format!("`{package}/{name}`"));
                     let names = names.collect::<Vec<_>>().join(" or ");
                     return Err(error(format!(
-                        "has `{name}`, which several packages have: use {names}"
+                        "has `{name}`, but several packages have a module `{name}`: use {names}"
                     )));
                 }
             }
@@ -100,7 +100,10 @@ impl Overlay {
         }
         let modules: Vec<String> = self.replaced.keys().map(|module| shown(module)).collect();
         let modules = modules.join(", ");
-        let line = format!("note: KARAT_OVERLAY={} stands in for {modules}\n", folder.display());
+        let line = format!(
+            "note: KARAT_OVERLAY={}: files of this folder replace {modules}\n",
+            folder.display()
+        );
         let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
         if said.insert(line.clone()) {
             // If the write fails, the record still has the overlay.

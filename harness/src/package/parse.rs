@@ -23,7 +23,7 @@ pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Modul
     if let Some(token) = tokens.iter().find(|token| token.kind == Kind::Unknown) {
         let what = &file.text[token.range()];
         let message = if what.starts_with("/*") {
-            "a block comment isn't closed".to_owned()
+            "this block comment isn't closed".to_owned()
         } else {
             format!("WGSL has no token `{}`", what.escape_debug())
         };

@@ -57,7 +57,7 @@ impl Contents {
             let part = if path.is_dir() { path.file_name() } else { path.file_stem() };
             let Some(part) = part.and_then(|part| part.to_str()) else {
                 if is_shader {
-                    return Err(no_module("its name isn't UTF-8"));
+                    return Err(no_module("the file's name isn't UTF-8"));
                 }
                 continue;
             };
@@ -71,10 +71,10 @@ impl Contents {
                 }
             } else if is_shader {
                 if path.extension() != Some(&extension) {
-                    return Err(no_module("write its extension in lower case"));
+                    return Err(no_module("write the file's extension in lower case"));
                 }
                 if !path.is_file() {
-                    return Err(no_module("it isn't a file, or it is a broken link"));
+                    return Err(no_module("the path isn't a file, or is a broken link"));
                 }
                 self.modules.push(name);
             } else {

@@ -106,7 +106,7 @@ impl Spliced {
                 let span = Span { file: Arc::clone(&piece.file), range };
                 let message = format!("Karat's linker changed this shader's text: {what}");
                 Box::new(Diagnostic::new(message).at(span, "").note(
-                    "this is a bug in Karat; Karat ran nothing, because the text isn't your shader",
+                    "this is a bug in Karat. Karat ran nothing, because the linked text differs from your shader",
                 ))
             };
             let lost = || fault("text between two declarations isn't blank", piece.from.clone());
@@ -122,7 +122,8 @@ impl Spliced {
                 let copied = self.text.get(at..placed.start);
                 original.push_str(copied.ok_or_else(|| fault("edits overlap", here()))?);
                 let author = piece.file.text.get(edit.from.clone());
-                let author = author.ok_or_else(|| fault("an edit isn't in the file", here()))?;
+                let author =
+                    author.ok_or_else(|| fault("an edit's position isn't in the file", here()))?;
                 let now = self.text.get(placed.clone()).unwrap_or_default();
                 let sound = match &edit.name {
                     // The value of `#{NAME}` or `#NAME`.
@@ -157,21 +158,26 @@ impl Spliced {
                     }
                 };
                 if !sound || edit.from.start < from {
-                    return Err(fault("an edit is neither a whole name nor blank", here()));
+                    return Err(fault("an edit replaces more than a name", here()));
                 }
                 original.push_str(author);
                 (at, from) = (placed.end, edit.from.end);
             }
             original.push_str(self.text.get(at..piece.at.end).ok_or_else(lost)?);
             if piece.file.text.get(piece.from.clone()) != Some(original.as_str()) {
-                return Err(fault("undoing its edits doesn't give the file", piece.from.clone()));
+                return Err(fault(
+                    "undoing the edits doesn't restore the file",
+                    piece.from.clone(),
+                ));
             }
             done = piece.at.end;
         }
         if done == self.text.len() {
             return Ok(());
         }
-        Err(Box::new(Diagnostic::new("Karat's linker added text of its own: a bug of Karat")))
+        Err(Box::new(Diagnostic::new(
+            "Karat's linker added text to your shader: this is a bug in Karat",
+        )))
     }
 }
 

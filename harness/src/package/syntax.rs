@@ -168,7 +168,7 @@ impl Module {
             let until = |from: usize, body: bool| {
                 end_of(&self.tokens, &brackets, from, body).ok_or_else(|| {
                     let place = self.tokens[start].range();
-                    syntax_error(&self.file, place, "this declaration doesn't end")
+                    syntax_error(&self.file, place, "the end of this declaration is missing")
                 })
             };
             let end = match keyword.as_str() {

@@ -151,11 +151,11 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
     let close = module.brackets[open];
     if module.is(close + 1, b'-') {
         let place = module.span(test.name_token);
-        let message = format!("the test `{own}` returns something");
+        let message = format!("the test `{own}` has a return type");
         return Err(error(
             place,
             message,
-            "return nothing, and write expectations: `expect_near(..)`",
+            "remove the return type, and call expectations such as `expect_near(..)`",
         ));
     }
     let mut over: Vec<Option<(Vec<String>, Span)>> = Vec::new();
@@ -172,7 +172,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
                 _ if at > inside.start && is_value(at) && is_value(at - 1) => {
                     let (first, second) = (module.text(at - 1), module.text(at));
                     let message = format!("a comma is missing between `{first}` and `{second}`");
-                    let note = format!("`@{}({first}, {second})`", attribute.name);
+                    let note = format!("write `@{}({first}, {second})`", attribute.name);
                     return Err(error(span(&(at - 1..at + 1)), message, &note));
                 }
                 _ => arguments.last_mut().expect("one at least").push_str(module.text(at)),
@@ -181,7 +181,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
         // A trailing comma is allowed.
         arguments.pop_if(|last| last.is_empty());
         if arguments.iter().any(String::is_empty) {
-            let message = format!("`@{}` has a comma too many", attribute.name);
+            let message = format!("`@{}` has one comma too many", attribute.name);
             return Err(error(span(&attribute.tokens), message, "write a value before each comma"));
         }
         let stands = match attribute.parameter {
@@ -195,13 +195,13 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
         match (&*attribute.name, attribute.parameter) {
             ("cases", None) => {
                 let [count] = &*arguments else {
-                    let message = "`@cases` takes one number".to_owned();
-                    return Err(error(span(&attribute.tokens), message, "`@cases(1000)`"));
+                    let message = "`@cases` needs one number".to_owned();
+                    return Err(error(span(&attribute.tokens), message, "write `@cases(1000)`"));
                 };
                 let count = count.trim_end_matches('u').parse().ok().filter(|count| *count > 0);
                 let Some(count) = count else {
-                    let message = "`@cases` takes a whole number from 1".to_owned();
-                    return Err(error(span(&attribute.tokens), message, "`@cases(1000)`"));
+                    let message = "`@cases` needs a whole number of at least 1".to_owned();
+                    return Err(error(span(&attribute.tokens), message, "write `@cases(1000)`"));
                 };
                 cases = Some(count);
             }

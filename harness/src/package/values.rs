@@ -14,28 +14,28 @@ pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
     let is_name = |name: &str| matches!(&*lex(name), [token] if token.kind == Kind::Word && token.range() == (0..name.len()));
     if !is_name(name) {
         return Err(format!(
-            "`{name}` in `[values]` isn't a name: write the name from `{{{{ name }}}}` or `{{name}}`"
+            "the key `{name}` of `[values]` isn't a name: write only the name that is in the placeholder `{{{{ name }}}}` or `{{name}}`"
         ));
     }
     match value {
         toml::Value::String(text) if text.contains(['\n', '\r']) => Err(format!(
             "the value of `{name}` must be one line, so that line numbers stay the same"
         )),
-        toml::Value::String(text) if text.contains("//") || text.contains("/*") => {
-            Err(format!("the value of `{name}` has a comment, which would hide what follows it"))
-        }
+        toml::Value::String(text) if text.contains("//") || text.contains("/*") => Err(format!(
+            "the value of `{name}` contains a comment, which would hide the text after the value"
+        )),
         toml::Value::String(text) => Ok(text.clone()),
         // The brackets keep `a -N` from becoming `a --1`.
         toml::Value::Integer(number) if *number < 0 => Ok(format!("({number})")),
         toml::Value::Integer(number) => Ok(number.to_string()),
         toml::Value::Float(number) if !number.is_finite() => {
-            Err(format!("WGSL has no literal for the value of `{name}`"))
+            Err(format!("the value of `{name}` isn't finite, and WGSL has no literal for it"))
         }
         // A float has a point or an exponent, in WGSL as in TOML.
         toml::Value::Float(number) if *number < 0.0 => Ok(format!("({number:?})")),
         toml::Value::Float(number) => Ok(format!("{number:?}")),
         toml::Value::Boolean(on) => Ok(on.to_string()),
-        _ => Err(format!("the value of `{name}` must be a text, a number, `true` or `false`")),
+        _ => Err(format!("the value of `{name}` must be a string, a number, `true` or `false`")),
     }
 }
 

@@ -102,7 +102,8 @@ pub(super) fn bind(
         _ => None,
     });
     if immediates.is_some() && pipeline.is_foreign() {
-        let message = "Karat can't pass immediates to shaders from other compilers".to_owned();
+        let message =
+            "Karat can't pass immediates to a shader that another compiler translated".to_owned();
         return Err(PathError::Route { path: device.path(), message }.into());
     }
     let own = (first_binding..).zip(own).filter_map(|(binding, buffer)| {

@@ -213,14 +213,14 @@ impl<'d> Dispatcher<'d> {
         canary: u32,
         invocations: u32,
     ) -> Result<Dispatch<'d>, ProbeError> {
-        assert!(cases <= self.capacity, "a batch is no larger than the runner's capacity");
-        assert_eq!(arguments.len(), cases * self.words_in, "each case has all its arguments");
+        assert!(cases <= self.capacity, "a batch must not exceed the runner's capacity");
+        assert_eq!(arguments.len(), cases * self.words_in, "each case must have all its arguments");
         let (path, function) = (self.device.path(), self.evidence.function.clone());
         let place = self.place.clone();
         let _turn = self.device.turn();
         let deadline = guard(path, move || {
             format!(
-                "the probe of `{function}` ({place}) on path {path} ({cases} cases in one dispatch)"
+                "the kernel of `{function}` ({place}) on path {path} ({cases} cases in one dispatch)"
             )
         });
         let constants = match &self.bound {

@@ -16,8 +16,8 @@ pub(crate) const UNIFORM_WORDS: usize = 4096;
 /// The largest batch if arguments are constants. Each case is a separate call, which the driver may inline.
 pub(crate) const CONSTANTS: usize = 64;
 
-/// The number of calls in a kernel with constants. The time of compilers grows faster than the kernel. Also, wgpu's GL
-/// panics if a thread waits longer than six seconds for another thread.
+/// The number of calls in a kernel with constants. The time to compile a kernel grows faster than the kernel. Also,
+/// wgpu's GL panics if a thread waits longer than six seconds for another thread.
 const CALLS: usize = 16;
 
 pub(crate) const RESULTS: &str = "karat_out";
@@ -155,7 +155,7 @@ impl Kernel {
             for (word, scalar) in case.iter().zip(&scalars) {
                 let value = f32::from_bits(*word);
                 if scalar.is_float() && !value.is_finite() {
-                    return Err(format!("{} isn't a constant in WGSL", format_f32(value)));
+                    return Err(format!("WGSL has no constant for {}", format_f32(value)));
                 }
             }
         }
@@ -192,10 +192,10 @@ impl Kernel {
         let form = &self.function.form;
         let what = match (form.fragment, form.alone) {
             (true, true) => {
-                "x: cases from a pixel to the next one on the right, y: canary, z: cases to the pixel below, w: first case"
+                "x: number of cases from a pixel to the pixel on its right, y: canary, z: number of cases to the pixel below, w: first case"
             }
             (true, false) => "x: number of cases, y: canary, z: quads in a row, w: rows of quads",
-            (false, true) => "y: canary, w: the case; x and z are unused",
+            (false, true) => "y: canary, w: the index of the case; x and z are unused",
             (false, false) => {
                 "x: number of cases, y: canary, z: invocations in a row of workgroups, w: invocations for each case"
             }

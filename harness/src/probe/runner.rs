@@ -57,7 +57,7 @@ impl<'d> Runner<'d> {
         let path = device.path();
         let (name, place) = (function.name.clone(), function.span.clone());
         let _turn = device.turn();
-        let what = move || format!("compiling the probe of `{name}` ({place}) on path {path}");
+        let what = move || format!("compiling the kernel of `{name}` ({place}) on path {path}");
         let _deadline = guard(path, what);
         let rounds = (kernel.apart && device.leaves_loops())
             .then(|| Rounds::new(device, probed, fixtures, cases))

@@ -255,14 +255,14 @@ fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<
     if storage && (given.dimension == Dimension::D3 || given.arrayed) {
         Some("wgpu's GL binds only the first slice of a storage texture")
     } else if given.samples > 1 {
-        Some("wgpu's GL has no multisampled textures for shaders to read")
+        Some("on wgpu's GL, shaders can't read multisampled textures")
     } else if given.dimension == Dimension::D1 {
         Some("wgpu's GL turns a 1D texture into a 2D texture")
     } else if plain_array && given.layers == 1 {
         Some("wgpu's GL turns an array of one layer into a texture without layers")
     } else if plain_array && square && given.layers.is_multiple_of(6) {
         Some(
-            "wgpu's GL turns an array into a cube map if it has square layers, and their number is a multiple of six",
+            "wgpu's GL turns an array into a cube map if the layers are square and their number is a multiple of six",
         )
     } else if given.dimension == Dimension::Cube && given.arrayed && given.layers == 6 {
         Some("wgpu's GL turns an array of one cube map into a single cube map")
@@ -292,7 +292,7 @@ fn expect_kept(
         let depths = given.levels.iter().flat_map(|level| level.words.iter());
         let wrong = |depth: &f32| !(0.0..=1.0).contains(depth);
         if let Some(depth) = depths.map(|words| f32::from_bits(words[0])).find(wrong) {
-            let reason = format!("it has a depth of {depth}, but depths must be from 0 to 1");
+            let reason = format!("a texel has the depth {depth}, but depths must be from 0 to 1");
             return Err(unusable(binding, reason));
         }
     }
@@ -306,7 +306,8 @@ fn expect_kept(
         // A format with fewer than four channels drops the other channels of a texel, which isn't an error.
         if let Some(channel) = changed.filter(|channel| *channel < codec.channels()) {
             let value = texel[channel];
-            let reason = format!("a texel is {value}, which the format {format:?} can't store");
+            let reason =
+                format!("a texel has the value {value}, which the format {format:?} can't store");
             return Err(unusable(binding, reason));
         }
     }

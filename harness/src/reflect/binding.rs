@@ -83,13 +83,14 @@ impl Program {
         let program = Self::of_items(package, module, &[own]).map_err(|error| error.to_string())?;
         let program = program.overridden(overrides).map_err(|error| error.to_string())?;
         let found = program.compute_entry_point(program.entry_point_name(own));
-        let (bindings, size) =
-            found.ok_or_else(|| format!("`{name}` is no compute entry point"))?;
+        let (bindings, size) = found.ok_or_else(|| {
+            format!("`{name}` isn't a compute entry point: name a function with `@compute`")
+        })?;
         let size = size.map(|count| count.max(1));
         let invocations = size.iter().map(|count| u64::from(*count)).product::<u64>();
         if invocations > MOST_INVOCATIONS {
             return Err(format!(
-                "a workgroup of `{name}` has {invocations} invocations, and no device runs so many"
+                "a workgroup of `{name}` has {invocations} invocations, which is more than any device supports"
             ));
         }
         Ok((program, bindings, size))
@@ -206,7 +207,9 @@ impl Program {
         let (mut ty, mut offset) = (binding.ty, 0);
         for name in member.split('.').filter(|name| !name.is_empty()) {
             let naga::TypeInner::Struct { members, .. } = &module.types[ty].inner else {
-                return Err(format!("the value in front of `.{name}` has no members"));
+                return Err(format!(
+                    "the value before `.{name}` isn't a structure, so it has no members"
+                ));
             };
             let names = || members.iter().filter_map(|member| member.name.as_deref());
             let known = members.iter().find(|member| member.name.as_deref() == Some(name));
@@ -214,7 +217,7 @@ impl Program {
                 let near = crate::diagnostic::nearest(name, names());
                 let near =
                     near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-                return Err(format!("it has no member `{name}`{near}"));
+                return Err(format!("the structure has no member `{name}`{near}"));
             };
             ty = known.ty;
             offset += known.offset as usize;

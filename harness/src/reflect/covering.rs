@@ -45,8 +45,8 @@ impl Program {
             if !is_uv {
                 let message =
                     format!("the input of `{fragment}` at @location({location}) isn't a vec2f");
-                let note = "without a vertex function, a fragment function gets only texture coordinates; for \
-                            other inputs, name its vertex function: `fullscreen` in Rust, `vertex` in a test's file";
+                let note = "without a vertex function, a fragment function gets only texture coordinates. For other \
+                            inputs, name a vertex function: with `fullscreen` in Rust, or `vertex` in a test file";
                 let diagnostic = Diagnostic::new(message).note(note);
                 let diagnostic = match self.entry_point_span(name) {
                     Some(span) => diagnostic.at(span, "declared here"),

@@ -89,8 +89,8 @@ impl Dependence {
         self.package().is_some_and(|package| self.is_same(&package))
     }
 
-    /// Checks the same, but as if the contents of `file` were `text`. `None` if only the test's own process can open
-    /// the package.
+    /// Like [`is_current`](Self::is_current), but with `text` as the contents of `file`. Returns `None` if only the
+    /// test's own process can open the package.
     #[must_use]
     pub fn is_current_with(&self, file: &Path, text: &str) -> Option<bool> {
         Some(self.is_same(&self.package()?.unsaved(file, text)))

@@ -36,7 +36,7 @@ impl Program {
                 module.to_ctx().write_type(argument.ty, &mut variables).ok()?;
                 variables.push_str(";\n");
                 binding += 1;
-                // If a variable has the same name as the parameter, the path distinguishes them.
+                // If a variable has the same name as the parameter, the parameter's path distinguishes the two.
                 let own = match self.has_variable(own) {
                     true => format!("{path}::{own}"),
                     false => own.to_owned(),

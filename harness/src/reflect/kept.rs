@@ -16,7 +16,7 @@ struct Programs;
 impl Kind for Programs {
     type Key = Wanted;
     type Value = Vec<(Package, Arc<Program>)>;
-    // Any project has fewer functions and tests.
+    // Any project has fewer functions and tests than this.
     const MOST: usize = 4096;
 }
 

@@ -19,7 +19,7 @@ pub enum LayoutError {
         expected: usize,
     },
     /// No buffer fixture can supply the type.
-    #[error("the variable's type can't be filled from values")]
+    #[error("Karat can't fill a variable of this type with values")]
     Unsupported,
 }
 

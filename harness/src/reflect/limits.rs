@@ -33,9 +33,9 @@ impl Program {
                 continue;
             }
             let (name, source) = (limit.name, limits.source(limit));
-            let message = format!("{who} uses {what}, and {source} {name} is {most}");
+            let message = format!("{who} uses {what}, but {source} {name} is {most}");
             let note = format!(
-                "if your users' devices support more, request this limit (`requiredLimits`), and write {name} = {amount} \
+                "if the devices of your users support a larger value, request this limit (`requiredLimits`), and write {name} = {amount} \
                  in `[limits]` of karat.toml"
             );
             let diagnostic = Diagnostic::new(message).note(note);
@@ -48,8 +48,8 @@ impl Program {
         found
     }
 
-    /// The names of entry points that exceed default limits. A device with default limits can't make pipelines of
-    /// them.
+    /// The names of entry points that exceed default limits. A device with default limits can't make pipelines from
+    /// these entry points.
     pub(super) fn beyond_default(&self, compatibility: bool) -> Vec<String> {
         let limits = Limits::usual(compatibility);
         let over = self.used().into_iter().filter(|used| used.amount > limits.value(used.limit));
@@ -70,7 +70,7 @@ impl Program {
         let (module, info) = (&self.checked.module, &self.checked.info);
         let mut all = Vec::new();
         for (handle, variable) in module.global_variables.iter() {
-            // A variable that no entry point uses is in no pipeline layout.
+            // Pipeline layouts contain only variables that an entry point uses.
             let mut entries = 0..module.entry_points.len();
             if entries.any(|entry| !info.get_entry_point(entry)[handle].is_empty()) {
                 self.of_variable(handle, variable, &mut all);
@@ -109,7 +109,7 @@ impl Program {
                     push(limit, size, format!("a workgroup of {shown}"));
                 }
                 let all = size.iter().product();
-                push(Limit::INVOCATIONS, all, format!("{all} invocations a workgroup"));
+                push(Limit::INVOCATIONS, all, format!("{all} invocations in a workgroup"));
                 let memory = used.iter().filter(|(_, one)| one.space == AddressSpace::WorkGroup);
                 // WGSL, 13.2 and WebGPU, "validating GPUProgrammableStage": each variable's size is rounded up to
                 // a multiple of 16.
@@ -168,9 +168,17 @@ impl Program {
             all.push(Used { limit, amount, who, what, span, entry_point: None });
         };
         let group = u64::from(binding.group);
-        push(Limit::BIND_GROUPS, group + 1, format!("group {group}, so at least {}", group + 1));
+        push(
+            Limit::BIND_GROUPS,
+            group + 1,
+            format!("group {group}, so at least {} groups", group + 1),
+        );
         let number = u64::from(binding.binding);
-        push(Limit::BINDINGS, number + 1, format!("binding {number}, so at least {}", number + 1));
+        push(
+            Limit::BINDINGS,
+            number + 1,
+            format!("binding {number}, so at least {} bindings", number + 1),
+        );
         let size = self.size(variable);
         match variable.space {
             AddressSpace::Uniform => push(Limit::UNIFORM_SIZE, size, format!("{size} bytes")),
@@ -181,7 +189,7 @@ impl Program {
         }
     }
 
-    /// The limits towards which a variable counts in a stage.
+    /// The limits that count a variable in a stage, each with the number that the variable adds to the count.
     fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<(Limit, u64)> {
         let inner = &self.checked.module.types[variable.ty].inner;
         // WebGPU, "exceeds the binding slot limits": an external texture uses the slots of four textures, a
@@ -284,7 +292,7 @@ impl Program {
                      forbids writable storage in vertex stages",
                     entry.name
                 );
-                let note = "declare it `read`, or write it in a compute pass";
+                let note = "declare the variable as `read`, or write to it in a compute pass";
                 let diagnostic = Diagnostic::new(message).note(note);
                 let diagnostic = match self.entry_point_span(&entry.name) {
                     Some(span) => diagnostic.at(span, ""),

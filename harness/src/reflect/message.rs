@@ -79,19 +79,22 @@ pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectE
     let ([first, others @ ..], Some(own)) = (&*declaring, own) else {
         return ReflectError::Invalid(found);
     };
-    let also = others.iter().map(|other| format!(", and so does `{other}`")).collect::<String>();
+    let also = others
+        .iter()
+        .map(|other| format!(", and module `{other}` declares it too"))
+        .collect::<String>();
     // The list keeps the modules that are already joined with this module.
     let mut list = package.joined_with(&own);
     let how = if list.is_empty() {
-        "write in karat.toml beside the modules:\n[join]"
+        "write into karat.toml beside the modules:\n[join]"
     } else {
-        "replace the module's line in karat.toml by:"
+        "replace the line of this module in karat.toml by:"
     };
     list.push(first.clone());
     let key = if own.contains("::") { format!("{own:?}") } else { own };
     let note = format!(
-        "`{first}` declares `{name}`{also}: write `import package::{first}::{name};`; or, if your host joins both texts, \
-         {how}\n{key} = {list:?}"
+        "module `{first}` declares `{name}`{also}: write `import package::{first}::{name};`. Or, if your program concatenates \
+         the two modules, {how}\n{key} = {list:?}"
     );
     let mend = Some(Mend::Elsewhere(note.clone()));
     ReflectError::Invalid(Box::new(found.note(note).mended_by(mend)))

@@ -23,7 +23,7 @@ pub struct Opinion {
     pub tint_alone: Vec<String>,
     /// Modules without a verdict because Tint crashed, hung or printed something unreadable; each with the reason.
     pub broke: Vec<(String, String)>,
-    /// Modules that Tint didn't check because they declare wgpu's native features in `karat.toml`.
+    /// Modules that Tint didn't check, because they use native features of wgpu that `karat.toml` lists.
     pub native: Vec<String>,
     /// The reason why Karat didn't ask Tint about any module.
     pub unasked: Option<Missing>,
@@ -139,7 +139,7 @@ impl Opinion {
         }
         let (module, how) = self.broke.first()?;
         let remedy = "run the command again; `karat doctor` shows which Tint Karat uses".to_owned();
-        Some((format!("for module `{module}`: {how}"), remedy))
+        Some((format!("Tint failed on module `{module}`: {how}"), remedy))
     }
 
     /// Adds the verdicts on another package.
@@ -163,7 +163,7 @@ fn not_for_wgpu(program: &Program) -> Option<Diagnostic> {
     let first = unknown_to_naga(program.text()).into_iter().next()?;
     let message =
         "wgpu and Firefox reject this text, because naga doesn't know this line".to_owned();
-    let note = "Karat leaves the line out for naga, which supports subgroups without it; browsers need the line";
+    let note = "Karat removes the line for naga, which supports subgroups without the line. Chrome needs the line";
     let label = std::iter::once((Some(first), String::new()));
     Some(to_author(&program.linked, message, label, vec![note.to_owned()]))
 }
@@ -188,7 +188,7 @@ pub(super) fn of(
         let near = nearest(unknown, names.iter().map(String::as_str));
         let near = match near {
             Some(near) => format!("did you mean `{near}`?"),
-            None => format!("they are {}", names.join(", ")),
+            None => format!("the native features are {}", names.join(", ")),
         };
         return Err(unusable(format!("wgpu has no native feature `{unknown}`; {near}")));
     }
@@ -235,7 +235,9 @@ pub(super) fn of(
     if let Some(name) = unused.first() {
         let all_valid = modules.iter().all(|(_, judged)| matches!(judged, Judged::Valid(_)));
         if all_valid {
-            return Err(unusable(format!("`native` has `{name}`, which no module uses")));
+            return Err(unusable(format!(
+                "`native` lists `{name}`, but no module uses this feature"
+            )));
         }
     }
     let answers = match tint {
@@ -318,7 +320,7 @@ impl Opinion {
             let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
             let path = linked.names.get(entry_point).unwrap_or(entry_point);
             let name = path.rsplit("::").next().unwrap_or(path);
-            let message = format!("Tint can't make a pipeline of `{name}`: {text}");
+            let message = format!("Tint can't make a pipeline from entry point `{name}`: {text}");
             let mut diagnostic = Diagnostic::new(message).note(Reason::Pipeline.remedy());
             let place = program.entry_point_span(entry_point).or_else(|| {
                 Some(crate::diagnostic::Span { file: Arc::clone(&linked.file), range: 0..0 })
@@ -367,12 +369,13 @@ impl Package {
             let place = place.and_then(|range| program.linked.spliced.resolve(range))?.to_string();
             if Reason::of(&message.text) == Reason::Uniformity && lines.contains(&line(&place)) {
                 let head = message.text.lines().next().unwrap_or_default();
-                return Some(format!("Tint reports the same from the text: {place}: {head}"));
+                return Some(format!("Tint reports the same error without a run: {place}: {head}"));
             }
         }
         // After an error of another kind, Tint stops without checking uniformity.
         let looked = answer.messages.iter().all(|message| !is_own(&message));
-        looked.then(|| "Tint doesn't report this: only this run shows it".to_owned())
+        looked
+            .then(|| "Tint doesn't report this error: only a run of the shader shows it".to_owned())
     }
 
     fn folder(&self) -> PathBuf {
@@ -389,11 +392,12 @@ impl Package {
         }
         let (span, count) = self.for_validating(module).first_test(module)?;
         let tests = counted(count, "test");
-        let message =
-            format!("{tests} in this file: an engine that loads the file doesn't know `@test`");
+        let message = format!(
+            "this file has {tests}, and an engine that loads the file doesn't know `@test`"
+        );
         let name = module.rsplit("::").next().unwrap_or(module);
         let note = format!(
-            "move tests to `{name}_test.wgsl`, or ship the output of `karat show --plain {module}`"
+            "move the tests to `{name}_test.wgsl`, or ship the output of `karat show --plain {module}`"
         );
         Some(Diagnostic::new(message).at(span, "").note(note.trim_end()))
     }

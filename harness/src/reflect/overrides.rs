@@ -26,8 +26,9 @@ impl Program {
             // The name of an override and its `@id` mean the same override.
             let text_name = self.text_name(name)?;
             if values.get(&text_name).is_some_and(|other| other.to_bits() != value.to_bits()) {
-                let message =
-                    format!("the override `{name}` has two values, under two of its names");
+                let message = format!(
+                    "the override `{name}` has two values, because you set it by two of its names"
+                );
                 return Err(ReflectError::Override(Box::new(Diagnostic::new(message))));
             }
             values.insert(text_name, *value);
@@ -38,7 +39,7 @@ impl Program {
                 let name = self.override_name(declared);
                 let message = format!("the override `{name}` has no value");
                 let note = format!(
-                    "give it a value: `with_override` in Rust, `override` in a test's file, `--override {name}=...`"
+                    "set the value: with `with_override` in Rust, `override` in a test file, or `--override {name}=...` in a command"
                 );
                 return Err(self.told(handle, Diagnostic::new(message).note(note)));
             }
@@ -108,7 +109,7 @@ impl Program {
             let other = values.insert(self.text_name(name).ok()?, *value);
             if other.is_some_and(|other| other.to_bits() != value.to_bits()) {
                 return Some(format!(
-                    "the override `{name}` has two values, under two of its names"
+                    "the override `{name}` has two values, because you set it by two of its names"
                 ));
             }
         }
@@ -142,7 +143,10 @@ impl Program {
                         near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
                     let unseen = match &*invalid {
                         [] => String::new(),
-                        all => format!(" (not searched, because invalid: {})", all.join(", ")),
+                        all => format!(
+                            " (Karat can't search these invalid modules: {})",
+                            all.join(", ")
+                        ),
                     };
                     format!(
                         "no function and no entry point uses an override `{name}`{near}{unseen}"
@@ -240,7 +244,7 @@ pub(super) fn set(
                 ScalarKind::Bool => "a bool (0 or 1)",
                 _ => "a finite float",
             };
-            (handle, format!("the override `{name}` is {kind}, and {value} isn't one"))
+            (handle, format!("the override `{name}` must be {kind}, but is {value}"))
         })?;
         given.push((handle, literal));
     }

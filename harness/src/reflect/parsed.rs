@@ -14,7 +14,7 @@ struct Kernels;
 impl Kind for Kernels {
     type Key = blake3::Hash;
     type Value = Arc<Module>;
-    // All threads together compile fewer kernels at the same time.
+    // All threads together compile fewer kernels than this at the same time.
     const MOST: usize = 256;
 }
 

@@ -1,8 +1,8 @@
 //! Counts the rounds of loops.
 //!
 //! Some drivers stop all loops of an invocation after a number of rounds, and go on with the values of that
-//! moment. If naga's IR shows that the loops end sooner, Karat watches nothing. Otherwise a copy of the kernel
-//! counts the rounds of its loops. The kernel for the verdict is unchanged.
+//! moment. If naga's IR shows that the loops end sooner, Karat doesn't count. Otherwise a copy of the kernel
+//! counts the rounds of its loops. The verdict uses the results of the original kernel.
 
 mod bounds;
 mod watched;
@@ -192,7 +192,7 @@ pub(crate) struct CountedLoop {
 /// counters.
 ///
 /// # Panics
-/// If the kernel doesn't parse. Except for the counters, it is the kernel of the verdict.
+/// If the kernel doesn't parse. Except for the counters, `text` is the kernel whose results Karat judges.
 pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     let module = super::parsed_with(text, program.overrides())
         .expect("it is the verdict's kernel but for the counters");

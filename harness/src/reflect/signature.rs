@@ -135,7 +135,7 @@ impl Function {
     }
 
     /// The resources that the function may write. The list is empty for a function that only reads its
-    /// `read_write` resources: its cases don't run alone.
+    /// `read_write` resources, because the cases of such a function don't run alone.
     pub fn written(&self) -> impl Iterator<Item = &Binding> {
         let written = |binding: &&Binding| self.form.alone && binding.kind.is_written();
         self.bindings.iter().filter(written)
@@ -148,7 +148,7 @@ impl Function {
         members.extend(written);
         self.result = match &*members {
             [(_, shape)] => shape.clone(),
-            _ => Shape::Struct { name: "all that a call gives".to_owned(), members },
+            _ => Shape::Struct { name: "all results of a call".to_owned(), members },
         };
     }
 }
@@ -189,7 +189,7 @@ impl Program {
     /// Reflects a function by the author's path.
     ///
     /// # Errors
-    /// If a probe can't call the function. The reason may be a pointer, a runtime-sized array, a missing result,
+    /// If a kernel can't call the function. The reason may be a pointer, a runtime-sized array, a missing result,
     /// a 64-bit type, or an operation that only fragment shaders have.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         self.function_in_state(path, &State::new())
@@ -273,11 +273,11 @@ impl Program {
                 return Err(unprobeable(Diagnostic::new(message).at(span, "declared here")));
             }
             let span = Span { file: Arc::clone(&self.linked.file), range: 0..0 };
-            let message = format!("`{path}` isn't a function");
+            let message = format!("`{path}` isn't a function that Karat can call");
             return Err(unprobeable(
                 Diagnostic::new(message)
                     .at(span, "in this module")
-                    .note("a probe calls plain functions: move the tested code into one"),
+                    .note("move the tested code into a function"),
             ));
         };
         let span = self.function_span(handle);
@@ -285,7 +285,7 @@ impl Program {
         let discards = called != name;
         let (handle, function) = self.declared(called).expect("it is linked");
         let refuse = |what: String, note: &str| {
-            let message = format!("`{path}` can't be probed: {what}");
+            let message = format!("Karat can't call `{path}`: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
         // Textures and samplers are variables of the function that Karat calls instead.
@@ -300,8 +300,8 @@ impl Program {
         // Karat linked the program for another function. Otherwise a wrapper would return the discard as a flag.
         if fragment && info.may_kill && !discards {
             return Err(refuse(
-                "it may discard, and then there is no result".to_owned(),
-                "return the condition of the discard instead",
+                "the function may discard, and a discarded call has no result".to_owned(),
+                "return the condition under which the function discards",
             ));
         }
         let mut form = Form {
@@ -317,8 +317,9 @@ impl Program {
         }
         if form.stage != Some(Stage::Compute) && self.reaches_subgroups(path) {
             return Err(refuse(
-                "it has subgroup operations, and a call has only one invocation".to_owned(),
-                "test a compute pass that calls it",
+                "the function has subgroup operations, and a call has only one invocation"
+                    .to_owned(),
+                "test a compute pass that calls the function",
             ));
         }
         let mut parameters = Vec::new();
@@ -327,8 +328,8 @@ impl Program {
             let (ty, passed) = self.passed(argument.ty);
             let shape = self.shape(ty).map_err(|reason| {
                 refuse(
-                    format!("its parameter `{name}` is {reason}"),
-                    "pass and return values instead",
+                    format!("the parameter `{name}` is {reason}"),
+                    "use values as parameters and results instead",
                 )
             })?;
             if let naga::TypeInner::Struct { members, .. } = &self.checked.module.types[ty].inner {
@@ -346,7 +347,10 @@ impl Program {
         form.returns = match &called.result {
             None => None,
             Some(result) => Some(self.shape(result.ty).map_err(|reason| {
-                refuse(format!("its result is {reason}"), "pass and return values instead")
+                refuse(
+                    format!("the result is {reason}"),
+                    "use values as parameters and results instead",
+                )
             })?),
         };
         for (variable, Variable { name, .. }) in state {
@@ -378,15 +382,16 @@ impl Program {
         };
         if function.outputs().is_empty() && function.written().next().is_none() {
             return Err(refuse(
-                "it returns nothing and writes nothing that Karat could read afterwards".to_owned(),
+                "the function returns nothing and writes nothing that Karat can read".to_owned(),
                 "return the value that should be checked",
             ));
         }
         let mut written = Vec::new();
         for binding in function.written() {
             let shape = self.written_shape(binding, None).ok_or_else(|| {
-                let what = format!("it writes `{}`, which no host can read", binding.path);
-                refuse(what, "pass and return values instead")
+                let what =
+                    format!("the function writes `{}`, which Karat can't read", binding.path);
+                refuse(what, "use values as parameters and results instead")
             })?;
             written.push((binding.name().to_owned(), shape));
         }
@@ -492,26 +497,30 @@ impl Program {
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
         if !self.checked.info[handle].available_stages.contains(ShaderStages::COMPUTE) {
-            let what = "it uses operations of fragment shaders (derivatives, implicit-LOD \
+            let what = "the test uses operations of fragment shaders (derivatives, implicit-LOD \
                         sampling or discard)";
             return Err(refuse(what.to_owned(), "use textureSampleLevel or textureSampleGrad"));
         }
         if let Some(shared) = self.shared_state(&self.checked.info[handle]) {
-            let what = format!("it {shared}, which other cases of the same dispatch see");
-            return Err(refuse(what, "a case must not depend on other cases"));
+            let what =
+                format!("the test {shared}, so cases of the same dispatch would affect each other");
+            return Err(refuse(
+                what,
+                "write a `[[compute]]` test for an entry point that calls this code",
+            ));
         }
         let parameters = function.arguments.iter().map(|argument| {
             let name = argument.name.clone().expect(NAMED);
             if self.is_handle(argument.ty) {
-                let what = format!("nothing binds its parameter `{name}`, a texture or sampler");
+                let what = format!("the parameter `{name}` is a texture or sampler, which `@test` can't bind");
                 let note = format!(
-                    "remove `@test`, and declare the test in a `*.test.toml`, whose `with` binds it: \
+                    "remove `@test`, and declare the test in a `*.test.toml`, where `with` binds the parameter: \
                      `with = {{ {name} = ... }}`"
                 );
                 return Err(refuse(what, &note));
             }
             let shape = self.shape(argument.ty).map_err(|reason| {
-                refuse(format!("its parameter `{name}` is {reason}"), "use values as parameters")
+                refuse(format!("the parameter `{name}` is {reason}"), "use values as parameters")
             })?;
             Ok((name, shape))
         });
@@ -709,7 +718,7 @@ impl Program {
         }
     }
 
-    /// The shape of a naga type. The error describes the part of the type that a probe can't pass.
+    /// The shape of a naga type. The error describes the part of the type that a kernel can't pass.
     pub(super) fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
         self.shape_of(&self.checked.module.types[ty])
     }
@@ -746,7 +755,7 @@ impl Program {
             TypeInner::Image { .. } | TypeInner::Sampler { .. } => {
                 return Err("a texture or sampler; bind it as a variable instead".to_owned());
             }
-            _ => return Err("of a type that can't be passed".to_owned()),
+            _ => return Err("of a type that Karat can't pass".to_owned()),
         })
     }
 }

@@ -205,8 +205,8 @@ impl Program {
             });
         }
         let Some(place) = found else { return Ok(()) };
-        let message = "a line that asserts or prints has a side effect";
-        let note = "call the function in the shader, and assert or print its result";
+        let message = "this assertion or print has a side effect";
+        let note = "call the function before this line, and assert or print the result";
         let found =
             crate::diagnostic::Diagnostic::new(message).at(place.first_line(), "").note(note);
         Err(ReflectError::Unprobeable(Box::new(found)))
@@ -487,9 +487,9 @@ fn holds(types: &naga::UniqueArena<Type>, function: &Function, id: &Option<Bindi
 
 fn untold_pass(entry_point: &str) -> ReflectError {
     let message = format!(
-        "`{entry_point}` takes `global_invocation_id` in a structure, so Karat can't read its values"
+        "`{entry_point}` has `global_invocation_id` in a structure, so Karat can't read values of its invocations"
     );
-    let note = "declare it as a separate parameter";
+    let note = "declare `global_invocation_id` as a separate parameter";
     ReflectError::Unprobeable(Box::new(crate::diagnostic::Diagnostic::new(message).note(note)))
 }
 
@@ -635,7 +635,7 @@ fn tell(
     rewrite(&mut body, &mut |statement| {
         let Statement::Return { value: returned } = statement else { return Rewritten::AsIs };
         let mut first = None;
-        // Appends an expression that needs no `Emit` statement. These come before all other new expressions.
+        // Appends an expression that needs no `Emit` statement. Such expressions come before all other new expressions.
         let mut before = |expression| function.expressions.append(expression, NOWHERE);
         let zero = before(Expression::Literal(Literal::U32(0)));
         let one = before(Expression::Literal(Literal::U32(1)));

@@ -60,7 +60,9 @@ pub enum Invalid {
         opinion: Box<Opinion>,
     },
     /// `karat.toml` requires Tint's verdict, but Tint has no verdict.
-    #[error("package `{package}` requires Tint's verdict, and there is none: {reason}\n{remedy}")]
+    #[error(
+        "package `{package}` requires Tint's verdict, but Tint has no verdict: {reason}\n{remedy}"
+    )]
     NoVerdict {
         /// The package.
         package: String,
@@ -167,7 +169,8 @@ impl Package {
         let missing = found.opinion.no_verdict().filter(|_| compilers.require_tint);
         if let (false, Some((reason, remedy))) = (errors.is_empty(), &missing) {
             // If modules have errors, Tint's missing verdict becomes one more error of the first module with errors.
-            let message = format!("Tint's verdict is required, and there is none: {reason}");
+            let message =
+                format!("the package requires Tint's verdict, but Tint has no verdict: {reason}");
             let diagnostic = Box::new(Diagnostic::new(message).note(remedy.as_str()));
             errors.push((errors[0].0.clone(), ReflectError::Refused(diagnostic)));
         }

@@ -67,10 +67,10 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
         Some(program) if needed => Ok(Kind::Browser(program)),
         Some(_) => Err(Missing {
             reason: format!(
-                "{other}, but a browser has it, which Karat uses only if karat.toml says so"
+                "{other}. A browser on this machine contains Tint, but Karat uses the browser only if karat.toml requires Tint"
             ),
             remedy: format!(
-                "`[compilers] require = [\"tint\"]` in karat.toml makes Karat use the browser; or {REMEDY}"
+                "to use the browser, write `[compilers] require = [\"tint\"]` into karat.toml; or {REMEDY}"
             ),
         }),
         None => Err(missing(other)),
@@ -87,10 +87,11 @@ pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
     let mut packages = packages.map(|modules| modules.join("webgpu")).filter(|one| is_dawn(one));
     match (packages.next(), node) {
         (Some(package), Some(node)) => Ok((node, package)),
-        (Some(package), None) => {
-            Err(format!("`{}` is installed, but PATH has no `node`", package.display()))
-        }
-        (None, _) => Err("not here".to_owned()),
+        (Some(package), None) => Err(format!(
+            "`{}` is installed, but the program `node` isn't in PATH",
+            package.display()
+        )),
+        (None, _) => Err("the npm package `webgpu` isn't installed".to_owned()),
     }
 }
 
@@ -103,7 +104,8 @@ fn of_named(named: &Path) -> Result<Kind, String> {
         let package = inside.into_iter().find(|folder| is_dawn(folder)).ok_or_else(|| {
             format!("KARAT_TINT={at} is a folder without the npm package `webgpu`")
         })?;
-        let node = node().ok_or("KARAT_TINT names an npm package, but PATH has no `node`")?;
+        let node = node()
+            .ok_or("KARAT_TINT names an npm package, but the program `node` isn't in PATH")?;
         return Ok(Kind::Node { node, package });
     }
     if !named.is_file() {

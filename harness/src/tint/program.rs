@@ -140,7 +140,9 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
     // The program `tint` fails if it reports an error, and only then. A successful run writes the text to a file.
     let is_written = !again.trim().is_empty() || text.trim().is_empty();
     if answer.rejects() == status.success() || (status.success() && !is_written) {
-        return Err(NoVerdict::Garbage(format!("it ended with {status} and wrote {said}")));
+        return Err(NoVerdict::Garbage(format!(
+            "the program ended with {status} and wrote {said}"
+        )));
     }
     Ok(answer)
 }

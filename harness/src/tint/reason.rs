@@ -100,8 +100,8 @@ impl Reason {
     pub const fn remedy(self) -> &'static str {
         match self {
             Self::Uniformity => {
-                "call it before the condition and choose a result, take `textureSampleLevel` or \
-                 `textureSampleGrad`, or make the condition uniform: all invocations must reach it together"
+                "call the function before the condition and select the result later, use `textureSampleLevel` or \
+                 `textureSampleGrad`, or make the condition the same for all invocations"
             }
             Self::Range => {
                 "write a value that fits the type: the largest f32 is 0x1.fffffep+127f, or 3.4028234e+38"
@@ -114,13 +114,15 @@ impl Reason {
             Self::Atomic => "use `atomicStore`, `atomicLoad` and the other atomic functions",
             Self::Enable => {
                 "begin the module with `enable` and the extension's name. naga supports f16, clip_distances, \
-                 dual_source_blending and primitive_index, but not subgroups, so no text with subgroups works in both"
+                 dual_source_blending and primitive_index, but not subgroups, so no shader with subgroups works in both naga and Tint"
             }
             Self::Aliasing => "copy the value into a variable of its own before the call",
-            Self::VertexStorage => "declare the variable as `read`, or write it in a compute pass",
-            Self::Reserved => "give it another name",
+            Self::VertexStorage => {
+                "declare the variable as `read`, or write to it in a compute pass"
+            }
+            Self::Reserved => "WGSL reserves this name: use another name",
             Self::Unknown => {
-                "Chrome's WGSL doesn't have this name: use another way, or run the shader only with wgpu"
+                "Chrome's WGSL doesn't have this name: write the code without the name, or run the shader only with wgpu"
             }
             Self::Pipeline | Self::Other => {
                 "the shader can't run in Chrome, Edge, Node and Electron"

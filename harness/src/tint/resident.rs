@@ -47,7 +47,9 @@ impl Asked {
                 Self::Browser(Page::open(program, START, (&script, LONGEST))?)
             }
             Kind::Program(_) => {
-                return Err(Broken::Start("this program can't keep running".to_owned()).into());
+                return Err(
+                    Broken::Start("this program answers only one question".to_owned()).into()
+                );
             }
         })
     }
@@ -145,7 +147,9 @@ pub(super) fn ask(
                 starts += 1;
                 Resident::start(kind)
             }
-            None => Err(Broken::Start(format!("it was started {MOST_STARTS} times")).into()),
+            None => {
+                Err(Broken::Start(format!("Tint ended after each of {MOST_STARTS} starts")).into())
+            }
         };
         match running {
             Ok(mut running) => {

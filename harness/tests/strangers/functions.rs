@@ -239,7 +239,7 @@ fn overrides_are_set() {
         .unrecorded()
         .try_agrees_with(|x: f64| x, Abs(0.0));
     let text = wrong.expect_err("a u32").to_string();
-    assert!(text.contains("`COUNT` is a u32, and -1 isn't one"), "{text}");
+    assert!(text.contains("`COUNT` must be a u32, but is -1"), "{text}");
     let wrong = probe()
         .with_override("GAIN", f64::NAN)
         .over(xs())

@@ -322,7 +322,7 @@ const INVALID: &[(&str, &str)] = &[
     ("is false here", "under a condition"),
     ("to include", "included by others"),
     ("no dependency", "import not found"),
-    ("no module calls itself", "import not found"),
+    ("no module declares `#define", "import not found"),
     ("unresolved", "import not found"),
     ("no definition in scope", "names of another file"),
     ("syntax error", "syntax"),

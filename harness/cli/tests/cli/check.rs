@@ -138,9 +138,9 @@ fn names_in_karat_toml_are_those_of_the_package() {
         ("[inputs]\nparams.gruops = [1, 8]\n", "the input `params.gruops` is declared"),
         (
             &hazard("calc::hlaf"),
-            "names `calc::hlaf`, and the package has no such function; did you mean",
+            "names `calc::hlaf`, but the package has no function of this name; did you mean",
         ),
-        (&hazard("clac::*"), "names `clac::*`, and the package has no such function"),
+        (&hazard("clac::*"), "names `clac::*`, but the package has no function of this name"),
         (&hazard("clac::half"), "names `clac::half`"),
         (&hazard("calc::was"), "names `calc::was`"),
         (&hazard("*"), "names `*`"),

@@ -14,7 +14,7 @@ fn folder(text: &str) -> TempDir {
 /// Runs `karat` with the Tint of this machine.
 fn with_tint(folder: &FilePath, arguments: &[&str]) -> Ran {
     let ran = output(command(folder, arguments).env_remove("KARAT_TINT"));
-    let missing = ran.out.contains("wasn't asked") || ran.err.contains("Tint: not here");
+    let missing = ran.out.contains("wasn't asked") || ran.err.contains("`webgpu` isn't installed");
     assert!(!missing, "this test needs Tint: run `cargo ci setup`\n{ran:?}");
     ran
 }
@@ -81,7 +81,7 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
             "@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n",
             "1:49",
             "'subgroupAdd' without extension 'subgroups'",
-            "no text with subgroups works in both",
+            "no shader with subgroups works in both",
         ),
         (alias, "2:36", "invalid aliased pointer argument", "a variable of its own"),
         (
@@ -180,10 +180,18 @@ fn a_missing_tint_is_reported_by_each_command() {
     };
     let out = bare(CHECK).good();
     // On a machine with an installed browser, the line also names the browser.
-    assert!(last_line(&out).starts_with("1 package valid; Tint wasn't asked: not here"), "{out}");
+    assert!(
+        last_line(&out).starts_with(
+            "1 package valid; Tint wasn't asked: the npm package `webgpu` isn't installed"
+        ),
+        "{out}"
+    );
     let test = ["test", "shaders", "--paths", "cpu"];
     let out = bare(&test).good();
-    assert!(out.contains(" compared; Tint wasn't asked: not here"), "{out}");
+    assert!(
+        out.contains(" compared; Tint wasn't asked: the npm package `webgpu` isn't installed"),
+        "{out}"
+    );
     let off = karat(folder.path(), CHECK).good();
     assert_eq!(last_line(&off), "1 package valid; Tint wasn't asked: KARAT_TINT=off");
     if cfg!(target_os = "linux") {
@@ -192,7 +200,9 @@ fn a_missing_tint_is_reported_by_each_command() {
             let ran = bare(arguments);
             assert_eq!(ran.code, Some(1), "{arguments:?}\n{ran:?}");
             assert!(
-                ran.out.contains("requires Tint's verdict, and there is none: not here"),
+                ran.out.contains(
+                    "requires Tint's verdict, but Tint has no verdict: the npm package `webgpu` isn't installed"
+                ),
                 "{ran:?}"
             );
             assert!(ran.out.contains("npm install --save-dev webgpu"), "{ran:?}");
@@ -234,7 +244,10 @@ fn features_of_wgpu_alone_must_be_declared() {
     assert_eq!(last_line(&out), "1 package valid; Tint skipped 1 module");
     assert_eq!(check("").code, Some(1));
     for (native, part) in [
-        ("\"shader_int64\", \"ray_query\"", "`native` has `ray_query`, which no module uses"),
+        (
+            "\"shader_int64\", \"ray_query\"",
+            "`native` lists `ray_query`, but no module uses this feature",
+        ),
         ("\"ray_qurey\"", "has no native feature `ray_qurey`; did you mean `ray_query`?"),
         ("\"shader_float16\"", "has no native feature `shader_float16`"),
     ] {
@@ -286,26 +299,36 @@ fn an_exceeded_limit_is_reported_at_its_place() {
     };
     let compatibility = "[limits]\nmode = \"compatibility\"\n";
     for (text, limits, place, part) in [
-        (sized, "", "2:32", "uses 512 invocations a workgroup, and WebGPU's default maxComputeInv"),
         (
-            workgroup,
+            sized,
             "",
-            "2:34",
-            "uses 512 invocations a workgroup, and WebGPU's default maxComputeInv",
+            "2:32",
+            "uses 512 invocations in a workgroup, but WebGPU's default maxComputeInv",
         ),
         (
             workgroup,
             "",
             "2:34",
-            "uses 32768 bytes of workgroup memory, and WebGPU's default maxComputeW",
+            "uses 512 invocations in a workgroup, but WebGPU's default maxComputeInv",
+        ),
+        (
+            workgroup,
+            "",
+            "2:34",
+            "uses 32768 bytes of workgroup memory, but WebGPU's default maxComputeW",
         ),
         (
             &textures,
             "",
             "18:11",
-            "uses 17 sampled textures, and WebGPU's default maxSampledTextures",
+            "uses 17 sampled textures, but WebGPU's default maxSampledTextures",
         ),
-        (group, "", "1:23", "uses group 4, so at least 5, and WebGPU's default maxBindGroups is 4"),
+        (
+            group,
+            "",
+            "1:23",
+            "uses group 4, so at least 5 groups, but WebGPU's default maxBindGroups is 4",
+        ),
         (written, "", "2:9", "uses `m::a`, which is writable, and WebGPU forbids writable storage"),
         (
             uniform,
@@ -329,7 +352,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
             workgroup,
             "[limits]\nmaxComputeInvocationsPerWorkgroup = 400\nmaxComputeWorkgroupStorageSize = 65536\n",
             "2:34",
-            "uses 512 invocations a workgroup, and karat.toml's maxComputeInvocationsPerWorkgroup is 400",
+            "uses 512 invocations in a workgroup, but karat.toml's maxComputeInvocationsPerWorkgroup is 400",
         ),
     ] {
         let ran = check(text, limits);
@@ -426,7 +449,10 @@ fn tests_in_shipped_files_are_reported_and_can_be_stripped() {
     write(folder.path(), "shaders/n.wgsl", mixed);
     write(folder.path(), "shaders/m_test.wgsl", "@test fn is_one() { expect(true); }\n");
     let out = karat(folder.path(), CHECK).good();
-    assert!(out.contains("warning: 2 tests in this file: an engine that loads the file"), "{out}");
+    assert!(
+        out.contains("warning: this file has 2 tests, and an engine that loads the file"),
+        "{out}"
+    );
     assert!(out.contains("shaders/n.wgsl:4:1") && !out.contains("m_test.wgsl:"), "{out}");
     assert!(last_line(&out).contains("test functions are in 1 module"), "{out}");
     let plain = karat(folder.path(), &["show", "--plain", "n", "--shaders", "shaders"]).good();
@@ -555,9 +581,9 @@ mod fakes {
             ("it hangs at once", "cat >/dev/null\n".to_owned(), "it didn't answer within"),
             ("garbage", says(&["Segmentation fault"]), "can't be read: Segmentation fault"),
             ("half an answer", says(&["{\"id\":1,"]), "can't be read: {\"id\":1,"),
-            ("another text", says(&[&other, &last]), "it answered about another text"),
-            ("another question", says(&[&empty]), "it answered about another text"),
-            ("twice", says(&[&good, &good, &last]), "it answered twice"),
+            ("another text", says(&[&other, &last]), "Tint answered about another text"),
+            ("another question", says(&[&empty]), "Tint answered about another text"),
+            ("twice", says(&[&good, &good, &last]), "Tint answered twice"),
             ("it can't start", "echo '{\"error\":\"no Dawn\"}' >&2\n".to_owned(), "run: no Dawn"),
         ] {
             let ran = check(folder.path(), &own, &[]);
@@ -645,7 +671,7 @@ mod fakes {
         assert_eq!(last_line(&valid), "1 package valid; Tint accepts 1 module");
         for (own, part) in [
             ("exit 1\n", "it ended (exit status: 1)"),
-            ("exit 0\n", "can't be read: it ended with exit status: 0"),
+            ("exit 0\n", "can't be read: the program ended with exit status: 0"),
             ("echo Killed >&2\nexit 1\n", "can't be read: Killed"),
             ("echo '[]' >&2\nexit 1\n", "can't be read"),
             (&format!("echo '{message}' >&2\n"), "can't be read"),
@@ -676,8 +702,7 @@ fn a_barrier_that_some_invocations_miss_shows_the_error_of_tint() {
     );
     let told = with_tint(folder.path(), &["test", "shaders"]);
     assert_eq!(told.code, Some(1), "{told:?}");
-    let word =
-        "Tint reports the same from the text: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
+    let word = "Tint reports the same error without a run: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
     assert!(told.out.contains(word), "{}", told.out);
     let alone = output(command(folder.path(), &["test", "shaders"]).env("KARAT_TINT", "off"));
     assert_eq!(alone.code, Some(1), "{alone:?}");

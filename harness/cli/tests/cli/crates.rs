@@ -109,7 +109,7 @@ fn a_crate_that_is_imported_from_may_have_another_folder() {
     assert!(call(&["--root", "src", "--root", "engine-core=wgsl"]).good().contains(" 12 "));
     for (roots, part) in [
         (&["--root", "engine-core=wgls"][..], "engine-core`: the crate has no folder `"),
-        (&["--root", "engine-cor=wgsl"], "ships shaders to `engine-pbr`; did you mean"),
+        (&["--root", "engine-cor=wgsl"], "dependencies with shaders of `engine-pbr`; did you mean"),
         (&["--root", "a", "--root", "b"], "a crate can have only one folder of modules"),
     ] {
         let error = call(roots).error();
@@ -184,7 +184,10 @@ fn a_crate_at_a_version_needs_no_project() {
     std::fs::rename(folder.join("home/config.toml"), folder.join("config")).expect("renamed");
     assert!(place.karat("nowhere", &call).good().contains(" 12.566371"), "cargo isn't asked again");
     let unknown = place.karat("nowhere", &["list", "--crate", "engine-pbr@9.9.9"]).error();
-    assert!(unknown.contains("no shaders of crate `engine-pbr@9.9.9`: cargo says:"), "{unknown}");
+    assert!(
+        unknown.contains("Karat can't open the shaders of crate `engine-pbr@9.9.9`: cargo says:"),
+        "{unknown}"
+    );
     assert_eq!(place.kept(), 1, "nothing is left of what failed");
 }
 
@@ -229,11 +232,11 @@ fn a_crate_that_cannot_be_had_says_why() {
     for (name, message) in [
         (
             "engine-pbs",
-            "the project doesn't depend on the crate; did you mean `engine-pbr`? With a version",
+            "the project doesn't depend on the crate; did you mean `engine-pbr`? If you add a version",
         ),
         (
             "serde",
-            "the project doesn't depend on the crate. With a version, such as `serde@1.2.3`, cargo",
+            "the project doesn't depend on the crate. If you add a version, such as `serde@1.2.3`, cargo",
         ),
         ("tool", "the crate ships no .wgsl or .wesl file"),
         ("a b", "write a name, or a name and a version"),
@@ -242,7 +245,10 @@ fn a_crate_that_cannot_be_had_says_why() {
         ("tool@1.2", "write the whole version, such as `tool@1.2.3`"),
     ] {
         let error = place.karat("game", &["list", "--crate", name]).error();
-        assert!(error.contains(&format!("no shaders of crate `{name}`: {message}")), "{error}");
+        assert!(
+            error.contains(&format!("Karat can't open the shaders of crate `{name}`: {message}")),
+            "{error}"
+        );
     }
     let root = place.karat("game", &["list", "--crate", "engine-pbr", "--root", "shadrs"]).error();
     assert!(root.contains("the crate has no folder `"), "{root}");

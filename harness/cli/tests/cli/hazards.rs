@@ -319,7 +319,7 @@ fn packages_with_the_same_name_are_named_by_their_folders() {
     // Two names set the same override.
     let twice = ["hazards", "--override", "A=2", "--override", "m::A=3"];
     let error = karat(folder.path(), &twice).error();
-    assert!(error.contains("has two values, under two of its names"), "{error}");
+    assert!(error.contains("has two values, because you set it by two of its names"), "{error}");
     let error = karat(folder.path(), &["hazards", "--override", "B=2"]).error();
     assert!(error.contains("uses an override `B`; did you mean `A`?"), "{error}");
 }

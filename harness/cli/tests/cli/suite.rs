@@ -152,7 +152,7 @@ fn a_test_with_a_texture_says_where_it_is_bound() {
     write(folder.path(), "t.wgsl", text);
     let ran = cpu(folder.path(), &[]);
     for part in [
-        "nothing binds its parameter `image`, a texture or sampler",
+        "the parameter `image` is a texture or sampler, which `@test` can't bind",
         "declare the test in a `*.test.toml`, whose `with` binds it: `with = { image = ... }`",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {ran:?}");
@@ -329,12 +329,12 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "t.wgsl",
             "import karat::expect_true;\n@test @cases(0) fn t() { expect_true(true); }\n",
-            "a whole number from 1",
+            "a whole number of at least 1",
         ),
         (
             "t.wgsl",
             "import karat::expect_true;\n@test fn t() -> f32 { expect_true(true); return 1.0; }\n",
-            "returns something",
+            "has a return type",
         ),
         (
             "t.wgsl",
@@ -408,7 +408,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
         (
             "t.wgsl",
             "import karat::expect_true;\n@test fn t(@over(0,, 1) x: f32) { expect_true(x >= 0.0); }\n",
-            "has a comma too many",
+            "has one comma too many",
         ),
         (
             "t.wgsl",
@@ -789,7 +789,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     for (more, part) in [
         ("override = { GAIN = 2 }", "add `formats` with a format for each location"),
         ("override = { GAIN = 2 }", "sets `target` to 1"),
-        ("", "`override` in a test's file"),
+        ("", "`override` in a test file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
         ("target = 1\ndepth = true", "a frame compares `target` or `depth`, not both"),

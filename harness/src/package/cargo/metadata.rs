@@ -77,8 +77,9 @@ impl Metadata {
             command.env("CARGO_RESOLVER_INCOMPATIBLE_RUST_VERSIONS", "allow");
         }
         let output = command.output();
-        let output =
-            output.map_err(|error| format!("`{}` doesn't run: {error}", cargo.display()))?;
+        let output = output.map_err(|error| {
+            format!("the program `{}` can't be started: {error}", cargo.display())
+        })?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr);
             // Lines about the temporary project would only confuse a reader.
@@ -90,7 +91,7 @@ impl Metadata {
     }
 
     pub(super) fn graph(self) -> Result<Graph, String> {
-        let nodes = self.resolve.ok_or("cargo resolves no dependencies")?.nodes;
+        let nodes = self.resolve.ok_or("cargo's metadata has no resolved dependencies")?.nodes;
         let (mut crates, mut others) = (Vec::new(), BTreeSet::new());
         let mut indices: HashMap<&str, usize> = HashMap::new();
         let local = self.packages.iter().filter(|package| package.source.is_none());
@@ -134,7 +135,7 @@ impl CargoPackage {
     fn imports(&self) -> BTreeSet<String> {
         let declared = self.metadata["wgsl-analyzer"]["dependencies"].as_object();
         let path = |value: &serde_json::Value| Some(value.get("path")?.as_str()?.to_owned());
-        // The repository has `../bevy_render` beside this crate.
+        // In an engine's repository, the crates are beside each other: `../bevy_render`.
         let beside = |(name, value): &(&String, &serde_json::Value)| {
             path(value).is_some_and(|path| path == format!("../{name}"))
         };

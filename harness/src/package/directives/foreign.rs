@@ -60,18 +60,18 @@ pub(super) fn unknown(
 ) -> PackageError {
     let name = placeholder(&file.text[range.start..]).map(str::to_owned);
     let values = match &name {
-        Some(name) => format!("`[values]` and a line `{name} = 64`, or "),
+        Some(name) => format!("`[values]` with a line `{name} = 64`, or "),
         None => String::new(),
     };
     let before = file.text[..range.start].rsplit('\n').next().unwrap_or_default();
     let rest = file.text[range.start..].lines().next().unwrap_or_default();
     let is_alone = before.trim().is_empty() && rest.trim_end().ends_with('}');
     let span = Span { file: Arc::clone(file), range };
-    let diagnostic = Diagnostic::new(format!("{what} isn't WGSL: {whose} expands it"))
+    let diagnostic = Diagnostic::new(format!("{what} isn't WGSL: {whose} must expand it"))
         .at(span, "")
         .note(format!(
-            "hand Karat the expanded text: {values}a `preprocess` command in karat.toml beside the modules, \
-             or `Package::from_modules` in Rust"
+            "to expand the text, write {values}a `preprocess` command into karat.toml beside the modules, \
+             or use `Package::from_modules` in Rust"
         ))
         .mended_by(Some(match name {
             None => Mend::Preprocess,

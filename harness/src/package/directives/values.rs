@@ -13,7 +13,7 @@ impl Reader<'_> {
     pub(super) fn braced(&mut self, at: usize) -> Result<(), PackageError> {
         let rest = &self.text()[at..];
         let Some(length) = rest.find('}') else {
-            return Err(self.error(at..at + 2, "`#{` has no `}`"));
+            return Err(self.error(at..at + 2, "the `}` of this `#{` is missing"));
         };
         let name = rest[2..length].trim().to_owned();
         self.value(at..at + length + 1, name)
@@ -33,7 +33,7 @@ impl Reader<'_> {
             || suffix > 1
             || suffix == 1 && !after.starts_with(['u', 'i', 'f', 'h'])
         {
-            return Err(self.error(range, "a value can't be a part of a name"));
+            return Err(self.error(range, "a feature's value can't be a part of a name"));
         }
         self.mask(range.start..range.end + suffix);
         // Code that reads tokens sees the part of the value that fits. The text gets the whole value.
@@ -46,9 +46,11 @@ impl Reader<'_> {
 
     pub(super) fn no_value(&self, name: &str, range: Range<usize>) -> PackageError {
         let span = Span { file: Arc::clone(self.file), range };
-        let diagnostic = Diagnostic::new(format!("`{name}` has no value"))
+        let diagnostic = Diagnostic::new(format!("feature `{name}` has no value"))
             .at(span, "")
-            .note(format!("set it: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"))
+            .note(format!(
+                "set the value: `.feature(\"{name}\", 3)` in Rust, or `--feature {name}=3`"
+            ))
             .mended_by(Some(Mend::Feature(name.to_owned())));
         PackageError::Shader(Box::new(diagnostic))
     }
@@ -67,7 +69,7 @@ impl Reader<'_> {
             }
             return Ok(is_on(&self.features, rest) == (word == "ifdef"));
         }
-        let wrong = "conditions compare a feature with a value: `#if NAME >= 3`";
+        let wrong = "an `#if` must compare a feature with a value: `#if NAME >= 3`";
         let at = rest.find(['=', '!', '<', '>']);
         let at = at.ok_or_else(|| self.error(whole.clone(), wrong))?;
         let (name, rest) = (rest[..at].trim(), &rest[at..]);
@@ -92,8 +94,9 @@ impl Reader<'_> {
             (Feature::Number(own), Feature::Number(value)) => own.cmp(&value),
             (Feature::Flag(own), Feature::Flag(value)) if equality => own.cmp(&value),
             (own, value) => {
-                let message =
-                    format!("`{name}` is {own}, which can't be compared by `{operator} {value}`");
+                let message = format!(
+                    "feature `{name}` is {own}, which doesn't allow the comparison `{operator} {value}`"
+                );
                 return Err(self.error(whole.clone(), &message));
             }
         };
@@ -106,7 +109,8 @@ impl Reader<'_> {
         value: &str,
         whole: &Range<usize>,
     ) -> Result<Feature, PackageError> {
-        let wrong = || self.error(whole.clone(), "values must be whole numbers, `true` or `false`");
+        let wrong =
+            || self.error(whole.clone(), "a value must be a whole number, `true` or `false`");
         value_of(value).ok_or_else(wrong)
     }
 }

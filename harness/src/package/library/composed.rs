@@ -86,7 +86,7 @@ struct OfCrates;
 impl Kind for OfCrates {
     type Key = PathBuf;
     type Value = Arc<Composed>;
-    // Any project has fewer crates with shaders.
+    // Any project has fewer crates with shaders than this.
     const MOST: usize = 1000;
 }
 

@@ -16,7 +16,7 @@ struct Asked;
 impl Kind for Asked {
     type Key = (PathBuf, String);
     type Value = ();
-    // Any package has fewer features.
+    // Any package has fewer features than this.
     const MOST: usize = 10_000;
 }
 

@@ -40,7 +40,8 @@ impl Library {
                     };
                     let diagnostic = if outside >= path.components.len() && outside > 0 {
                         let package = self.name(path.package);
-                        diagnostic.note(format!("its path leads out of package `{package}`"))
+                        diagnostic
+                            .note(format!("the path of this file leads out of package `{package}`"))
                     } else {
                         diagnostic
                     };
@@ -56,8 +57,8 @@ impl Library {
                 let is_asked = guards.values().any(|value| matches!(value, Feature::Number(_)));
                 let defines = is_asked || !directives::defined(text).is_empty();
                 if included != *root && defines {
-                    let message = "this file has a `#define`, but only the linked module may define \
-                                   names: move it there";
+                    let message = "this file has a `#define`, but a file that other files include can't define \
+                                   names: move the `#define` to the including module";
                     let diagnostic = Diagnostic::new(message.to_owned()).at(span, "included here");
                     return Err(PackageError::Shader(Box::new(diagnostic)));
                 }
@@ -104,7 +105,7 @@ impl Library {
                 let is_it = |module: &&String| module.rsplit("::").next() == Some(name);
                 let found: Vec<&String> = known.iter().filter(is_it).collect();
                 if let [first, second, ..] = *found {
-                    let message = format!("`{name}` may be `{first}` or `{second}`");
+                    let message = format!("two modules match `{name}`: `{first}` and `{second}`");
                     let diagnostic = Diagnostic::new(message).at(span.clone(), "included here");
                     return Err(PackageError::Shader(Box::new(diagnostic)));
                 }
