@@ -108,7 +108,7 @@ const ENUMERATED: u64 = 1 << 20;
 ///     .agrees_with(|f0: f64, c: f64| f0 + (1.0 - f0) * (1.0 - c).powi(5), Ulp(4.0));
 /// ```
 #[derive(Clone, Debug)]
-#[must_use = "a probe checks nothing until `.over(...)` and a verb such as `.agrees_with(...)`"]
+#[must_use = "a probe checks nothing until you call `.over(...)` and a verb such as `.agrees_with(...)`"]
 pub struct Probe<'a> {
     package: &'a Package,
     name: String,
@@ -272,7 +272,7 @@ impl<'a> Probe<'a> {
 /// check.agrees_with(|x: f64| 0.5 * x, Ulp(0.0));
 /// ```
 #[derive(Clone)]
-#[must_use = "a check compares nothing until a verb such as `.agrees_with(...)`"]
+#[must_use = "a check compares nothing until you call a verb such as `.agrees_with(...)`"]
 pub struct Check<'a, C> {
     plan: Plan<'a>,
     stream: Arc<dyn Stream + 'a>,

@@ -66,7 +66,7 @@ impl Interval {
     }
 }
 
-/// The cause as text: `where x is at least 0.2 (all failing cases, 0.4 % of the passing cases)`, or
+/// The cause as text: `where x is at least 0.2 (this includes all failing cases and 0.4 % of the passing cases)`, or
 /// `everywhere except ..`. `None` if no single property separates the cases.
 pub(super) fn cause(
     function: &Function,
@@ -145,7 +145,7 @@ fn said(name: &str, interval: &Interval) -> String {
     if *failing == 1.0 && *passing == 0.0 {
         return format!("where {name} {place}, and nowhere else");
     }
-    format!("where {name} {place} ({fails}, {passes})")
+    format!("where {name} {place} (this includes {fails} and {passes})")
 }
 
 impl Cases<'_> {

@@ -54,7 +54,7 @@ impl Condition {
                 [] => "the function takes no arguments, so the condition keeps all cases or none"
                     .to_owned(),
                 names => format!(
-                    "`{text}` names no argument, so it keeps all cases or none: use {}",
+                    "`{text}` names no argument, so this condition keeps all cases or none: use {}",
                     names.join(", ")
                 ),
             });
@@ -66,7 +66,7 @@ impl Condition {
             _ => Some(depth),
         });
         if depth != Some(0) {
-            return Err(format!("`{text}`: its brackets don't match"));
+            return Err(format!("`{text}`: the condition's brackets don't match"));
         }
         let mut lanes = Vec::new();
         let mut below = 0;
@@ -172,8 +172,8 @@ mod tests {
             ("w > v.x", "w"),
             ("true // v.x > 0.0", "names no argument"),
             ("true /* /* s */ v */", "names no argument"),
-            ("v.x) > (0.0", "its brackets don't match"),
-            ("true", "names no argument, so it keeps all cases or none: use `s`, `v`"),
+            ("v.x) > (0.0", "the condition's brackets don't match"),
+            ("true", "names no argument, so this condition keeps all cases or none: use `s`, `v`"),
             ("vv.x > 0.0", "names no argument"),
         ] {
             let error = of(text).expect_err(text);

@@ -94,7 +94,7 @@ impl Kept<'_> {
             }
             Wanted::Ulp => {
                 let unusable = Tolerance::from(Ulp(self.bound(0))).unusable();
-                let nothing = unusable.map_or("", |_| ", which is no usable bound");
+                let nothing = unusable.map_or("", |_| ", which isn't a usable bound");
                 format!("{actual}, expected {expected} within {first} ulp{nothing}")
             }
             Wanted::Within => {
@@ -155,8 +155,8 @@ impl<'r> Report<'r> {
             true => (
                 "unclear",
                 format!(
-                    "{} values lie very close to their bounds. Karat judged only the first {MOST_KEPT}, \
-                     and these pass. Widen the tolerance by a thousandth, or split the test",
+                    "{} values lie very close to their bounds. Karat judged only the first {MOST_KEPT} of these \
+                     values, and they pass. Widen the tolerance by a thousandth, or split the test",
                     self.suspected()
                 ),
             ),

@@ -294,12 +294,12 @@ impl Comparison<'_> {
                 Left::Nothing | Left::Other(_) => {
                     let Census { cases, failures, .. } = tally.tally.census;
                     let path = tally.path;
-                    Left::Differs(unlike(&format!("{failures} of {cases} rows on {path}"))?)
+                    Left::Differs(unlike(&format!("in {failures} of {cases} rows on {path}"))?)
                 }
             });
         } else if !rows()?.iter().eq(golden.split_rows().map(|(arguments, _)| arguments)) {
-            let difference = "it agrees for the golden's arguments, but the test has other arguments now: its domain, \
-                              number of cases or seed changed";
+            let difference = "the function agrees for the golden's arguments, but the test has other arguments now: \
+                              the test's domain, number of cases or seed changed";
             self.leave(session, || unlike(difference))?;
         } else {
             self.agrees.set(true);

@@ -113,7 +113,7 @@ impl Plan<'_> {
             (None, _) | (_, Explained::ByHazards(_)) => Ok(()),
             (Some(one), _) => {
                 let wrong =
-                    "does nothing here: `has_no_hazards` and `has_none_of` look for hazards";
+                    "does nothing here: only `has_no_hazards` and `has_none_of` look for hazards";
                 Err(Mismatch::Accepted(one.text.clone(), wrong).of(&self.function()?))
             }
         }

@@ -53,7 +53,7 @@ impl Limit {
         if self.steps.len() < 2 {
             Some("needs two steps or more")
         } else if !falls || !self.steps.iter().chain([&self.target]).all(|step| step.is_finite()) {
-            Some("doesn't get nearer with each step")
+            Some("needs finite steps, each nearer to the target than the step before")
         } else {
             None
         }

@@ -225,9 +225,10 @@ impl Plan<'_> {
         let suited =
             |function: Function| match function.result.lanes().iter().any(|lane| lane.is_float()) {
                 true => Ok(function),
-                false => {
-                    Err(unsuited(&function, "which is always finite: this check couldn't fail"))
-                }
+                false => Err(unsuited(
+                    &function,
+                    "and this type is always finite, so the check can't fail",
+                )),
             };
         let begun = self.function().and_then(suited);
         let asserted = ("is_finite", statement);
@@ -254,7 +255,7 @@ impl Plan<'_> {
                 return Err(unsuited_range.of(&function));
             }
             if function.result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
-                return Err(unsuited(&function, "which isn't a number"));
+                return Err(unsuited(&function, "but this check needs a number"));
             }
             // Checks if the range contains every value of the integer type.
             let both = |least: f64, most: f64| range.contains(&least) && range.contains(&most);

@@ -11,7 +11,7 @@ use crate::judge::{Judged, Shown, tally};
 
 /// The note beside `returned` for a case that also has changed arguments, marked with a prime.
 pub(super) const PRIMED: &str =
-    "returned for the arguments with a prime, expected for the arguments without a prime";
+    "for the arguments with a prime; expected: the result for the arguments without a prime";
 
 /// The parts of a failing case that a report shows.
 pub(super) struct Exhibit {

@@ -20,7 +20,7 @@ impl Session<'_> {
             } else if self.still_drawn(entry) {
                 rows.push(entry.words.clone());
             } else {
-                memory.ignore(entry, "the domain doesn't contain it now");
+                memory.ignore(entry, "the domain doesn't contain this input now");
             }
         }
         rows
@@ -43,7 +43,7 @@ impl Session<'_> {
                 Some(value) if entry.comment == format!("case = {}", value.shown()) => {
                     found.push((entry.descent.clone(), value));
                 }
-                _ => memory.ignore(entry, "the domain doesn't contain it now"),
+                _ => memory.ignore(entry, "the domain doesn't contain this input now"),
             }
         }
         found

@@ -244,8 +244,8 @@ impl std::fmt::Display for Fit {
         let Self { function, configurations, samples, p, threshold, .. } = self;
         write!(
             f,
-            "{function}: {configurations} configurations with {samples} samples each pass, \
-             smallest p {p:.2e} (threshold {threshold:.2e})"
+            "{function}: {configurations} configurations pass, with {samples} samples each; the \
+             smallest p is {p:.2e} (threshold {threshold:.2e})"
         )
     }
 }

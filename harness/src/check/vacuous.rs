@@ -31,7 +31,7 @@ pub enum Vacuous {
     )]
     Filtered,
     /// A replay selects a case that doesn't exist.
-    #[error("has {}, but no case with index {case} (KARAT_CASE)", counted(*count, "case"))]
+    #[error("has {}, but no case with index {case}, which KARAT_CASE selects", counted(*count, "case"))]
     NoSuchCase {
         /// The number of cases.
         count: u64,
@@ -42,7 +42,7 @@ pub enum Vacuous {
     #[error("no longer has the simpler value that the steps of KARAT_CASE select")]
     NoSuchStep,
     /// A replay supplies another number of words than a case has.
-    #[error("has values of {}, but KARAT_INPUT has {found}", counted(*expected, "word"))]
+    #[error("has cases of {}, but KARAT_INPUT has {found}", counted(*expected, "word"))]
     Words {
         /// The number of words of a case.
         expected: usize,
@@ -60,8 +60,8 @@ pub enum Vacuous {
     /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the other tolerance judged every
     /// case.
     #[error(
-        "has no case in which WGSL's bounds are narrow enough for the test: use only the other \
-         tolerance"
+        "has no case in which WGSL's bounds are narrow enough for the test: use only the \
+         tolerance after `or`"
     )]
     Ungranted,
     /// A transformation changes no argument of any case.
@@ -71,14 +71,14 @@ pub enum Vacuous {
     #[error("has no case that a rotation changes")]
     Unrotated,
     /// The domain has no two different values of an argument.
-    #[error("has only one value of {0}")]
+    #[error("has only one value for {0}")]
     OneValue(Parameter),
     /// No result changes with the argument.
     #[error("has no case in which {0} changes the result by more than the tolerance")]
     Constant(Parameter),
     /// Every result is within the tolerance of its limit already at the first step.
     #[error(
-        "has only cases with results at the limit already at the first step, {argument} = {step}: begin farther away"
+        "has only cases with results that are at the limit at the first step, {argument} = {step}: begin with a step farther away"
     )]
     AtLimit {
         /// The argument that approaches the limit.
@@ -88,8 +88,8 @@ pub enum Vacuous {
     },
     /// All results are so small that drivers may flush them to 0.
     #[error(
-        "has only cases with results below the smallest normal f32, 1.2e-38: drivers may flush them all \
-         to 0, so there is nothing to compare"
+        "has only cases with results below the smallest normal f32, 1.2e-38: drivers may turn all of \
+         these results into 0, so the check would compare nothing"
     )]
     Flushed,
     /// No case evaluates an expectation.

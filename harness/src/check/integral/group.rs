@@ -215,9 +215,12 @@ impl Case {
     /// Describes why the rule can't be used. `None` if the rule can be used.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {
-            return Some("has no nodes, so there is nothing to integrate,".to_owned());
+            return Some("has no nodes, so it can't integrate,".to_owned());
         }
         let bad = self.nodes.weights.iter().position(|weight| !weight.is_finite())?;
-        Some(format!("has the weight {} at node {bad}", self.nodes.weights[bad]))
+        Some(format!(
+            "has the weight {} at node {bad}, but weights must be finite,",
+            self.nodes.weights[bad]
+        ))
     }
 }

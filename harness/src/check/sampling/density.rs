@@ -221,7 +221,7 @@ impl Sampled<'_, '_> {
     fn estimates(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let (density, eval) = (&others[0].probe.name, &others[1].probe.name);
-        let text = format!("{eval} by {density} on {}", settings.support);
+        let text = format!("{eval} with density {density} on {}", settings.support);
         // A reflectance has up to three components. The mean of each component is a separate statistical test.
         let hypothesis = Hypothesis { check: "estimates", text, tests: settings.tests() + 3 };
         let expect = |functions: &Functions<'_>| {
@@ -233,7 +233,7 @@ impl Sampled<'_, '_> {
             }
             if scalars.len() > 3 || !scalars.into_iter().all(Scalar::is_float) {
                 let (result, wanted) =
-                    (eval.function().result.clone(), "which isn't one to three floats");
+                    (eval.function().result.clone(), "but this check needs one to three floats");
                 return Err(Mismatch::Unsuited { result, wanted }.of(eval.function()));
             }
             functions.others.get(2).map_or(Ok(()), |weight| {

@@ -103,7 +103,7 @@ impl Run<'_> {
         let mut judgement = Judgement::fitting();
         let Counts { observed, inside, left, .. } = counts;
         let samples = settings.samples;
-        let note = format!("{inside} of {samples} samples on {}", settings.support);
+        let note = format!("{inside} of {samples} samples lie on {}", settings.support);
         judgement.notes.push(("sampled", note));
         let Masses { total, error, .. } = masses;
         let note = format!("{total:.7} +- {error:.1e}, over {} cells", masses.cells.len());
@@ -160,7 +160,7 @@ impl Run<'_> {
                     Err(none) => return Err(self.evidence(none).into()),
                 };
                 let Mean { mean, error, p, .. } = mean;
-                let of = format!("component {component} of eval cos / pdf");
+                let of = format!("the mean of component {component} of eval cos / pdf");
                 judgement.test(p, threshold, || Finding::Mean { of, mean, error, expected, p });
             }
         }
