@@ -294,7 +294,7 @@ fn a_remembered_input_fails_again() {
         block(&text, "worst (remembered case 65536)").contains(&"           x = 0.7312"),
         "{text}"
     );
-    assert!(text.contains("line 2 isn't a failing input: ignored"), "{text}");
+    assert!(text.contains("line 2 isn't a failing input, so Karat ignores the line"), "{text}");
     let environment = replay(&text, "worst (remembered");
     let (passed, again) = kept(folder.path(), "rare", &environment);
     assert!(!passed && again.contains("1 of 1 case fails"), "{again}");

@@ -82,7 +82,7 @@ pub enum PathError {
     },
     /// The name of the path has an unknown driver family.
     #[error(
-        "execution path `{name}` has no known driver family: `{driver}`{}",
+        "execution path `{name}` has the unknown driver family `{driver}`{}",
         guess(nearest.as_deref())
     )]
     UnknownDriver {
@@ -117,7 +117,7 @@ pub enum PathError {
     Settings(#[from] SettingsError),
     /// The user requires the path, but it doesn't open.
     #[error(
-        "execution path `{path}` is required, but unavailable: {reason}. `karat doctor` explains how to get it"
+        "execution path `{path}` is required, but unavailable: {reason}. `karat doctor` explains how to get this path"
     )]
     Required {
         /// The path.

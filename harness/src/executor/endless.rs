@@ -109,8 +109,8 @@ pub(super) fn guarded<'e>(
 fn unwatched(device: &Device, of: &str, error: &ProbeError) -> ProbeError {
     let driver = &device.adapter().name;
     let message = format!(
-        "{of} has a loop without a visible bound. {driver} silently stops loops after {MOST_ROUNDS} rounds, \
-         and Karat's engine, which could count the rounds, can't run {of}: {error}"
+        "{of} has a loop without a visible bound. {driver} silently stops loops after {MOST_ROUNDS} rounds. \
+         Karat's engine could count the rounds, but can't run {of}: {error}"
     );
     PathError::Route { path: device.path(), message }.into()
 }

@@ -36,8 +36,8 @@ pub(super) fn prepare<'e>(
     let Call { probed, fixtures, cases } = *call;
     let form = &probed.function().form;
     if form.fragment {
-        let message = "it takes derivatives, or discards and writes, so it runs only on drawn pixels: only \
-                       wgpu's drivers and Karat's engine draw pixels for it";
+        let message = "the function takes derivatives, or discards and writes, so it runs only on drawn \
+                       pixels, and only wgpu's drivers and Karat's engine draw pixels";
         return Err(PathError::Route { path, message: message.to_owned() }.into());
     }
     let kernel = KernelJobs::new(probed, fixtures)?;
@@ -176,8 +176,9 @@ fn done(
             if found == expected {
                 return Ok(outputs);
             }
-            let message =
-                format!("it returned outputs of {found:?} words, but the job needs {expected:?}");
+            let message = format!(
+                "the executor returned outputs of {found:?} words, but the job needs {expected:?}"
+            );
             Err(PathError::Driver { path, message })
         }
         Reply::Refused(problem) => {
@@ -276,11 +277,14 @@ mod tests {
         assert!(other.contains("wrote no result for 1 of 3 cases"), "{other}");
         let short = error(&|_, outputs| outputs[0].truncate(8));
         assert!(
-            short.contains("it returned outputs of [8] words, but the job needs [9]"),
+            short.contains("the executor returned outputs of [8] words, but the job needs [9]"),
             "{short}"
         );
         let none = error(&|_, outputs| outputs.clear());
-        assert!(none.contains("it returned outputs of [] words, but the job needs [9]"), "{none}");
+        assert!(
+            none.contains("the executor returned outputs of [] words, but the job needs [9]"),
+            "{none}"
+        );
     }
 
     /// A result may equal the poison. Karat then computes the result again with another poison.

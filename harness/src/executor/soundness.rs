@@ -240,10 +240,10 @@ fn unsound_of(
     let mut found = Vec::new();
     let judge = |found: &mut Vec<String>, who: &str, values: &[f64], slack: f64| {
         let (bounded, wrong) = outside(&bounds, values, slack);
-        assert!(bounded * 100 >= CASES * share, "{text}: only {bounded} of {CASES} are bounded");
+        assert!(bounded * 100 >= CASES * share, "{text}: only {bounded} of {CASES} have bounds");
         if let Some(case) = wrong.first() {
             let (count, value) = (wrong.len(), values[*case]);
-            found.push(format!("{text} on {who}: {count} outside: {value} of {}", shown(*case)));
+            found.push(format!("{text} on {who}: {count} are wrong: {value} for {}", shown(*case)));
         }
     };
     for executor in executors {

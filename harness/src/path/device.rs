@@ -82,7 +82,7 @@ impl Device {
             return Err(unavailable(reason));
         }
         if !exists(path) {
-            return Err(unavailable("this platform doesn't support it".to_owned()));
+            return Err(unavailable("this operating system doesn't have this API".to_owned()));
         }
         let _deadline = guard_opening(path);
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
@@ -115,18 +115,18 @@ impl Device {
                     format!("no adapter's name contains `{wanted}` (KARAT_ADAPTER)")
                 }
                 (None, None) => {
-                    "no adapter found: no driver is installed, or none loads".to_owned()
+                    "no adapter found: no driver is installed, or no driver loads".to_owned()
                 }
             })
         })?;
         let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
         if !adapter.get_downlevel_capabilities().flags.contains(compute) {
-            return Err(unavailable("its driver has no compute shaders".to_owned()));
+            return Err(unavailable("the driver can't run compute shaders".to_owned()));
         }
         let needed = route::features(path);
         if !adapter.features().contains(needed) {
             return Err(unavailable(
-                "wgpu can't pass the route's shaders to its driver".to_owned(),
+                "wgpu can't pass the route's shaders to this driver".to_owned(),
             ));
         }
         let optional = wgpu::Features::SHADER_F16
@@ -190,8 +190,8 @@ impl Device {
             && opened.compute_pipeline(NO_WORK, "work", &Overrides::default()).is_err()
         {
             true => Err(unavailable(format!(
-                "wgpu can't compile compute shaders for it: OpenGL needs version 4.3, OpenGL ES needs 3.1, but \
-                 this driver has {}",
+                "wgpu can't compile compute shaders for this driver: they need OpenGL 4.3 or OpenGL ES 3.1, but \
+                 the driver has {}",
                 opened.adapter.driver
             ))),
             false => Ok(opened),
@@ -242,7 +242,7 @@ impl Device {
         let driver = &self.adapter.name;
         diagnostic
             .note(format!(
-                "{driver} stops all loops of an invocation after {MOST_ROUNDS} rounds together, and continues with \
+                "{driver} stops the loops of an invocation after {MOST_ROUNDS} rounds in total, and continues with \
                  the current values"
             ))
             .note("use fewer rounds, or run on a driver without this limit")

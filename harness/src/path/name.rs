@@ -412,13 +412,13 @@ mod tests {
             ("vulkan:", "execution path `vulkan:` has no route ``"),
             (
                 "gl@LLVMpipe",
-                "execution path `gl@LLVMpipe` has no known driver family: `LLVMpipe`; did \
+                "execution path `gl@LLVMpipe` has the unknown driver family `LLVMpipe`; did \
                  you mean `llvmpipe`?",
             ),
-            ("gl@", "execution path `gl@` has no known driver family: ``"),
+            ("gl@", "execution path `gl@` has the unknown driver family ``"),
             (
                 "vulkan@lavapipe",
-                "execution path `vulkan@lavapipe` has no known driver family: `lavapipe`; \
+                "execution path `vulkan@lavapipe` has the unknown driver family `lavapipe`; \
                  did you mean `llvmpipe`?",
             ),
         ] {

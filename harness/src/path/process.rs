@@ -112,7 +112,7 @@ impl Process {
         let answer = answer.map_err(|broken| {
             failed(match broken {
                 Broken::Hung(_) => format!(
-                    "it did not finish within {} s: an endless loop, or a deadline too short for this program \
+                    "the program did not finish within {} s: an endless loop, or a deadline too short for this program \
                      (KARAT_TIMEOUT=seconds)",
                     deadline.as_secs_f64()
                 ),
@@ -131,17 +131,17 @@ fn start(runner: &Runner) -> Result<(Running, Greeting), String> {
     let first = lines.receive(deadline).map_err(|broken| match broken {
         Broken::Hung(_) => {
             let seconds = deadline.as_secs_f64();
-            format!("it wrote no greeting within {seconds} s (KARAT_TIMEOUT=seconds)")
+            format!("the program wrote no greeting within {seconds} s (KARAT_TIMEOUT=seconds)")
         }
         broken => broken.to_string(),
     })?;
     let greeting: Greeting = serde_json::from_str(&first).map_err(|error| {
-        format!("its first line isn't a greeting: {} ({error})", one_line(&first))
+        format!("the program's first line isn't a greeting: {} ({error})", one_line(&first))
     })?;
     if greeting.jobs != JOBS {
         let theirs = greeting.jobs;
         return Err(format!(
-            "it reads jobs of version {theirs}, but this Karat writes version {JOBS}"
+            "the program reads jobs of version {theirs}, but this Karat writes version {JOBS}"
         ));
     }
     Ok((lines, greeting))

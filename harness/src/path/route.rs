@@ -102,8 +102,8 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
         Code::Text(text) => Shader::parse(&text),
         Code::Words(words) => Shader::from_spirv(&words),
     };
-    let again = again
-        .map_err(|error| on_route(format!("naga writes {target} that naga can't read: {error}")));
+    let again =
+        again.map_err(|error| on_route(format!("naga can't read naga's own {target}: {error}")));
     let mut ir = again?.into_module();
     // naga's WGSL writer renames `step` and `pass1` to `step_` and `pass1_`, but keeps the order of entry points.
     for (entry_point, name) in ir.entry_points.iter_mut().zip(names) {
@@ -156,14 +156,14 @@ fn entry(via: Via, resource: &Resource) -> Result<wgpu::BindGroupLayoutEntry, St
         Kind::Storage { read_only } => buffer(wgpu::BufferBindingType::Storage { read_only }),
         Kind::Texture { .. } | Kind::Sampler if via == Via::Glsl => {
             return Err(
-                "naga's GLSL combines each texture with a sampler, but wgpu's Vulkan has no such \
-                 binding"
+                "naga's GLSL combines each texture with a sampler, but wgpu's Vulkan can't bind \
+                 such a pair"
                     .to_owned(),
             );
         }
         Kind::Sampler => {
             return Err(
-                "naga's HLSL reads samplers from a heap of 2,048, which wgpu's Vulkan can't bind"
+                "naga's HLSL reads samplers from a heap of 2,048 samplers, which wgpu's Vulkan can't bind"
                     .to_owned(),
             );
         }

@@ -67,7 +67,7 @@ impl Runner {
             }
             "chromium" => {
                 let found = tint::browser().map(Self::Chromium);
-                Some(found.ok_or_else(|| "PATH has no Chromium and no Chrome".to_owned()))
+                Some(found.ok_or_else(|| "no folder of PATH has Chromium or Chrome".to_owned()))
             }
             _ => None,
         }

@@ -16,7 +16,7 @@ use crate::settings::{read_steps, read_words};
 const HEAD: &str = "\
 # Inputs on which checks of this test have failed. The test's next runs try them first, even
 # after they pass. Delete the file if you don't need the inputs any more.
-# function, check, path, arguments as hexadecimal words (or -), seed:case:steps # arguments
+# A line: function, check, path, arguments as hexadecimal u32s (or -), seed:case:steps # arguments
 ";
 
 /// The stored inputs on which one test has failed.
@@ -84,9 +84,12 @@ impl Memory {
                     }
                     match Entry::parse(line) {
                         Some(entry) => entries.push(entry),
-                        None => {
-                            note(&file, &format!("line {number} isn't a failing input: ignored"))
-                        }
+                        None => note(
+                            &file,
+                            &format!(
+                                "line {number} isn't a failing input, so Karat ignores the line"
+                            ),
+                        ),
                     }
                 }
             }
