@@ -62,7 +62,10 @@ impl<'de> Visitor<'de> for Words {
         let bytes = STANDARD.decode(text).map_err(E::custom)?;
         let words = bytes.chunks_exact(4);
         if !words.remainder().is_empty() {
-            return Err(E::custom(format!("base64 has {} bytes, not a multiple of 4", bytes.len())));
+            return Err(E::custom(format!(
+                "base64 has {} bytes, not a multiple of 4",
+                bytes.len()
+            )));
         }
         Ok(words.map(|word| u32::from_le_bytes(word.try_into().expect("four"))).collect())
     }
