@@ -56,7 +56,7 @@ struct Comparison<'c> {
     tolerance: &'c Tolerance,
     /// The results that WGSL or the adapter allows, if the test asks for `Spec` or `DeviceSpec`.
     allowed: Option<Allowed<'c>>,
-    /// Set as soon as a result can show a difference from its reference (see `tells`).
+    /// Set as soon as the comparison of a result with its reference can show a mistake (see `tells`).
     told_apart: &'c AtomicBool,
 }
 
@@ -92,8 +92,8 @@ impl Judge for Comparison<'_> {
     }
 }
 
-/// Checks if a result can show a difference from its reference. If both are subnormal and differ, a driver may
-/// flush both to 0, and the comparison shows nothing.
+/// Checks if comparing the result with its reference can show a mistake. If the result and the reference are
+/// subnormal and differ, a driver may flush both to 0. Then the comparison can't show a mistake.
 fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
         let actual = scalar.decode(*word);

@@ -41,7 +41,7 @@ struct Cases<'b> {
 /// A function that computes a property from the components of a case's arguments.
 type Measured = Box<dyn Fn(&[f64]) -> f64>;
 
-/// A number that Karat computes for each case, with a name.
+/// A number with a name that Karat computes for each case.
 struct Property {
     name: String,
     of: Measured,
@@ -52,9 +52,9 @@ struct Property {
 /// the share of all passing cases.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Interval {
-    /// The lower end. `None`: the smallest value of all cases.
+    /// The lower end. `None` if the interval begins at the smallest value of all cases.
     least: Option<f64>,
-    /// The upper end. `None`: the largest value of all cases.
+    /// The upper end. `None` if the interval ends at the largest value of all cases.
     most: Option<f64>,
     failing: f64,
     passing: f64,
@@ -66,7 +66,8 @@ impl Interval {
     }
 }
 
-/// The cause as text: `where x is at least 0.2 (this includes all failing cases and 0.4 % of the passing cases)`, or
+/// Returns the cause as text:
+/// `where x is at least 0.2 (this includes all failing cases and 0.4 % of the passing cases)`, or
 /// `everywhere except ..`. `None` if no single property separates the cases.
 pub(super) fn cause(
     function: &Function,
@@ -79,7 +80,7 @@ pub(super) fn cause(
     is_whole.then(|| cause_of(function, batch.cases, &|case| batch.arguments(case), failing))?
 }
 
-/// Like `cause`. `arguments` returns the arguments of the case with an index.
+/// Does the same as `cause`. `arguments` returns the arguments of the case with the given index.
 pub fn cause_of<'b>(
     function: &Function,
     cases: usize,

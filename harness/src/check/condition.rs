@@ -16,8 +16,8 @@ const RESULT: &str = "karat_condition";
 
 const FUNCTION: &str = "holds";
 
-/// A statement about a function's arguments: a WGSL expression of type `bool`. It can use the names of the
-/// parameters and WGSL's builtin functions. Karat's engine evaluates it.
+/// A statement about a function's arguments: a WGSL expression of type `bool`. The expression can use the
+/// names of the parameters and WGSL's builtin functions. Karat's engine evaluates the expression.
 ///
 /// ```
 /// use karat::unstable::check::Condition;
@@ -45,7 +45,8 @@ impl Condition {
     /// Reads a statement about these parameters.
     ///
     /// # Errors
-    /// Returns a sentence if the text isn't an expression of type `bool`, or names none of the parameters.
+    /// Returns an error message if the text isn't an expression of type `bool`, or names none of the
+    /// parameters.
     pub fn parse(parameters: &[(String, Shape)], text: &str) -> Result<Self, String> {
         let all = texts(text);
         if !parameters.iter().any(|(name, _)| all.contains(&name.as_str())) {

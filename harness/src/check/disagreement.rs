@@ -45,7 +45,7 @@ pub struct Disagreement {
     pub domain: String,
     /// The paths on which the check fails.
     pub paths: Vec<PathDisagreement>,
-    /// The paths on which the check passes, each with the way to pass arguments.
+    /// The paths on which the check passes, each with the way in which the kernel got the arguments.
     pub agreeing: Vec<(Adapter, Inputs)>,
     /// The seed of the cases.
     pub seed: u64,
@@ -96,7 +96,8 @@ impl fmt::Display for Expectation {
 pub struct PathDisagreement {
     /// The path, its adapter and its driver.
     pub adapter: Adapter,
-    /// The way to pass arguments.
+    /// The way in which the kernel got the arguments: from a storage buffer, from a uniform buffer, or as
+    /// constants.
     pub inputs: Inputs,
     /// The numbers of failing cases, by kind.
     pub census: Census,
@@ -181,7 +182,8 @@ pub struct CaseFailure {
     pub scalar: Scalar,
     /// The function's result, in WGSL's syntax.
     pub result: String,
-    /// The names of the compared results, if a case calls the function more than once.
+    /// A note that says which results Karat compared, if a case calls the function more than once. Otherwise
+    /// empty.
     pub compared: &'static str,
     /// The error in its unit, with the largest allowed error.
     pub error: String,
@@ -441,7 +443,8 @@ impl fmt::Display for Told<'_> {
     }
 }
 
-/// Builds the headline at the function: ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```.
+/// Builds the report's headline, which points at the function:
+/// ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```.
 pub(super) fn failed(function: &Function, check: &str, assertion: &str) -> Diagnostic {
     let message = format!("`{}` fails {check}: {assertion}", function.name);
     Diagnostic::new(message).at(first_line(function), "")

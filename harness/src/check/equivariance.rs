@@ -16,8 +16,8 @@ use crate::run::or_panic;
 use crate::tolerance::{Tolerance, significant};
 use crate::value::{Arguments, Mirror, Shape, Shareable};
 
-/// A function that rotates the value in some words, and appends the rotated value as `u32` words or as `f64`
-/// components.
+/// A function that reads a value from `u32` words, rotates the value, and appends the rotated value as `u32`
+/// words or as `f64` components.
 type Turn<'t, T> = &'t (dyn Fn(&[u32], DQuat, &mut Vec<T>) + Sync);
 
 /// The functions that rotate arguments and results.

@@ -18,7 +18,8 @@ use crate::run::{Identity, Memory};
 use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
 use crate::value::{Scalar, format_f32, format_lane};
 
-/// An expectation in a case's report, with its values. The shader reports the expectations that may fail.
+/// An expectation in a case's report, with its values. The shader reports the expectations that may have
+/// failed.
 struct Kept<'r> {
     words: &'r [u32],
 }
@@ -267,7 +268,7 @@ impl Stream for Placed<'_> {
     }
 }
 
-/// The result of a run. Its kernel may only count the expectations that may have failed.
+/// The result of a run. Some kernels only count the expectations that may have failed.
 enum Counted {
     /// The run gave a verdict or an error.
     Concluded(Result<Agreement, Failure>),

@@ -87,7 +87,7 @@ impl Session<'_> {
         Ok(lines)
     }
 
-    /// Finds the first `let` on the path with a value outside of WGSL's bounds.
+    /// Finds the first `let` that has, on this path, a value outside of WGSL's bounds.
     fn blame(&self, witness: &Interpreted, row: &[u32]) -> Option<String> {
         for one in lets(&self.called.probed) {
             let Some(probed) = &one.probed else { continue };

@@ -198,8 +198,8 @@ impl Failure {
         }
     }
 
-    /// The failure of a check that can't be compared with its golden. Without a usable golden, every path fails
-    /// because it has no cases. The golden's error replaces these failures. All other failures stay.
+    /// Adds the golden's error to the failure of a check without a usable golden. Such a check has no cases, so
+    /// each path fails for this reason. The golden's error replaces these failures. All other failures stay.
     fn beside_golden(self, source: ValuesError) -> Self {
         let Self::Paths(mut paths) = self else { return Self::golden(source) };
         paths.stopped.retain(|(_, error)| !error.has_no_cases());
@@ -287,7 +287,7 @@ impl Comparison<'_> {
         }
         let known = self.plan.known_issues.names(tally.path, &tally.adapter);
         if tally.fails() && !known {
-            // The values of the first path that differs become pending.
+            // The values of the first path that differs from the golden become pending.
             let left = self.left.take();
             self.left.set(match left {
                 Left::Differs(_) => left,

@@ -18,7 +18,7 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Scalar};
 
-/// A target number, and the argument's values (steps) that approach it.
+/// A target number, and the steps: values of an argument that approach the target.
 ///
 /// ```
 /// use karat::Limit;
@@ -46,7 +46,7 @@ impl Limit {
         Self { target, steps: steps.into() }
     }
 
-    /// Describes why the steps don't approach the target. `None` if they do.
+    /// Describes why the steps don't approach the target. `None` if the steps approach the target.
     fn unusable(&self) -> Option<&'static str> {
         let distance = |step: &f32| (f64::from(*step) - f64::from(self.target)).abs();
         let falls = self.steps.windows(2).all(|pair| distance(&pair[1]) < distance(&pair[0]));
@@ -177,7 +177,7 @@ impl Plan<'_> {
                     let mut before = judged(0);
                     for step in 1..limit.steps.len() {
                         let now = judged(step);
-                        // An infinite error can't fall: from infinity to infinity, the ratio isn't smaller.
+                        // If both errors are infinite, the error doesn't fall, because neither ratio is smaller.
                         let falls = now.measure.ratio < before.measure.ratio;
                         if !now.measure.passes() && !falls {
                             return (step, now);

@@ -46,13 +46,14 @@ pub enum Mismatch {
          `Spec`, which checks that WGSL allows the driver's results"
     )]
     Itself,
-    /// A range contains no number, or all numbers, so no result passes the check, or every result.
+    /// The check's range contains no number, or every number. So either no result passes the check, or every
+    /// result passes.
     #[error("is checked for a result that {0}: no result passes this check, or every result does")]
     Range(String),
     /// The check looks for no kind of hazard, or for a kind that no operation can have.
     #[error("is checked for {0}: name kinds of hazards that an operation can have, such as `Nan`")]
     Hazard(String),
-    /// An accepted hazard has no reason, or occurs in no case.
+    /// The declaration that accepts a hazard has no reason, or the hazard occurs in no case.
     #[error("has a declaration that accepts the hazard of `{0}`; the declaration {1}")]
     Accepted(String, &'static str),
     /// A tolerance has an unusable bound.
@@ -90,18 +91,18 @@ pub enum Mismatch {
     #[error("has no parameter `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoParameter {
-        /// The name in the check.
+        /// The parameter's name in the check.
         name: String,
         /// The parameter with the most similar name.
         nearest: Option<String>,
     },
-    /// The function has fewer parameters.
+    /// The check selects a parameter by its index, but the function has fewer parameters.
     #[error("has {}, so there is no argument {place} (arguments count from 0)",
         counted(*count, "parameter"))]
     NoPlace {
         /// The number of the function's parameters.
         count: usize,
-        /// The parameter's place according to the check, counted from 0.
+        /// The index that the check selects, counted from 0.
         place: usize,
     },
     /// A parameter isn't a single number.
@@ -175,7 +176,8 @@ fn member(differing: Option<Differing>) -> String {
     format!("\n  member {place} of `{structure}` is {wgsl} in the function, but {host} in the test")
 }
 
-/// Returns a hint if the check has a tuple instead of one vector or structure, or the reverse.
+/// Returns a hint if the check has a tuple instead of one vector or structure, or a vector or structure instead
+/// of a tuple.
 fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
     let lanes = |shapes: &[Shape]| shapes.iter().flat_map(Shape::lanes).collect::<Vec<_>>();
     let apart = declared.len() != supplied.len() && lanes(declared) == lanes(supplied);

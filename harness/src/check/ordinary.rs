@@ -195,8 +195,8 @@ impl Plan<'_> {
         Ok(probed.function)
     }
 
-    /// Calls `then` with a value that the check needs before its first case. If `begun` is an error, the error
-    /// is the verdict, and Karat records it like other verdicts.
+    /// Calls `then` with the value in `begun`, which the check needs before its first case. If `begun` is an error,
+    /// the error is the verdict, and Karat records it like other verdicts.
     pub(super) fn with<T>(
         &self,
         begun: Result<T, Failure>,

@@ -96,7 +96,7 @@ impl Directions {
         Self { rings: rings.max(4), ..self }
     }
 
-    /// The second rule, with fewer rings, which must confirm this rule.
+    /// The second rule, which has fewer rings. Its integral must agree with the integral by this rule.
     fn control(self) -> Self {
         Self { rings: self.rings - self.rings / 4, ..self }
     }
@@ -124,7 +124,8 @@ impl Directions {
 
 impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks the integral of a function over directions. The direction is the function's last argument. The
-    /// domain supplies the other arguments. Use `()` if there are none. The default is 256 cases.
+    /// domain supplies the other arguments. Use `()` as the domain if the function has no other arguments. The
+    /// default is 256 cases.
     ///
     /// Karat computes each integral with two rules that have different numbers of rings. If the errors of both
     /// integrals are larger than the difference between the integrals, the check fails. Otherwise, if the

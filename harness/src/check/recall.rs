@@ -26,15 +26,15 @@ impl Session<'_> {
         rows
     }
 
-    /// Checks if the domain still contains the value. Some domains can't tell. Then the same sampling and
+    /// Checks if the domain still contains the value. For a domain that can't tell, the same sampling and
     /// simplification as before must give the same value.
     fn still_drawn(&self, entry: &Entry) -> bool {
         let again = || Some(self.descend(&entry.descent)?.row == entry.words);
         self.stream.admits(&entry.words).unwrap_or_else(|| again() == Some(true))
     }
 
-    /// The cases of earlier failing integrals that the domain still contains: the same sampling and
-    /// simplification gives the same case.
+    /// The cases of integrals that failed earlier, if the domain still contains them: the same sampling
+    /// and simplification as before gives the same case.
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, Held)> {
         let Some(memory) = self.memory else { return Vec::new() };
         let mut found = Vec::new();

@@ -55,7 +55,8 @@ impl Session<'_> {
     }
 }
 
-/// Finds the first failing value. In each call of `judge`, the indices begin at 0.
+/// Finds the first failing value. Returns its index in `values`, and its failure. In each call of `judge`, the
+/// indices begin at 0.
 fn first_failing(
     values: &[Held],
     effort: Effort,

@@ -4,7 +4,8 @@ use super::Parameter;
 use crate::domain::Emptiness;
 use crate::output::counted;
 
-/// The largest number of cases of a check: the number of `f32` values. So many cases take minutes.
+/// The largest number of cases of a check: 2^32, the number of `f32` values. A check with this many cases
+/// takes minutes.
 pub(super) const MOST_CASES: u64 = 1 << 32;
 
 /// The reason why a check has nothing to judge, or can't fail.
@@ -57,8 +58,8 @@ pub enum Vacuous {
         /// The number of compared cases.
         compared: u64,
     },
-    /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the other tolerance judged every
-    /// case.
+    /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the tolerance after `or` judged
+    /// every case.
     #[error(
         "has no case in which WGSL's bounds are narrow enough for the test: use only the \
          tolerance after `or`"
@@ -98,7 +99,7 @@ pub enum Vacuous {
     /// The significance isn't between 0 and 1.
     #[error("has a significance of {0}, which isn't between 0 and 1")]
     Significance(f64),
-    /// The tolerance for a density's integral has an unusable bound.
+    /// The argument of `.mass_within(...)` isn't a finite number of at least 0.
     #[error("has `.mass_within({0})`, which isn't a finite number of at least 0")]
     Mass(f64),
     /// The interval of the samples has no finite length.

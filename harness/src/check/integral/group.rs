@@ -134,9 +134,9 @@ impl Group {
         Ok((tally, undecided))
     }
 
-    /// Returns an error if an integral has no verdict. This is so if the integrals from the two rules differ by
-    /// more than the assertion allows, but one of them may be right and passes. If the result at a node isn't
-    /// finite, the integral fails.
+    /// Returns an error if an integral has no verdict. An integral has no verdict if the integrals by its two
+    /// rules differ by more than the assertion allows, but one of them may be right and passes. If the result
+    /// at a node isn't finite, the integral fails.
     fn doubt(
         &self,
         session: &Session<'_>,

@@ -298,5 +298,5 @@ fn expect_scalar(functions: &Functions<'_>, which: usize) -> Result<(), Failure>
     functions.others[which].expect_result(&Shape::Scalar(Scalar::F32), "a density is")
 }
 
-/// The type of the missing function for weights, for checks without such a function.
+/// Stands for the function that returns the weights, in checks without such a function.
 type Unweighted<'a, V, X> = (Probe<'a>, fn(&V, X) -> f32);

@@ -15,8 +15,8 @@ use crate::stats::{
 /// The relative rounding error of a texel in half-float format, which has eleven significant bits.
 const HALF: f64 = 1.0 / 2048.0;
 
-/// The largest difference between weights that count as equal. At the end of a lobe, drivers may flush eval and
-/// pdf to 0.
+/// The largest difference between two weights that Karat treats as equal. At the end of a lobe, drivers may
+/// flush eval and pdf to 0.
 const VANISHED: f64 = 1e-6;
 
 pub(super) struct Run<'r> {
@@ -129,8 +129,8 @@ impl Run<'_> {
         }
         // If the density's integral is wrong, the expected number of samples outside the support is unknown.
         if settings.may_leave_support && right {
-            // The integral's error allows a range of shares. The test uses the share nearest to the samples'
-            // share.
+            // Because of the integral's error, a range of shares is possible. The test uses the share nearest
+            // to the samples' share.
             let share = left as f64 / samples as f64;
             let nearest =
                 share.clamp((-off - bound).clamp(0.0, 1.0), (bound - off).clamp(0.0, 1.0));
