@@ -313,7 +313,7 @@ pub(crate) fn left_open(
     }
 }
 
-/// The adapter of an executor, with the path's name from verdicts and replays.
+/// The adapter of an executor. The adapter's path is the name that verdicts and replays use.
 pub(crate) fn adapter(executor: &dyn Executor) -> Adapter {
     Adapter { path: executor.path().to_string(), ..executor.adapter() }
 }

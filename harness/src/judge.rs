@@ -207,7 +207,7 @@ pub(crate) struct Described {
 pub(crate) trait Judge: Sync {
     fn judge(&self, case: usize, actual: &[u32]) -> Judged;
 
-    /// A fast check if the case passes with a ratio of at most `ratio`. If this function returns `false`,
+    /// Checks quickly if the case passes with a ratio of at most `ratio`. If this function returns `false`,
     /// [`judge`](Self::judge) must decide.
     fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
         let _ = (case, actual, ratio);
@@ -271,7 +271,7 @@ pub(crate) struct Picked {
 }
 
 impl Picked {
-    /// Selects about `count` of `of` cases, and stores their errors.
+    /// Selects about `count` evenly spaced cases of a batch that has `of` cases, and stores their errors.
     pub(crate) fn some(count: usize, of: usize) -> Self {
         Self { every: of.div_ceil(count).max(1), ..Self::default() }
     }

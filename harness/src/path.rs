@@ -186,8 +186,9 @@ pub enum PathError {
 }
 
 impl PathError {
-    /// Checks if the path refuses a shader before it runs any part of the shader. `.refused_on(...)` declares such an
-    /// error. Errors after the driver accepted the shader don't count.
+    /// Checks if this error is a refusal: the path refused a shader before any part of the shader ran.
+    /// `.refused_on(...)` declares such errors. An error that occurs after the driver accepted the shader isn't a
+    /// refusal.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. } => true,

@@ -49,7 +49,8 @@ pub struct Results {
 }
 
 impl<'e> Caller<'e> {
-    /// Prepares a function on an executor. A dispatch has room for `calls` calls.
+    /// Prepares a function on an executor. A dispatch makes at most `calls` calls, or fewer if the executor
+    /// can't make so many.
     pub fn new(
         executor: &'e dyn Executor,
         probed: Cow<'e, Probed>,

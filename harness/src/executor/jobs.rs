@@ -68,8 +68,8 @@ impl ByJobs<'_> {
         Ok((words, outputs))
     }
 
-    /// Runs all cases: together, or each case in its own job if `alone`. Returns the results' words, and the
-    /// values that each case wrote into resources.
+    /// Runs all cases in one job, or each case in its own job if `alone` is set. Returns the results' words,
+    /// and the values that each case wrote into resources.
     fn over(
         &self,
         cases: usize,
@@ -343,7 +343,7 @@ mod tests {
         assert_eq!(sampler.lod, (0.5, 32.0));
     }
 
-    /// In a job, a storage texture has its format, even if the first pass doesn't store it.
+    /// In a job, a storage texture has its format, even if the first pass doesn't write the texture.
     #[test]
     fn a_texture_that_a_later_pass_stores_has_its_format() {
         let text = "@group(0) @binding(0) var read: texture_2d<f32>;

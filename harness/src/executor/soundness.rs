@@ -134,7 +134,7 @@ const VECTORS: [(&str, usize, usize); 11] = [
     ("f32(bitcast<u32>(a) >> 9u)", 1, 90),
 ];
 
-/// Expressions of several operations. Drivers choose the order in which they evaluate them.
+/// Expressions of several operations. Drivers choose the order in which they evaluate the operations.
 const PROGRAMS: [(&str, usize, usize); 12] = [
     ("(b + b) - 3.0", 2, 90),
     ("(a - b) + 1.0", 2, 60),
@@ -273,8 +273,8 @@ fn unsound_of(
             found.truncate(before);
         }
     }
-    // A function with jumps may jump at another place in double precision. So the test skips such functions
-    // there.
+    // In double precision, a function with jumps may jump at another argument. So the test skips such functions
+    // in double precision.
     let jumps =
         ["%", "floor", "ceil", "round", "trunc", "fract", "step(", "i32", "bitcast", "select", "<"];
     if !jumps.iter().any(|jump| text.contains(jump)) {

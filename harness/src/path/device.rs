@@ -15,8 +15,8 @@ use super::route::{self, Foreign, Routed};
 use super::{Adapter, Api, Path, PathError, driver, guard_opening};
 use crate::settings;
 
-/// The number of loop rounds after which Mesa's llvmpipe leaves all loops of an invocation, on Vulkan and on GL. It is
-/// `LP_MAX_TGSI_LOOP_ITERATIONS` in Mesa's sources.
+/// The number of loop rounds after which Mesa's llvmpipe stops all loops of an invocation, on Vulkan and on GL. Mesa's
+/// sources call this number `LP_MAX_TGSI_LOOP_ITERATIONS`.
 pub(crate) const MOST_ROUNDS: u64 = 65_535;
 
 /// A shader that Karat compiles to test a driver's compute support. On OpenGL 3.3, wgpu reports compute shaders if the
@@ -68,7 +68,7 @@ impl Pipeline {
     }
 }
 
-/// The right to call the driver, which one thread at a time has. See [`Device::turn`].
+/// The right to call the driver. Only one thread at a time has this right. See [`Device::turn`].
 pub(crate) type Turn<'d> = Option<ReentrantMutexGuard<'d, ()>>;
 
 impl Device {
@@ -248,7 +248,7 @@ impl Device {
             .note("use fewer rounds, or run on a driver without this limit")
     }
 
-    /// The smallest and the largest subgroup size. It is `None` if the device has no subgroups.
+    /// The smallest and the largest subgroup size. `None` if the device has no subgroups.
     pub(crate) fn subgroups(&self) -> Option<[u32; 2]> {
         self.subgroups
     }
@@ -277,7 +277,7 @@ impl Device {
         self.color_format
     }
 
-    /// Runs `work`. Fails if wgpu reports an error meanwhile.
+    /// Runs `work`. Returns an error if wgpu reports an error while `work` runs.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T, PathError> {
         self.watched(work).map_err(|error| self.failed(&error))
     }
@@ -454,7 +454,7 @@ fn backends(path: Path) -> wgpu::Backends {
 }
 
 /// The rank of an adapter: hardware first, and software rasterisers last. Of the rasterisers, Mesa's is first, because
-/// most machines have it. To use another one, name it in the path.
+/// most machines have it. To use another rasteriser, name the rasteriser in the path.
 fn preference(info: &wgpu::AdapterInfo) -> (u8, bool) {
     let kind = match info.device_type {
         wgpu::DeviceType::DiscreteGpu => 0,

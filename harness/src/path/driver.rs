@@ -41,8 +41,8 @@ const LLVMPIPE: &str = "llvmpipe";
 /// Google's software rasteriser, which is a part of Chromium.
 const SWIFTSHADER: &str = "swiftshader";
 
-/// Pairs of a name's part and a driver family. The name is a driver's or an adapter's. Software rasterisers come first,
-/// because their names may also contain the processor's name.
+/// Pairs of a text and a driver family. A driver belongs to the family if the name of the driver or of its adapter
+/// contains the text. Software rasterisers come first, because their names may also contain the processor's name.
 const FAMILIES: [(&str, &str); 17] = [
     ("llvmpipe", LLVMPIPE),
     ("swiftshader", SWIFTSHADER),

@@ -40,7 +40,7 @@ async function answered(device, job) {
     return { id: job.id, reply: failed || reply };
 }
 
-// An error about the shader, before any part of it ran.
+// Makes an error which says that the shader was refused before any part of the shader ran.
 function refusal(message, pass, bytes) {
     return Object.assign(new Error(message), { refused: true, pass, bytes });
 }
@@ -59,7 +59,8 @@ async function compiled(device, wgsl, number) {
     return module;
 }
 
-// Pipelines by their texts. A function's cases come in many jobs, and compiling takes longer than running.
+// Stores pipelines. The keys are the shaders' texts. A function's cases come in many jobs, and compiling takes longer
+// than running.
 const pipelines = new Map();
 const MOST_PIPELINES = 32;
 
@@ -433,7 +434,7 @@ function made(device, words, usage) {
     return buffer;
 }
 
-// The blending formula for a new value over a pixel's old value.
+// Returns the formula that combines a new value with a pixel's old value.
 function blend(kind) {
     const component = (srcFactor, dstFactor, operation = 'add') => ({ srcFactor, dstFactor, operation });
     const both = (color, alpha = color) => ({ color, alpha });

@@ -165,7 +165,7 @@ impl Path {
     /// WGSL in Karat's engine, on the host's processor, without a driver.
     pub const CPU: Self = Self::of(Api::Cpu);
 
-    /// The paths of wgpu's drivers. The default path is the first one that opens.
+    /// The paths of wgpu's drivers. The default path is the first of these paths that opens.
     pub const ALL: [Self; 4] = [Self::VULKAN, Self::METAL, Self::DX12, Self::GL];
 
     const fn of(api: Api) -> Self {

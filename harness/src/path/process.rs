@@ -1,4 +1,4 @@
-//! Runs jobs in another program: a program that KARAT_EXECUTORS names, or one that is part of Karat.
+//! Runs jobs in another program: a program that KARAT_EXECUTORS names, or a program that is part of Karat.
 //!
 //! The program first writes a [`Greeting`] line. Afterwards it reads one job from each line, and writes one reply line
 //! for each job. If several threads run jobs at the same time, each thread has its own process.
@@ -38,7 +38,7 @@ pub struct Greeting {
     /// Set for a software implementation.
     #[serde(default)]
     pub software: bool,
-    /// The program's abilities. Compute passes over buffers need none.
+    /// The program's abilities. Compute passes that use only buffers need no ability.
     #[serde(default)]
     pub can: Vec<Ability>,
 }
@@ -94,8 +94,8 @@ impl Process {
         self.greeting.can.contains(&ability)
     }
 
-    /// Sends a line to a process, and reads its reply. If the process doesn't reply, or its reply can't be read, Karat
-    /// ends the process. The next line starts a new process.
+    /// Sends a line to a process, and reads its reply. If the process doesn't reply, or if Karat can't read the reply,
+    /// Karat ends the process. The next line starts a new process.
     pub(crate) fn ask<T>(
         &self,
         line: &str,

@@ -42,7 +42,7 @@ pub(super) fn features(path: Path) -> wgpu::Features {
 
 /// A translated shader.
 pub(super) enum Routed {
-    /// IR for wgpu, which translates it for its API.
+    /// IR that wgpu translates for the path's API.
     Ir(Box<Ir>),
     /// SPIR-V for the driver, without wgpu's translation.
     Spirv(Box<Foreign>),
@@ -57,7 +57,7 @@ pub(super) struct Foreign {
     layout: Vec<wgpu::BindGroupLayoutEntry>,
 }
 
-/// Checks if wgpu gets the shader that the route produces. Otherwise the driver gets it directly.
+/// Checks if wgpu gets the shader that the route produces. On other routes, the driver gets the shader directly.
 pub(super) fn takes_wgpu(path: Path) -> bool {
     matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv)
 }
@@ -143,7 +143,7 @@ impl Foreign {
     }
 }
 
-/// The layout of an entry point's resources. They get the binding numbers 0, 1, 2 and so on, in order.
+/// The layout of an entry point's resources. The resources get the binding numbers 0, 1, 2 and so on, in order.
 fn layout(via: Via, bindings: &Bindings) -> Result<Vec<wgpu::BindGroupLayoutEntry>, String> {
     bindings.iter().filter(|resource| resource.used).map(|resource| entry(via, resource)).collect()
 }

@@ -71,7 +71,7 @@ pub fn selected() -> Result<Vec<Path>, PathError> {
     Ok(chosen()?.into_iter().map(Opened::path).collect())
 }
 
-/// The [`selected`] paths, opened.
+/// Opens the paths that [`selected`] returns.
 pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
     let Settings { paths, require, adapter, .. } = settings::current()?;
     let unasked = [paths, require, adapter].iter().all(|setting| setting.is_none());
@@ -231,7 +231,7 @@ mod tests {
         }
     }
 
-    /// All paths of a list run, in an order that doesn't depend on the list's.
+    /// All paths of a list run, in an order that doesn't depend on the order of the list.
     // Lesson 73
     #[test]
     fn each_path_of_a_list_is_run() {

@@ -35,15 +35,15 @@ pub(crate) struct Entry {
     pub(crate) path: String,
     /// The words of the arguments. Empty for an integral, because its cases may have any type.
     pub(crate) words: Vec<u32>,
-    /// The origin of the value. Some domains, such as mapped ones, can't tell if they contain a value. For such
-    /// a domain, Karat makes the value again from its origin, and compares the two values.
+    /// The origin of the value. Some domains, such as mapped domains, can't tell if they contain a value. For
+    /// such a domain, Karat makes the value again from its origin, and compares the two values.
     pub(crate) descent: Descent,
     /// The arguments, as text for people.
     pub(crate) comment: String,
 }
 
 /// The origin of a simplified value: a seed, a case, and the index of the simpler value that Karat chose in
-/// each round.
+/// each round of the simplification.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Descent {
     pub(crate) seed: u64,

@@ -25,8 +25,8 @@ struct Replay {
     done: bool,
 }
 
-/// The environment selects another check for a replay, and this check runs in a thread that doesn't show its
-/// test.
+/// The environment selects another check for a replay, and this check runs in a thread without a name. So Karat
+/// doesn't know to which test this check belongs.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "KARAT_CASE selects `{selected}`, but `{check}` runs in a thread without a name, so Karat can't \

@@ -27,7 +27,7 @@ pub trait Fails: Display + Blamed {
         Details::of(&self.to_string()).at(self.blame().message)
     }
 
-    /// The place of the function as `file:line:column`, if the failure knows it.
+    /// The place of the function as `file:line:column`, if the failure contains this place.
     fn location(&self) -> Option<String> {
         None
     }
