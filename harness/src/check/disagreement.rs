@@ -268,7 +268,7 @@ impl CaseFailure {
         let error = if !scalar.is_float() {
             match scalar {
                 Scalar::Bool => "not equal".to_owned(),
-                _ => "not equal: integers have no tolerance".to_owned(),
+                _ => "not equal: tolerances are only for floats".to_owned(),
             }
         } else if measure.error.is_nan() {
             "not a finite number".to_owned()

@@ -121,7 +121,7 @@ impl Plan<'_> {
                 let exhibit = |case: usize| Exhibit {
                     lanes: batch.arguments(case).to_vec(),
                     varied: vec![("rotation".to_owned(), shown(rotation(case)))],
-                    compared: "for the rotated arguments; expected: the rotated result for the arguments",
+                    compared: "returned for the rotated arguments; expected: the rotated result for the original arguments",
                     actual: after.of(case).to_vec(),
                     expected: expected(case),
                     judged: judge(case),

@@ -106,7 +106,7 @@ impl Kept<'_> {
             Wanted::Finite => format!("{actual}, expected a finite value"),
             Wanted::AtMost => format!("{actual}, expected at most {expected}"),
             Wanted::Less => format!("{actual}, expected less than {expected}"),
-            Wanted::InRange => format!("{actual}, expected {first} to {second}"),
+            Wanted::InRange => format!("{actual}, expected a value from {first} to {second}"),
             _ => format!("{actual}, expected {expected}"),
         }
     }

@@ -204,7 +204,7 @@ impl Session<'_> {
                 Some(Missing { missing, .. }) => {
                     format!("; {missing} doesn't reach this operation")
                 }
-                None if one.hidden => "; a later operation hides it".to_owned(),
+                None if one.hidden => "; a later operation hides this hazard".to_owned(),
                 None => String::new(),
             };
             ("hazard", format!("{} at `{text}` ({}){more}", one.kind.name(), one.span))

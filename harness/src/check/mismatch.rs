@@ -58,7 +58,7 @@ pub enum Mismatch {
     Accepted(String, &'static str),
     /// A tolerance has an unusable bound.
     #[error(
-        "has the tolerance {tolerance}, but {bound:e} isn't a bound: use a number of at least 0 that an \
+        "has the tolerance {tolerance}, but {bound:e} can't be a bound: use a number of at least 0 that an \
          error can exceed"
     )]
     Bound {
@@ -144,7 +144,7 @@ pub enum Mismatch {
     #[error("takes random numbers of type {0}, but Karat makes only f32 and u32")]
     Random(Shape),
     /// The verb needs samples that are directions, but the support contains other points.
-    #[error("can't be estimated on {0}: this check needs directions")]
+    #[error("can't be estimated on {0}: in this check, samples must be directions")]
     NoDirections(Support),
     /// The points at which the check evaluates the density have another type than the points of the support.
     #[error("is given points of type {given}, but the points of {support} have type {point}")]

@@ -49,8 +49,7 @@ pub struct Results {
 }
 
 impl<'e> Caller<'e> {
-    /// Prepares a function on an executor. A dispatch makes at most `calls` calls, or fewer if the executor
-    /// can't make so many.
+    /// Prepares a function on an executor, for up to `calls` calls in each dispatch.
     pub fn new(
         executor: &'e dyn Executor,
         probed: Cow<'e, Probed>,

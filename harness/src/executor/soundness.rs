@@ -190,11 +190,11 @@ const KNOWN: [(&str, &str, &str); 5] = [
     (
         "gl",
         "asin(a)",
-        "its polynomial is off by 1.3e-4, where 6.77e-5 or atan2's 4096 ulp are allowed",
+        "Mesa's asin errs by up to 1.3e-4, but WGSL allows 6.77e-5 or the 4096 ulp of atan2",
     ),
-    ("vulkan", "mat2x2f", "a c + c a is computed as c (a + a), which overflows"),
+    ("vulkan", "mat2x2f", "Mesa computes a c + c a as c (a + a), which overflows"),
     ("gl", "mat2x2f", "as on vulkan"),
-    ("gl", "dot(vec3f", "c is factored out of b c + c a, which cancels elsewhere"),
+    ("gl", "dot(vec3f", "Mesa computes b c + c a as c (b + a), which loses digits"),
     ("gl", "f32(i32(a))", "naga's GLSL converts floats that are out of range without clamping"),
 ];
 

@@ -182,7 +182,7 @@ impl KernelJobs {
     }
 
     /// Decodes the components of the written resources. `outputs` contains the job's outputs, except the first
-    /// output with the results.
+    /// output, which contains the results.
     pub(crate) fn written(&self, outputs: &[Vec<u32>]) -> Vec<u32> {
         let lanes = |((_, binding), words): (&(usize, Binding), &Vec<u32>)| {
             self.probed.program().lanes_of_words(binding, words)

@@ -63,7 +63,7 @@ impl<'de> Visitor<'de> for Words {
         let words = bytes.chunks_exact(4);
         if !words.remainder().is_empty() {
             return Err(E::custom(format!(
-                "base64 has {} bytes, not a multiple of 4",
+                "the base64 text has {} bytes, which isn't a multiple of 4",
                 bytes.len()
             )));
         }

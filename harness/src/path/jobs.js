@@ -59,8 +59,8 @@ async function compiled(device, wgsl, number) {
     return module;
 }
 
-// Stores pipelines. The keys are the shaders' texts. A function's cases come in many jobs, and compiling takes longer
-// than running.
+// Stores pipelines. Each key contains the shader's text. A function's cases come in many jobs, and compiling takes
+// longer than running.
 const pipelines = new Map();
 const MOST_PIPELINES = 32;
 

@@ -112,8 +112,8 @@ impl Process {
         let answer = answer.map_err(|broken| {
             failed(match broken {
                 Broken::Hung(_) => format!(
-                    "the program did not finish within {} s: an endless loop, or a deadline too short for this program \
-                     (KARAT_TIMEOUT=seconds)",
+                    "the program did not finish within {} s: a loop may be endless, or the deadline may be too short \
+                     for this program (KARAT_TIMEOUT=seconds)",
                     deadline.as_secs_f64()
                 ),
                 broken => broken.to_string(),

@@ -221,7 +221,7 @@ impl Sampled<'_, '_> {
     fn estimates(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let (density, eval) = (&others[0].probe.name, &others[1].probe.name);
-        let text = format!("{eval} with density {density} on {}", settings.support);
+        let text = format!("integral of {eval} with density {density} on {}", settings.support);
         // A reflectance has up to three components. The mean of each component is a separate statistical test.
         let hypothesis = Hypothesis { check: "estimates", text, tests: settings.tests() + 3 };
         let expect = |functions: &Functions<'_>| {
