@@ -199,8 +199,9 @@ impl<'a> Probe<'a> {
     ///
     /// `KARAT_PATHS` and `KARAT_REQUIRE` don't affect this function: Karat only checks these variables for
     /// mistakes. Some verbs take a second function, such as the density of a sampler. The second function runs
-    /// on the executors of the first, and can't have executors of its own. Don't give an executor the path of a
-    /// driver, such as `vulkan`. Call the executor's path `cpu`, or add a maker's name, as in `vulkan@mine`.
+    /// on the executors of the first function, and can't have executors of its own. Don't give an executor the
+    /// path of a driver, such as `vulkan`. Call the executor's path `cpu`, or add a maker's name, as in
+    /// `vulkan@mine`.
     ///
     /// ```no_run
     /// use karat::unstable::executor::Executor;

@@ -183,7 +183,7 @@ pub struct Frame {
     pub draws: Vec<Drawn>,
     /// `true` if a depth pre-pass comes first. The colour passes then draw only where the depth is equal.
     pub prepass: bool,
-    /// The operation that combines a new value with a pixel's old value, unless a draw sets its own.
+    /// The operation that combines a new value with a pixel's old value, unless a draw sets its own operation.
     pub blend: Blend,
     /// The formats of the colour targets. `float` means RGBA with 32 bits per channel, or with 16 bits if a
     /// device can't blend or resolve 32 bits.

@@ -74,7 +74,7 @@ pub struct Census {
     pub unbounded: u64,
     /// The number of cases in which a test in WGSL evaluated no expectation.
     pub idle: u64,
-    /// The number of cases that are remembered inputs: the test failed on them before.
+    /// The number of cases with remembered inputs, on which the test failed before.
     pub remembered: u64,
 }
 

@@ -4,7 +4,7 @@
 //! GLSL for OpenGL, and so on. A process opens each path once. These environment variables select the paths for a
 //! check:
 //!
-//! - `KARAT_PATHS`: names such as `vulkan` or `vulkan,gl`, or `all` for all drivers that open. By default, it is the
+//! - `KARAT_PATHS`: names such as `vulkan` or `vulkan,gl`, or `all` for all drivers that open. The default is the
 //!   first driver that opens, or else Karat's own engine, `cpu`. A path that you list by name must open, and you can
 //!   list it only once. `vulkan@llvmpipe` also names the driver, so several drivers of one API can run in one process.
 //! - `KARAT_REQUIRE`: more paths that must run. If one of these paths doesn't open, the check fails with an error.

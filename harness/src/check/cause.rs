@@ -23,7 +23,7 @@ const FEWEST: usize = 8;
 /// share of the passing cases.
 const TELLING: f64 = 0.95;
 
-/// Karat prefers a property of one argument. It reports a property of two arguments only if the gain of that
+/// Karat prefers a property of one argument. Karat reports a property of two arguments only if the gain of this
 /// property is larger by more than this number.
 const SIMPLER: f64 = 0.02;
 
@@ -338,7 +338,7 @@ mod tests {
         assert!(told_of.is_some_and(|told| told.starts_with("where dot(n, l) is at most -0.5")));
         let told_of = told("x: f32, i: u32", "i == 3u", (unit(), Integers(0..=7_u32)));
         assert_eq!(told_of.as_deref(), Some("where i is 3, and nowhere else"));
-        // The ends of the interval come from all cases, not only from the examined ones.
+        // The ends of the interval come from all cases, not only from the examined cases.
         let told_of = told("i: u32", "i != 0u", Integers(0..=u32::MAX));
         let least = "where i is at least 1, and nowhere else";
         assert_eq!(told_of.as_deref(), Some(least));

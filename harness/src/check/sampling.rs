@@ -40,9 +40,9 @@ const CONFIGURATIONS: u64 = 16;
 /// configurations.
 const ENUMERATED: u64 = 4096;
 
-/// The number of samples per configuration if the check sets no number. Each of 512 cells then gets 512 samples
-/// on average. If the density is wrong by 3 % in every cell, the check accepts the density in only one of 10^9
-/// runs.
+/// The number of samples per configuration if the check sets no number. With this number, each of 512 cells
+/// gets 512 samples on average. If the density is wrong by 3 % in every cell, the check accepts the density in
+/// only one of 10^9 runs.
 const SAMPLES: u64 = 1 << 18;
 
 /// The default probability that a check rejects a correct sampler, for one seed. Mitsuba uses the same value.

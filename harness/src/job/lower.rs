@@ -171,7 +171,8 @@ impl KernelJobs {
         self.probed.kernel.largest_batch().unwrap_or(usize::MAX)
     }
 
-    /// The number of words in a case's arguments, and in its results without the canary.
+    /// The number of words in a case's arguments, and the number of words in a case's results, without the
+    /// canary.
     pub(crate) fn words(&self) -> (usize, usize) {
         self.probed.kernel.words()
     }

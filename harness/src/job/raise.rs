@@ -20,7 +20,7 @@ type Draw<'b> = &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>;
 enum Unraised {
     Dispatch(DispatchError),
     Draw(DrawError),
-    /// The job contradicts itself, or this program can't read it.
+    /// The job contradicts itself, or this program can't read the job.
     Job(String),
 }
 

@@ -181,7 +181,7 @@ pub fn programs() -> Result<Vec<Path>, PathError> {
 /// The name that stands for all paths that open.
 const ALL: &str = "all";
 
-/// The paths in a list, each of which may occur once.
+/// Returns the paths in a list. Each path may occur only once.
 fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let repeated = |path: String| PathError::Repeated { variable, names: names.to_owned(), path };
     let (mut paths, mut all) = (Vec::new(), false);

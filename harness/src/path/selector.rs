@@ -92,7 +92,7 @@ impl Selector {
     }
 }
 
-/// Declared values, such as tolerances. Each has the selector of the paths to which it applies.
+/// Declared values, such as tolerances. Each value has the selector of the paths to which the value applies.
 #[derive(Clone, Debug)]
 pub(crate) struct Selected<T>(Vec<(Selector, T)>);
 

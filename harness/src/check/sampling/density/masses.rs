@@ -6,10 +6,11 @@ use crate::check::sampling::judgement::Offence;
 use crate::check::sampling::{Finding, Settings};
 use crate::stats::{CellIntegral, Cells, CubatureError, NoVerdict, Place, integrate};
 
-/// The number of pilot samples, which determine the cells: about thirty for each of 512 cells.
+/// The number of pilot samples, which determine the cells. For each of 512 cells, there are about thirty pilot
+/// samples.
 const PILOT: usize = 16_384;
 
-/// The seed for the pilot samples. With this seed, their random numbers differ from those of the judged
+/// The seed for the pilot samples. With this seed, the pilot samples have other random numbers than the judged
 /// samples.
 const PILOT_SEED: u64 = 0x5bf0_3635_dcf8_e1a7;
 

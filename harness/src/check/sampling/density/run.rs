@@ -53,7 +53,8 @@ impl Run<'_> {
         self.functions.other(which)
     }
 
-    /// Evaluates another function at points. Also returns the words of its arguments.
+    /// Evaluates one of the check's other functions at points. Also returns the words of that function's
+    /// arguments.
     pub(super) fn at(&self, which: usize, points: &[u32]) -> Result<(Vec<u32>, Vec<u32>), Failure> {
         let (value, made) = (self.configuration.value, self.others[which].made);
         let width = self.settings().support.components();
