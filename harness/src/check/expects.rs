@@ -281,8 +281,8 @@ impl<'a> Plan<'a> {
     ///
     /// A kernel that only counts failures compiles in a third of the time of a kernel that also reports values.
     /// Drivers compile one kernel with several tests faster than several kernels. So Karat first runs several
-    /// tests in one counting kernel. If a test doesn't pass there, Karat runs that test again in its own
-    /// kernel, which reports values.
+    /// tests in one counting kernel. If a test doesn't pass in the counting kernel, Karat runs that test again
+    /// in its own kernel, which reports values.
     pub(super) fn expects(
         &self,
         stream: &dyn Stream,

@@ -8,8 +8,8 @@ use crate::path::{Path, PathError};
 use crate::probe::evidence::{self, Evidence, canary};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The largest number of cases in a job, and of words in their arguments or results. Such a job is some
-/// megabytes of JSON.
+/// The largest number of cases in a job, and the largest number of words in the arguments or results of these
+/// cases. A job with so many words is some megabytes of JSON.
 const BATCH: usize = 4096;
 const WORDS: usize = 1 << 19;
 

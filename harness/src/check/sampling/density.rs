@@ -69,10 +69,11 @@ where
         self.with_sampler(|sampler| sampler.follows(&others, &X::shape()))
     }
 
-    /// Checks a sampler together with the function whose integral it estimates, such as a BRDF. Samples must
-    /// follow the density. For each component, the mean of eval cos / pdf must equal the integral of eval cos.
-    /// If the mean equals the integral, the sampler covers all directions where `eval` isn't 0, with weights of
-    /// finite variance. The check doesn't test `eval`: the mean and the integral also agree for a wrong `eval`.
+    /// Checks a sampler together with the function whose integral the samples estimate, such as a BRDF. Samples
+    /// must follow the density. For each component, the mean of eval cos / pdf must equal the integral of eval
+    /// cos. If the mean equals the integral, the sampler covers all directions where `eval` isn't 0, with weights
+    /// of finite variance. The check doesn't test `eval`: the mean and the integral also agree for a wrong
+    /// `eval`.
     ///
     /// `eval` and `density` are pairs of a function and a closure. The closure makes the function's arguments
     /// from a configuration and a direction. "cos" is the absolute value of the direction's z.
@@ -217,7 +218,8 @@ impl Sampled<'_, '_> {
     }
 
     /// Checks that samples follow the first function in `others`, the density, and that they estimate the
-    /// integral of the second function. If there is a third function, it must return the samples' weights.
+    /// integral of the second function. If there is a third function, this function must return the samples'
+    /// weights.
     fn estimates(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let (density, eval) = (&others[0].probe.name, &others[1].probe.name);
