@@ -170,7 +170,7 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
             path::caught(executor.path(), &names, span.as_ref(), || executor.draw(drawing))
         }
         Some(ability) => {
-            let (path, message) = (executor.path(), format!("it needs {ability}"));
+            let (path, message) = (executor.path(), format!("the frame needs {ability}"));
             Err(PathError::Route { path, message }.into())
         }
     }

@@ -63,7 +63,7 @@ impl Limit {
 impl fmt::Display for Limit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.steps.is_empty() {
-            return write!(f, "{} through nothing", self.target);
+            return write!(f, "{} through no steps", self.target);
         }
         write!(f, "{} through ", self.target)?;
         for (index, step) in self.steps.iter().enumerate() {
