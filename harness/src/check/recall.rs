@@ -33,8 +33,8 @@ impl Session<'_> {
         self.stream.admits(&entry.words).unwrap_or_else(|| again() == Some(true))
     }
 
-    /// The cases of integrals that failed earlier, if the domain still contains them: the same sampling
-    /// and simplification as before gives the same case.
+    /// The cases of integrals that failed earlier. Leaves out a case if the same sampling and
+    /// simplification as before gives another case now.
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, Held)> {
         let Some(memory) = self.memory else { return Vec::new() };
         let mut found = Vec::new();

@@ -301,7 +301,7 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Hides the sampler's types from `then`. So the compiler compiles `then` only once.
+    /// Calls `then` with a sampler that has a fixed type. So the compiler compiles `then` only once.
     fn with_sampler<T>(&self, then: impl FnOnce(Sampled<'_, '_>) -> T) -> T {
         then(Sampled {
             plan: &self.plan,

@@ -110,7 +110,8 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<Opened>, Pa
     Ok(distinct(&chosen))
 }
 
-/// Removes paths with the same adapter: `vulkan` is removed if it has the same adapter as `vulkan@llvmpipe`.
+/// Removes a path without a driver's name if a path with a driver's name uses the same adapter: `vulkan` is removed if
+/// it has the same adapter as `vulkan@llvmpipe`.
 fn distinct(all: &[Opened]) -> Vec<Opened> {
     let what = |opened: &Opened| {
         let (path, adapter) = (opened.path(), opened.adapter());

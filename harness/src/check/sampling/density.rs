@@ -175,8 +175,8 @@ where
     /// Returns the probability that [`follows`](Self::follows) rejects samples with the density `alternative`.
     /// `alternative` takes the same arguments as `density`. This method asserts nothing.
     ///
-    /// The sampler's own samples determine the cells. Karat computes the probability from a non-central
-    /// chi-square distribution.
+    /// The sampler's own samples determine the cells of the chi-square test. Karat computes the probability from
+    /// a non-central chi-square distribution.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
