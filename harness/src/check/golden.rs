@@ -230,8 +230,8 @@ struct Comparison<'c> {
 }
 
 impl Comparison<'_> {
-    /// Makes values pending, unless values that differ from the golden are pending already. The values of the
-    /// path that makes goldens replace values of other paths.
+    /// Makes values pending, unless values that differ from the golden are pending already. If this path makes
+    /// goldens (see `canonical`), its values replace the pending values of other paths.
     fn leave(
         &self,
         session: &Session<'_>,

@@ -169,7 +169,7 @@ impl Plan<'_> {
                 let given = |case: usize| &lanes[case * scalars.len()..][..scalars.len()];
                 let results = limit.steps.iter().map(|step| session.results(batch, &at(*step)));
                 let results = results.collect::<Result<Vec<_>, _>>()?;
-                // The step that decides if the case passes, with its judgement.
+                // Returns the step that decides if the case passes, and the judgement of this step.
                 let decisive = |case: usize, expected: &[f64]| -> (usize, Judged) {
                     let judged = |step: usize| {
                         compare(&scalars, results[step].of(case), expected, tolerance)

@@ -433,7 +433,7 @@ mod tests {
         let above = (Bound::Excluded(2.0), Bound::Unbounded);
         assert_eq!(of([above; 2], &[single(7.0)]), 5.0);
         assert_eq!(of([above; 2], &[(Scalar::I32, (-7_i32).cast_unsigned())]), -9.0);
-        // Integers and floats have their own ranges. The smallest distance of all components counts.
+        // The range for integers differs from the range for floats. The smallest distance of all components counts.
         assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3)]), 5.0);
         assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3), single(0.5)]), 0.5);
         assert_eq!(of([OPEN, BELOW], &[single(0.5), single(7.0)]), 1.0);

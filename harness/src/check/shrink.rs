@@ -75,7 +75,7 @@ fn first_failing(
                 from = to;
                 size *= 4;
             }
-            // One of the values gives an error. Halving the set of values finds this value, and the loop skips
+            // One of the values causes an error. Halving the set of values finds this value, and the loop skips
             // it.
             Err(_) if errors == ERRORS => return None,
             Err(_) => {

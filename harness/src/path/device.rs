@@ -58,8 +58,8 @@ impl Pipeline {
         self.foreign.is_some()
     }
 
-    /// The group and the binding in the pipeline for a resource's group and binding in WGSL. Returns `None` if the
-    /// pipeline doesn't use the resource.
+    /// Finds a resource by its group and binding in WGSL. Returns the resource's group and binding in the pipeline, or
+    /// `None` if the pipeline doesn't use the resource.
     pub(crate) fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         match &self.foreign {
             None => Some((group, binding)),
@@ -310,7 +310,7 @@ impl Device {
         }
     }
 
-    /// The compute pipeline of a kernel. It is compiled once for each WGSL text.
+    /// The compute pipeline of a kernel. Karat compiles the pipeline once for each WGSL text.
     pub(crate) fn compute_pipeline(
         &self,
         wgsl: &str,

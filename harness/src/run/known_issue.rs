@@ -330,8 +330,8 @@ impl<V, E: Stop> Conclusion<V, E> {
         self.known.extend(other.known);
     }
 
-    /// Returns the paths that agree, or all failures. `differ` makes failures from the paths with wrong values
-    /// and the paths that agree.
+    /// Returns the paths that agree, or all failures. `differ` receives the paths with wrong values and the
+    /// paths that agree, and returns failures.
     pub(crate) fn verdict(
         mut self,
         differ: impl FnOnce(Vec<(Adapter, V)>, &[(Adapter, V)]) -> Vec<E>,
