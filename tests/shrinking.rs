@@ -182,7 +182,7 @@ fn the_simplest_case_is_replayed() {
     let (passed, text) = kept(folder.path(), "mended", &environment);
     assert!(passed && text.contains("f: 1 case agrees"), "{text}");
     for (input, message) in
-        [("3f800000", "has values of 5 words, but KARAT_INPUT has 1"), ("x", "isn't a list")]
+        [("3f800000", "has cases of 5 words, but KARAT_INPUT has 1"), ("x", "isn't a list")]
     {
         let case = ("KARAT_CASE", "f/agrees_with/7");
         let (passed, text) = kept(folder.path(), "", &[case, ("KARAT_INPUT", input)]);
@@ -294,7 +294,7 @@ fn a_remembered_input_fails_again() {
         block(&text, "worst (remembered case 65536)").contains(&"           x = 0.7312"),
         "{text}"
     );
-    assert!(text.contains("line 2 isn't a failing input: ignored"), "{text}");
+    assert!(text.contains("line 2 isn't a failing input, so Karat ignores the line"), "{text}");
     let environment = replay(&text, "worst (remembered");
     let (passed, again) = kept(folder.path(), "rare", &environment);
     assert!(!passed && again.contains("1 of 1 case fails"), "{again}");
@@ -309,10 +309,10 @@ fn remembered_inputs_that_no_longer_fit_are_ignored() {
         (
             "",
             "narrow",
-            "(n = (0, 0, 1), x = 0.5, i = 5) is ignored: the domain doesn't contain it now",
+            "(n = (0, 0, 1), x = 0.5, i = 5) is ignored: the domain doesn't contain this input now",
         ),
         ("", "signature", "is ignored: the function takes other arguments now"),
-        ("mapped", "other_map", "is ignored: the domain doesn't contain it now"),
+        ("mapped", "other_map", "is ignored: the domain doesn't contain this input now"),
     ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let (passed, text) = kept(folder.path(), first, &[]);

@@ -752,7 +752,7 @@ on PATH: adapter, driver
   # of # configurations fail (p below #; the significance of the check is #)
   worst (case #): ()
     chi-square is # with # degrees of freedom: p = #
-    sampled: # of # samples on the hemisphere
+    sampled: # of # samples lie on the hemisphere
     integral of the density: # +- #, over # cells
     chi-square: #, # degrees, p #
     worst cells:

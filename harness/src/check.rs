@@ -89,8 +89,8 @@ use crate::reflect::Overrides;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Shape};
 
-/// The number of cases if the check sets no number. 65,536 cases fit into one dispatch. They are enough to
-/// combine each edge of six arguments with every edge of the other arguments.
+/// The number of cases if the check doesn't set a number. 65,536 cases fit into one dispatch. For six
+/// arguments, they are enough to combine each edge of an argument with every edge of every other argument.
 const CASES: u64 = 65_536;
 
 /// The largest size of a finite domain for which Karat tries every value, if the check sets no number of cases.
@@ -108,15 +108,16 @@ const ENUMERATED: u64 = 1 << 20;
 ///     .agrees_with(|f0: f64, c: f64| f0 + (1.0 - f0) * (1.0 - c).powi(5), Ulp(4.0));
 /// ```
 #[derive(Clone, Debug)]
-#[must_use = "a probe checks nothing until `.over(...)` and a verb such as `.agrees_with(...)`"]
+#[must_use = "a probe checks nothing until you call `.over(...)` and a verb such as `.agrees_with(...)`"]
 pub struct Probe<'a> {
     package: &'a Package,
     name: String,
     fixtures: Fixtures,
     overrides: Overrides,
-    /// The ways in which the kernel gets its arguments. If empty, from a storage buffer.
+    /// The ways in which the kernel gets its arguments. If the list is empty, the kernel reads a storage
+    /// buffer.
     inputs: Vec<Inputs>,
-    /// The executors that run the function. If empty, the executors that the environment selects.
+    /// The executors that run the function. If the list is empty, the environment selects the executors.
     executors: Vec<&'a dyn Executor>,
     /// For a generated function: the span of the author's test in its file, and the folder of that test's
     /// package.
@@ -128,8 +129,8 @@ pub struct Probe<'a> {
     together: Option<Together<'a>>,
 }
 
-/// A generated function that can run each of several functions. The first argument selects the function. The
-/// arguments of every function follow.
+/// A generated function that calls one of several functions. The first argument selects the function. The next
+/// arguments are the arguments of all these functions.
 #[derive(Clone, Debug)]
 struct Together<'a> {
     package: &'a Package,
@@ -198,8 +199,9 @@ impl<'a> Probe<'a> {
     ///
     /// `KARAT_PATHS` and `KARAT_REQUIRE` don't affect this function: Karat only checks these variables for
     /// mistakes. Some verbs take a second function, such as the density of a sampler. The second function runs
-    /// on the executors of the first, and can't have executors of its own. Don't give an executor the path of a
-    /// driver, such as `vulkan`. Call the executor's path `cpu`, or add a maker's name, as in `vulkan@mine`.
+    /// on the executors of the first function, and can't have executors of its own. Don't give an executor the
+    /// path of a driver, such as `vulkan`. Call the executor's path `cpu`, or add a maker's name, as in
+    /// `vulkan@mine`.
     ///
     /// ```no_run
     /// use karat::unstable::executor::Executor;
@@ -272,7 +274,7 @@ impl<'a> Probe<'a> {
 /// check.agrees_with(|x: f64| 0.5 * x, Ulp(0.0));
 /// ```
 #[derive(Clone)]
-#[must_use = "a check compares nothing until a verb such as `.agrees_with(...)`"]
+#[must_use = "a check compares nothing until you call a verb such as `.agrees_with(...)`"]
 pub struct Check<'a, C> {
     plan: Plan<'a>,
     stream: Arc<dyn Stream + 'a>,
@@ -389,7 +391,7 @@ impl<'a, C> Check<'a, C> {
     }
 
     /// Declares that a path can't run the function: its compiler rejects the function, or the path lacks a
-    /// resource that the function reads. `reason` says which. If the function runs on that path, the check
+    /// resource that the function reads. `reason` names the cause. If the function runs on that path, the check
     /// fails until you remove the declaration, even if all values are right. For wrong values, use
     /// [`fails_on`](Self::fails_on).
     ///

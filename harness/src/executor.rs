@@ -170,7 +170,7 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
             path::caught(executor.path(), &names, span.as_ref(), || executor.draw(drawing))
         }
         Some(ability) => {
-            let (path, message) = (executor.path(), format!("it needs {ability}"));
+            let (path, message) = (executor.path(), format!("the frame needs {ability}"));
             Err(PathError::Route { path, message }.into())
         }
     }
@@ -283,9 +283,9 @@ pub fn call(
     Ok(results.chunks_exact(width).map(<[u32]>::to_vec).collect())
 }
 
-/// Returns the results although the driver left some words unwritten, if WGSL allows any value for each of
-/// these words. Such words keep their previous value, a NaN. Otherwise the driver dropped a write, and the
-/// function returns the error.
+/// Returns the results of a driver that left some words unwritten, if WGSL allows any value for each of these
+/// words. Such words keep their previous value, a NaN. Otherwise the driver dropped a write, and the function
+/// returns the error.
 pub(crate) fn left_open(
     (probed, fixtures): (&Probed, &Fixtures),
     (cases, rows): (usize, &[u32]),
@@ -313,7 +313,7 @@ pub(crate) fn left_open(
     }
 }
 
-/// The adapter of an executor, with the path's name from verdicts and replays.
+/// The adapter of an executor. The adapter's path is the name that verdicts and replays use.
 pub(crate) fn adapter(executor: &dyn Executor) -> Adapter {
     Adapter { path: executor.path().to_string(), ..executor.adapter() }
 }

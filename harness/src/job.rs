@@ -1,5 +1,5 @@
 //! Jobs: requests to an executor, as data. A job contains linked WGSL, resources as `u32` words, and the
-//! numbers of the resources that it returns.
+//! numbers of the resources to return.
 //!
 //! A [`Job`] doesn't depend on wgpu, naga or the harness. So any program can run a job: another implementation
 //! of WebGPU, an engine, or a program that uses a device on another machine. `KARAT_EXECUTORS` names programs
@@ -11,8 +11,9 @@
 //!
 //! Such a program writes a [`Greeting`](crate::path::Greeting) as its first line. Then the program reads jobs,
 //! each as one line of JSON, and writes an [`Answer`] to each job, also as a line. The program ends when its
-//! input ends. If it ends earlier, Karat shows its stderr. Karat also calls functions by jobs: the job's WGSL
-//! contains a kernel that calls the function. Karat checks that the right case wrote each word of the results.
+//! input ends. If the program ends earlier, Karat shows the program's stderr. Karat also calls functions by
+//! jobs: the job's WGSL contains a kernel that calls the function. Karat checks that the right case wrote each
+//! word of the results.
 //!
 //! [`serve`](crate::executor::serve) makes such a program from one of Karat's own paths.
 
@@ -80,7 +81,8 @@ pub struct Shader {
     pub wgsl: String,
     /// The parts of the text that come from the author's files.
     pub sources: Vec<Source>,
-    /// The values of the shader's overrides by WebGPU's keys: each key is the `@id`, or the name in the text.
+    /// The values of the shader's overrides by WebGPU's keys: each key is the override's `@id`, or the
+    /// override's name.
     pub overrides: BTreeMap<String, f64>,
 }
 
@@ -181,7 +183,7 @@ pub struct Frame {
     pub draws: Vec<Drawn>,
     /// `true` if a depth pre-pass comes first. The colour passes then draw only where the depth is equal.
     pub prepass: bool,
-    /// The operation that combines a new value with a pixel's old value, unless a draw sets its own.
+    /// The operation that combines a new value with a pixel's old value, unless a draw sets its own operation.
     pub blend: Blend,
     /// The formats of the colour targets. `float` means RGBA with 32 bits per channel, or with 16 bits if a
     /// device can't blend or resolve 32 bits.
@@ -200,7 +202,7 @@ pub struct Frame {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drawn {
-    /// The draw. If it has no vertex function, it uses the vertex function of `covering`.
+    /// The draw. If the draw has no vertex function, the draw uses the vertex function in `covering`.
     pub draw: Draw,
     /// A module with a vertex function that draws a triangle over the whole frame.
     pub covering: Option<String>,
@@ -244,10 +246,10 @@ pub enum Reply {
 pub struct Problem {
     /// The reason, as a sentence.
     pub message: String,
-    /// The number of the pass with the problem, or 0.
+    /// The index of the pass with the problem, counted from 0. Also 0 if the problem belongs to no pass.
     #[serde(default)]
     pub pass: usize,
-    /// The byte range of the problem in the text of that pass.
+    /// The byte range of the problem in the WGSL of that pass, or of the frame.
     #[serde(default)]
     pub bytes: Option<Range<usize>>,
 }

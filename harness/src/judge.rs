@@ -74,7 +74,7 @@ pub struct Census {
     pub unbounded: u64,
     /// The number of cases in which a test in WGSL evaluated no expectation.
     pub idle: u64,
-    /// The number of cases that are remembered inputs: the test failed on them before.
+    /// The number of cases with remembered inputs, on which the test failed before.
     pub remembered: u64,
 }
 
@@ -92,8 +92,8 @@ impl Census {
             (self.wrong_sign, "with the wrong sign"),
             (self.too_low, "too low"),
             (self.too_high, "too high"),
-            (self.shader, "with a reference that isn't allowed"),
-            (self.driver, "with a result that isn't allowed"),
+            (self.shader, "with a reference that WGSL doesn't allow"),
+            (self.driver, "with a result outside of the bounds"),
             (self.ill_conditioned, "ill-conditioned"),
             (self.unbounded, "unbounded"),
         ];
@@ -207,7 +207,7 @@ pub(crate) struct Described {
 pub(crate) trait Judge: Sync {
     fn judge(&self, case: usize, actual: &[u32]) -> Judged;
 
-    /// A fast check if the case passes with a ratio of at most `ratio`. If this function returns `false`,
+    /// Checks quickly if the case passes with a ratio of at most `ratio`. If this function returns `false`,
     /// [`judge`](Self::judge) must decide.
     fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
         let _ = (case, actual, ratio);
@@ -271,7 +271,7 @@ pub(crate) struct Picked {
 }
 
 impl Picked {
-    /// Selects about `count` of `of` cases, and stores their errors.
+    /// Selects about `count` evenly spaced cases of a batch that has `of` cases, and stores their errors.
     pub(crate) fn some(count: usize, of: usize) -> Self {
         Self { every: of.div_ceil(count).max(1), ..Self::default() }
     }

@@ -4,7 +4,7 @@
 //! GLSL for OpenGL, and so on. A process opens each path once. These environment variables select the paths for a
 //! check:
 //!
-//! - `KARAT_PATHS`: names such as `vulkan` or `vulkan,gl`, or `all` for all drivers that open. By default, it is the
+//! - `KARAT_PATHS`: names such as `vulkan` or `vulkan,gl`, or `all` for all drivers that open. The default is the
 //!   first driver that opens, or else Karat's own engine, `cpu`. A path that you list by name must open, and you can
 //!   list it only once. `vulkan@llvmpipe` also names the driver, so several drivers of one API can run in one process.
 //! - `KARAT_REQUIRE`: more paths that must run. If one of these paths doesn't open, the check fails with an error.
@@ -82,7 +82,7 @@ pub enum PathError {
     },
     /// The name of the path has an unknown driver family.
     #[error(
-        "execution path `{name}` has no known driver family: `{driver}`{}",
+        "execution path `{name}` has the unknown driver family `{driver}`{}",
         guess(nearest.as_deref())
     )]
     UnknownDriver {
@@ -117,7 +117,7 @@ pub enum PathError {
     Settings(#[from] SettingsError),
     /// The user requires the path, but it doesn't open.
     #[error(
-        "execution path `{path}` is required, but unavailable: {reason}. `karat doctor` explains how to get it"
+        "execution path `{path}` is required, but unavailable: {reason}. `karat doctor` explains how to get this path"
     )]
     Required {
         /// The path.
@@ -186,8 +186,9 @@ pub enum PathError {
 }
 
 impl PathError {
-    /// Checks if the path refuses a shader before it runs any part of the shader. `.refused_on(...)` declares such an
-    /// error. Errors after the driver accepted the shader don't count.
+    /// Checks if this error is a refusal: the path refused a shader before any part of the shader ran.
+    /// `.refused_on(...)` declares such errors. An error that occurs after the driver accepted the shader isn't a
+    /// refusal.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. } => true,

@@ -32,7 +32,7 @@ fn the_engine_behind_a_pipe_is_a_path() {
     assert_eq!(lines[4], "load: agrees", "{text}");
     assert!(
         lines[5].contains(
-            "it takes derivatives, or discards and writes, so it runs only on drawn pixels"
+            "the function takes derivatives, or discards and writes, so it runs only on drawn pixels"
         ),
         "{text}"
     );
@@ -63,20 +63,20 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
         ("wrong", "`half` fails agrees_with", "`data` after `add` fails"),
         (
             "short",
-            "it returned outputs of [8191] words, but the job needs [8192]",
-            "it returned outputs of [1] words, but the job needs [2]",
+            "the executor returned outputs of [8191] words, but the job needs [8192]",
+            "the executor returned outputs of [1] words, but the job needs [2]",
         ),
         (
             "few",
-            "it returned outputs of [] words, but the job needs [",
-            "it returned outputs of [] words, but the job needs [",
+            "the executor returned outputs of [] words, but the job needs [",
+            "the executor returned outputs of [] words, but the job needs [",
         ),
         ("refuses", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
         ("fails", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
         (
             "garbage",
-            "it wrote a line that isn't an answer: all went well",
-            "it wrote a line that isn't an answer: all went well",
+            "the executor wrote a line that isn't an answer: all went well",
+            "the executor wrote a line that isn't an answer: all went well",
         ),
         (
             "dies",
@@ -117,17 +117,17 @@ fn a_program_that_hangs_is_ended() {
 fn a_line_belongs_to_its_job() {
     let text = piped("cpu", "noisy");
     assert!(
-        text.contains("function: the driver of path `process@mine` reports: it wrote a line that isn't an answer"),
+        text.contains("function: the driver of path `process@mine` reports: the executor wrote a line that isn't an answer"),
         "{text}"
     );
     // Karat starts another process, which is also faulty.
     assert_eq!(
-        text.matches("it wrote a line that isn't an answer: by the way").count(),
+        text.matches("the executor wrote a line that isn't an answer: by the way").count(),
         4,
         "{text}"
     );
     let text = piped("cpu", "other");
-    assert_eq!(text.matches("reports: it answered job ").count(), 4, "{text}");
+    assert_eq!(text.matches("reports: the executor answered job ").count(), 4, "{text}");
     let text = piped("cpu", "late");
     assert!(!text.contains(": agrees"), "{text}");
     let text = piped("cpu", "backwards");
@@ -167,12 +167,12 @@ fn programs_that_run_no_jobs_do_not_open() {
         (
             "mine=PLANTED executor cpu old",
             "process@mine",
-            "it reads jobs of version 0, but this Karat writes version 1",
+            "the program reads jobs of version 0, but this Karat writes version 1",
         ),
         (
             "mine=PLANTED executor cpu rude",
             "process@mine",
-            "its first line isn't a greeting: good morning",
+            "the program's first line isn't a greeting: good morning",
         ),
         ("mine", "process@mine", "KARAT_EXECUTORS=mine isn't a list of NAME=PROGRAM ARGUMENTS"),
     ] {
@@ -237,7 +237,7 @@ fn lies_do_not_conform() {
         ("dropped", "bits", "word 0 is 0x7fc01234, not 0xffffffff; 1 of 6 differ"),
         ("shifted", "untouched", "word 0 is 0xdead0003, not 0xdead0000; 8 of 8 differ"),
         ("wrong", "long", "1 of 262144 differ"),
-        ("short", "grid", "it returned outputs of [71] words, but the job needs [72]"),
+        ("short", "grid", "the executor returned outputs of [71] words, but the job needs [72]"),
         ("few", "outputs", r#"its reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
         ("late", "outputs", r#"its reply is {"done":[["#),
         ("refuses", "refusal", r#"after a refused job, a valid job gets {"refused":{"message":"#),

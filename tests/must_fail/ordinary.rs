@@ -36,7 +36,7 @@ fn results_that_are_not_finite() {
     let whole = package("fn f(x: u32) -> u32 { return x + 1u; }");
     let reason =
         unsuited(whole.function("f").over(Integers(0..=9_u32)).unrecorded().try_is_finite());
-    assert!(reason.contains("u32, which is always finite"), "{reason}");
+    assert!(reason.contains("u32, and this type is always finite"), "{reason}");
 }
 
 #[test]
@@ -134,12 +134,15 @@ fn vectors_of_another_length() {
             .unrecorded()
             .try_is_unit(),
     );
-    assert_eq!((found.check, &*found.assertion), ("is_unit", "has length 1 to within 1e-5"));
+    assert_eq!(
+        (found.check, &*found.assertion),
+        ("is_unit", "each result has length 1 to within 1e-5")
+    );
     let slightly = package("fn f(v: vec3f) -> vec3f { return 1.00002 * v; }");
     disagreement(slightly.function("f").over(UnitVector).unrecorded().try_is_unit());
     let scalar = package("fn f(x: f32) -> f32 { return 1.0; }");
     let reason = unsuited(scalar.function("f").over(0.0..=1.0).unrecorded().try_is_unit());
-    assert!(reason.contains("f32, which isn't a vector of floats"), "{reason}");
+    assert!(reason.contains("f32, but this check needs a vector of floats"), "{reason}");
 }
 
 /// A basis around `n`, with a planted sign and a planted term in the tangent.
@@ -169,7 +172,7 @@ fn frames_of_the_other_hand_and_vectors_that_lean() {
     }
     let leaning: &Package = Box::leak(Box::new(basis("1.0", "1e-2")));
     let found = disagreement(over(leaning, "tangent").unrecorded().try_is_perpendicular_to("n"));
-    assert_eq!(found.assertion, "is perpendicular to `n` to within 1e-5");
+    assert_eq!(found.assertion, "each result is perpendicular to `n` to within 1e-5");
     assert_eq!(found.paths[0].census.failures, 65_536, "each leans by 1e-2");
     let found = disagreement(over(leaning, "frame").unrecorded().try_is_right_handed_frame());
     assert_eq!(found.check, "is_right_handed_frame");
@@ -186,10 +189,13 @@ fn frames_of_the_other_hand_and_vectors_that_lean() {
     let scaled = || right.function("none").over((0.5..=1.0, UnitVector)).unrecorded();
     scaled().try_is_perpendicular_to(1).expect("each is scaled by another number");
     let reason = unsuited(scaled().try_is_perpendicular_to("x"));
-    assert!(reason.contains("has `x` of type f32: only vectors of the same type"), "{reason}");
+    assert!(
+        reason.contains("has the parameter `x` of type f32: only vectors of the same type"),
+        "{reason}"
+    );
     assert!(unsuited(scaled().try_is_perpendicular_to("m")).contains("no parameter `m`"));
     let reason = unsuited(scaled().try_is_right_handed_frame());
-    assert!(reason.contains("isn't three vectors of three floats"), "{reason}");
+    assert!(reason.contains("needs three vectors of three floats"), "{reason}");
 }
 
 // Lesson 175

@@ -88,7 +88,7 @@ fn a_replay_of_nothing() {
         assert!(!output.status.success(), "{case}: {text}");
         assert!(
             text.contains(&format!(
-                "test `main` replays nothing: KARAT_CASE={case} names none of its"
+                "test `main` replays nothing: KARAT_CASE={case} names none of the test's"
             )),
             "{text}"
         );
@@ -109,7 +109,7 @@ fn a_replay_of_nothing() {
     let picture = ["golden", &folder.path().display().to_string()];
     let (output, text) = planted(&picture, &[("KARAT_CASE", "gradient/matches/0")]);
     assert!(!output.status.success(), "{text}");
-    assert!(text.contains("names none of its checks: `frame gradient`"), "{text}");
+    assert!(text.contains("names none of the test's checks: `frame gradient`"), "{text}");
 }
 
 /// A replay also works in the threads of Rust's test runner. For that, this program runs one of its own tests.

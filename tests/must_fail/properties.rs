@@ -86,7 +86,7 @@ fn messages_of_properties_show_both_calls() {
           a' = 0
           b' = 1
     returned = 2
-               (returned for the arguments with a prime, expected for the arguments without a prime)
+               (returned for the arguments with a prime; expected: the result for the arguments without a prime)
       actual = 2 (0x1p+1)
     expected = 1 (0x1p+0)  nearest f32 of 1
        error = 8.39e6 ulp (4 allowed), rel 1, abs 1
@@ -158,7 +158,7 @@ fn a_monotone_check_of_nothing() {
         ),
         (
             over().unrecorded().try_is_monotone_in(1, up, Ulp(0.0)),
-            "has only one value of argument 1",
+            "has only one value for argument 1",
         ),
     ];
     for (found, message) in vacuous {
@@ -172,7 +172,7 @@ fn a_monotone_check_of_nothing() {
             "has 3 parameters, so there is no argument 3",
         ),
         (over().unrecorded().try_is_monotone_in("d", up, Ulp(0.0)), "which isn't a single number"),
-        (over().unrecorded().try_is_monotone_in("c", up, Ulp(f64::NAN)), "isn't a bound"),
+        (over().unrecorded().try_is_monotone_in("c", up, Ulp(f64::NAN)), "can't be a bound"),
     ];
     for (found, message) in unknown {
         assert!(matches!(found, Err(Failure::Signature { .. })), "{found:?}");

@@ -734,7 +734,7 @@ fn a_domain_is_checked_for_hazards() {
     let Err(Failure::Disagreement(found)) = failure else { panic!("{failure:?}") };
     let text = found.to_string();
     assert!(text.contains("hazard = NaN at `sqrt(x - 0.5)` ("), "{text}");
-    assert!(text.contains("a later operation hides it"), "{text}");
+    assert!(text.contains("a later operation hides this hazard"), "{text}");
     let quad = Package::from_source(
         "planted",
         "fn f(x: f32) -> f32 { return fwidth(x) + sqrt(x - 0.5); }",

@@ -25,7 +25,7 @@ pub(super) struct Expected<'e> {
     pub(super) expect: Expect<'e>,
 }
 
-/// Hides the reference's type from `then`. So the compiler compiles `then` only once.
+/// Calls `then` with a reference that has a fixed type. So the compiler compiles `then` only once.
 pub(super) fn with_reference<A: Arguments, T>(
     reference: &impl Reference<A>,
     then: impl FnOnce(Expected<'_>) -> T,
@@ -56,7 +56,7 @@ struct Comparison<'c> {
     tolerance: &'c Tolerance,
     /// The results that WGSL or the adapter allows, if the test asks for `Spec` or `DeviceSpec`.
     allowed: Option<Allowed<'c>>,
-    /// Set as soon as a result can show a difference from its reference (see `tells`).
+    /// Set as soon as the comparison of a result with its reference can show a mistake (see `tells`).
     told_apart: &'c AtomicBool,
 }
 
@@ -92,8 +92,8 @@ impl Judge for Comparison<'_> {
     }
 }
 
-/// Checks if a result can show a difference from its reference. If both are subnormal and differ, a driver may
-/// flush both to 0, and the comparison shows nothing.
+/// Checks if comparing the result with its reference can show a mistake. If the result and the reference are
+/// subnormal and differ, a driver may flush both to 0. Then the comparison can't show a mistake.
 fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
         let actual = scalar.decode(*word);

@@ -13,12 +13,12 @@ use crate::value::Scalar;
 /// takes some milliseconds.
 const ASKED: usize = 128;
 
-/// The limit on loop iterations, summed over all these cases. Interval arithmetic is slow, and only the record
-/// needs its results.
+/// The largest number of loop iterations for which Karat computes these bounds, summed over all cases. Interval
+/// arithmetic is slow, and only the record needs its results.
 const ROUNDS: u64 = 4096;
 
-/// The number of cases for which Karat computes WGSL's bounds: fewer if the function's loops iterate often,
-/// down to 0.
+/// The number of cases for which Karat computes WGSL's bounds. The number is smaller if the function's loops
+/// iterate often, and may be 0.
 pub(super) fn wanted(program: &Program) -> usize {
     let rounds = program.most_rounds().unwrap_or(u64::MAX).max(1);
     usize::try_from(ROUNDS / rounds).unwrap_or(ASKED).min(ASKED)

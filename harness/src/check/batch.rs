@@ -1,4 +1,4 @@
-//! The cases of one dispatch, as rows of `u32` words.
+//! The cases of one dispatch. A row contains the arguments of one case, as `u32` words.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -53,7 +53,8 @@ pub(super) struct Batch {
     pub(super) is_drawn: bool,
     rows: Vec<u32>,
     width: usize,
-    /// The number of words in a row that hold the function's arguments. The row's other words are a companion.
+    /// The number of words in a row that are the function's arguments. The other words are the case's
+    /// companion.
     words: usize,
 }
 
@@ -96,7 +97,7 @@ impl Batch {
         Cow::Owned(lanes)
     }
 
-    /// Splits other arguments for the cases of this batch into rows.
+    /// Splits `lanes` into rows. `lanes` contains other arguments for the cases of this batch.
     pub(super) fn with_lanes<'l>(&self, lanes: &'l [u32]) -> Rows<'l> {
         Rows::new(lanes, self.words, self.cases)
     }

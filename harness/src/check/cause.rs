@@ -23,7 +23,7 @@ const FEWEST: usize = 8;
 /// share of the passing cases.
 const TELLING: f64 = 0.95;
 
-/// Karat prefers a property of one argument. It reports a property of two arguments only if the gain of that
+/// Karat prefers a property of one argument. Karat reports a property of two arguments only if the gain of this
 /// property is larger by more than this number.
 const SIMPLER: f64 = 0.02;
 
@@ -41,7 +41,7 @@ struct Cases<'b> {
 /// A function that computes a property from the components of a case's arguments.
 type Measured = Box<dyn Fn(&[f64]) -> f64>;
 
-/// A number that Karat computes for each case, with a name.
+/// A number with a name that Karat computes for each case.
 struct Property {
     name: String,
     of: Measured,
@@ -52,9 +52,9 @@ struct Property {
 /// the share of all passing cases.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Interval {
-    /// The lower end. `None`: the smallest value of all cases.
+    /// The lower end. `None` if the interval begins at the smallest value of all cases.
     least: Option<f64>,
-    /// The upper end. `None`: the largest value of all cases.
+    /// The upper end. `None` if the interval ends at the largest value of all cases.
     most: Option<f64>,
     failing: f64,
     passing: f64,
@@ -66,7 +66,8 @@ impl Interval {
     }
 }
 
-/// The cause as text: `where x is at least 0.2 (all failing cases, 0.4 % of the passing cases)`, or
+/// Returns the cause as text:
+/// `where x is at least 0.2 (this includes all failing cases and 0.4 % of the passing cases)`, or
 /// `everywhere except ..`. `None` if no single property separates the cases.
 pub(super) fn cause(
     function: &Function,
@@ -79,7 +80,7 @@ pub(super) fn cause(
     is_whole.then(|| cause_of(function, batch.cases, &|case| batch.arguments(case), failing))?
 }
 
-/// Like `cause`. `arguments` returns the arguments of the case with an index.
+/// Does the same as `cause`. `arguments` returns the arguments of the case with the given index.
 pub fn cause_of<'b>(
     function: &Function,
     cases: usize,
@@ -145,7 +146,7 @@ fn said(name: &str, interval: &Interval) -> String {
     if *failing == 1.0 && *passing == 0.0 {
         return format!("where {name} {place}, and nowhere else");
     }
-    format!("where {name} {place} ({fails}, {passes})")
+    format!("where {name} {place} (this includes {fails} and {passes})")
 }
 
 impl Cases<'_> {
@@ -337,7 +338,7 @@ mod tests {
         assert!(told_of.is_some_and(|told| told.starts_with("where dot(n, l) is at most -0.5")));
         let told_of = told("x: f32, i: u32", "i == 3u", (unit(), Integers(0..=7_u32)));
         assert_eq!(told_of.as_deref(), Some("where i is 3, and nowhere else"));
-        // The ends of the interval come from all cases, not only from the examined ones.
+        // The ends of the interval come from all cases, not only from the examined cases.
         let told_of = told("i: u32", "i != 0u", Integers(0..=u32::MAX));
         let least = "where i is at least 1, and nowhere else";
         assert_eq!(told_of.as_deref(), Some(least));

@@ -9,7 +9,7 @@ use crate::reflect::Function;
 use crate::run::{Conclusion, Descent, Replayed};
 use crate::tolerance::LaneError;
 
-/// The results on one path, with the arguments in one kind of buffer or as constants.
+/// The results on one path, for one way to pass arguments: in a kind of buffer, or as constants.
 pub(super) struct Outcome {
     function: Function,
     inputs: Inputs,
@@ -18,13 +18,13 @@ pub(super) struct Outcome {
     worst: LaneError,
     proved: bool,
     seed: u64,
-    /// The disagreement, if the path fails and Karat is to show the failure.
+    /// The disagreement, if the path fails and the report shows this failure.
     disagreement: Option<PathDisagreement>,
 }
 
 impl Session<'_> {
-    /// Builds the outcome of the path. If `told`, the outcome includes a failure. Returns an error if the check
-    /// didn't compare all cases.
+    /// Builds the outcome of the path. If `told` is set and the path fails, the outcome includes the failure.
+    /// Returns an error if the check didn't compare all cases.
     pub(super) fn outcome(&self, tally: PathTally, told: bool) -> Result<Outcome, Failure> {
         let (compared, declared) = (tally.tally.census.cases, self.declared());
         if compared < declared {

@@ -16,8 +16,8 @@ const RESULT: &str = "karat_condition";
 
 const FUNCTION: &str = "holds";
 
-/// A statement about a function's arguments: a WGSL expression of type `bool`. It can use the names of the
-/// parameters and WGSL's builtin functions. Karat's engine evaluates it.
+/// A statement about a function's arguments: a WGSL expression of type `bool`. The expression can use the
+/// names of the parameters and WGSL's builtin functions. Karat's engine evaluates the expression.
 ///
 /// ```
 /// use karat::unstable::check::Condition;
@@ -45,7 +45,8 @@ impl Condition {
     /// Reads a statement about these parameters.
     ///
     /// # Errors
-    /// Returns a sentence if the text isn't an expression of type `bool`, or names none of the parameters.
+    /// Returns an error message if the text isn't an expression of type `bool`, or names none of the
+    /// parameters.
     pub fn parse(parameters: &[(String, Shape)], text: &str) -> Result<Self, String> {
         let all = texts(text);
         if !parameters.iter().any(|(name, _)| all.contains(&name.as_str())) {
@@ -54,7 +55,7 @@ impl Condition {
                 [] => "the function takes no arguments, so the condition keeps all cases or none"
                     .to_owned(),
                 names => format!(
-                    "`{text}` names no argument, so it keeps all cases or none: use {}",
+                    "`{text}` names no argument, so this condition keeps all cases or none: use {}",
                     names.join(", ")
                 ),
             });
@@ -66,7 +67,7 @@ impl Condition {
             _ => Some(depth),
         });
         if depth != Some(0) {
-            return Err(format!("`{text}`: its brackets don't match"));
+            return Err(format!("`{text}`: the condition's brackets don't match"));
         }
         let mut lanes = Vec::new();
         let mut below = 0;
@@ -172,8 +173,8 @@ mod tests {
             ("w > v.x", "w"),
             ("true // v.x > 0.0", "names no argument"),
             ("true /* /* s */ v */", "names no argument"),
-            ("v.x) > (0.0", "its brackets don't match"),
-            ("true", "names no argument, so it keeps all cases or none: use `s`, `v`"),
+            ("v.x) > (0.0", "the condition's brackets don't match"),
+            ("true", "names no argument, so this condition keeps all cases or none: use `s`, `v`"),
             ("vv.x > 0.0", "names no argument"),
         ] {
             let error = of(text).expect_err(text);

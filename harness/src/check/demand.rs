@@ -14,7 +14,8 @@ pub(super) struct Demand {
     pub(super) arguments: Vec<Shape>,
     /// The words in messages that say who supplies the arguments: `the domain supplies`.
     pub(super) who: &'static str,
-    /// `true` if the parts of the stream are the function's arguments.
+    /// `true` if each part of the stream supplies one argument of the function. Then an error can name the
+    /// argument.
     pub(super) draws_arguments: bool,
     /// The number of sampled cases, if the check sets no number.
     pub(super) cases: u64,

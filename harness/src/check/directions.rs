@@ -156,12 +156,12 @@ impl Plan<'_> {
         stream: &dyn Stream,
         demand: &Demand,
     ) -> Result<Agreement, Failure> {
-        let statement = format!("has length 1 to within {LENGTH:e}");
+        let statement = format!("each result has length 1 to within {LENGTH:e}");
         let suited = |function: Function| match function.result {
             Shape::Vector { scalar: scalar @ (Scalar::F32 | Scalar::F16), .. } => {
                 Ok((function, scalar))
             }
-            _ => Err(unsuited(&function, "which isn't a vector of floats")),
+            _ => Err(unsuited(&function, "but this check needs a vector of floats")),
         };
         let begun = self.function().and_then(suited);
         let asserted = ("is_unit", &*statement);
@@ -180,10 +180,10 @@ impl Plan<'_> {
         demand: &Demand,
         argument: &Parameter,
     ) -> Result<Agreement, Failure> {
-        let statement = format!("is perpendicular to {argument} to within {LENGTH:e}");
+        let statement = format!("each result is perpendicular to {argument} to within {LENGTH:e}");
         let suited = |function: Function| {
             let Some(scalar) = floats(&function.result) else {
-                return Err(unsuited(&function, "which isn't a vector of floats"));
+                return Err(unsuited(&function, "but this check needs a vector of floats"));
             };
             let (place, first) = argument.place(&function)?;
             let (name, shape) = &function.parameters[place];
@@ -214,10 +214,10 @@ impl Plan<'_> {
         stream: &dyn Stream,
         demand: &Demand,
     ) -> Result<Agreement, Failure> {
-        let statement = format!("is a right-handed frame to within {LENGTH:e}");
+        let statement = format!("each result is a right-handed frame to within {LENGTH:e}");
         let suited = |function: Function| match three_vectors(&function.result) {
             Some(scalar) => Ok((function, scalar)),
-            None => Err(unsuited(&function, "which isn't three vectors of three floats")),
+            None => Err(unsuited(&function, "but this check needs three vectors of three floats")),
         };
         let begun = self.function().and_then(suited);
         let asserted = ("is_right_handed_frame", &*statement);

@@ -45,7 +45,7 @@ pub struct Disagreement {
     pub domain: String,
     /// The paths on which the check fails.
     pub paths: Vec<PathDisagreement>,
-    /// The paths on which the check passes, each with the way to pass arguments.
+    /// The paths on which the check passes, each with the way in which the kernel got the arguments.
     pub agreeing: Vec<(Adapter, Inputs)>,
     /// The seed of the cases.
     pub seed: u64,
@@ -96,12 +96,13 @@ impl fmt::Display for Expectation {
 pub struct PathDisagreement {
     /// The path, its adapter and its driver.
     pub adapter: Adapter,
-    /// The way to pass arguments.
+    /// The way in which the kernel got the arguments: from a storage buffer, from a uniform buffer, or as
+    /// constants.
     pub inputs: Inputs,
     /// The numbers of failing cases, by kind.
     pub census: Census,
     /// The property of the arguments that separates failing from passing cases, if there is one:
-    /// `where x is at least 0.2 (all failing cases, 0.4 % of the passing cases)`, or
+    /// `where x is at least 0.2 (this includes all failing cases and 0.4 % of the passing cases)`, or
     /// `everywhere except where a number in the arguments is 0`.
     pub cause: Option<String>,
     /// The case with the largest error.
@@ -181,7 +182,8 @@ pub struct CaseFailure {
     pub scalar: Scalar,
     /// The function's result, in WGSL's syntax.
     pub result: String,
-    /// The names of the compared results, if a case calls the function more than once.
+    /// A note that says which results Karat compared, if a case calls the function more than once. Otherwise
+    /// empty.
     pub compared: &'static str,
     /// The error in its unit, with the largest allowed error.
     pub error: String,
@@ -266,7 +268,7 @@ impl CaseFailure {
         let error = if !scalar.is_float() {
             match scalar {
                 Scalar::Bool => "not equal".to_owned(),
-                _ => "not equal: integers have no tolerance".to_owned(),
+                _ => "not equal: tolerances are only for floats".to_owned(),
             }
         } else if measure.error.is_nan() {
             "not a finite number".to_owned()
@@ -275,32 +277,32 @@ impl CaseFailure {
             let error = crate::tolerance::significant(measure.error);
             match measure.unit {
                 Unit::Shader => format!(
-                    "the shader is wrong: the reference lies {error} outside of the results that \
-                     WGSL allows for this code"
+                    "the shader is wrong: the reference is {error} away from the results that WGSL \
+                     allows for this code"
                 ),
                 Unit::Driver => {
-                    format!("the driver is wrong: its result lies {error} outside of WGSL's bounds")
+                    format!("the driver is wrong: its result is {error} away from WGSL's bounds")
                 }
                 Unit::Measured => format!(
-                    "the driver is less exact here than Karat measured: its result lies {error} \
-                     outside of the measured bounds"
+                    "the driver is less exact here than Karat measured: its result is {error} \
+                     away from the measured bounds"
                 ),
                 Unit::Conditioning => {
                     let expected = expected.and_then(|expected| expected.get(lane));
                     // A few operations can make such a value subnormal: smaller than 1.2e-38.
                     let flushed = expected.is_some_and(|value| value.abs() < 1e-37);
                     let advice = if flushed {
-                        "; a driver may flush a value so near to 0: allow this with `Spec.or(Abs(1e-37))`, \
-                         in a test's file by `spec or abs 1e-37`"
+                        "; a driver may turn a value so near to 0 into 0: allow this with `Spec.or(Abs(1e-37))`, \
+                         or in a test's file with `spec or abs 1e-37`"
                     } else {
                         ""
                     };
                     format!(
-                        "ill-conditioned here: WGSL allows results that differ from the reference by rel {error} \
+                        "ill-conditioned in this case: WGSL allows results with an error of rel {error} \
                          (the test allows {bound}){advice}"
                     )
                 }
-                Unit::Unbounded => "unbounded here: WGSL allows any result".to_owned(),
+                Unit::Unbounded => "unbounded: WGSL allows any result in this case".to_owned(),
                 unit => {
                     let actual = actual.get(lane).map(|word| scalar.decode(*word));
                     let expected = expected.and_then(|expected| expected.get(lane));
@@ -441,7 +443,8 @@ impl fmt::Display for Told<'_> {
     }
 }
 
-/// Builds the headline at the function: ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```.
+/// Builds the report's headline, which points at the function:
+/// ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```.
 pub(super) fn failed(function: &Function, check: &str, assertion: &str) -> Diagnostic {
     let message = format!("`{}` fails {check}: {assertion}", function.name);
     Diagnostic::new(message).at(first_line(function), "")
@@ -466,10 +469,10 @@ impl PathDisagreement {
         let fail = if cases == 1 { "case fails" } else { "cases fail" };
         let mut text = format!("  {failures} of {cases} {fail} ({share:.3}%)");
         if remembered > 0 {
-            text += &format!(", {remembered} of them remembered from earlier failures");
+            text += &format!(", {remembered} of the cases are remembered from earlier failures");
         }
         if idle > 0 {
-            text += &format!(", {idle} evaluate no expectation");
+            text += &format!(", {idle} cases evaluate no expectation");
         }
         text += &self.census.ways();
         text.push('\n');
@@ -570,7 +573,7 @@ impl CaseFailure {
             let is_coarse =
                 self.expected.is_some_and(|e| apart > 0.25 * (integral.value - e).abs());
             let hint = match is_coarse {
-                true => "; the two rules disagree: try more `rings`",
+                true => "; the two quadrature rules disagree: try more `rings`",
                 false => "",
             };
             let value = decimal(value);

@@ -16,8 +16,8 @@ use crate::run::or_panic;
 use crate::tolerance::{Tolerance, significant};
 use crate::value::{Arguments, Mirror, Shape, Shareable};
 
-/// A function that rotates the value in some words, and appends the rotated value as `u32` words or as `f64`
-/// components.
+/// A function that reads a value from `u32` words, rotates the value, and appends the rotated value as `u32`
+/// words or as `f64` components.
 type Turn<'t, T> = &'t (dyn Fn(&[u32], DQuat, &mut Vec<T>) + Sync);
 
 /// The functions that rotate arguments and results.
@@ -121,7 +121,7 @@ impl Plan<'_> {
                 let exhibit = |case: usize| Exhibit {
                     lanes: batch.arguments(case).to_vec(),
                     varied: vec![("rotation".to_owned(), shown(rotation(case)))],
-                    compared: "returned for the rotated arguments; the rotated result was expected",
+                    compared: "returned for the rotated arguments; expected: the rotated result for the original arguments",
                     actual: after.of(case).to_vec(),
                     expected: expected(case),
                     judged: judge(case),

@@ -18,7 +18,8 @@ use crate::run::{Identity, Memory};
 use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
 use crate::value::{Scalar, format_f32, format_lane};
 
-/// An expectation in a case's report, with its values. The shader reports the expectations that may fail.
+/// An expectation in a case's report, with its values. The shader reports the expectations that may have
+/// failed.
 struct Kept<'r> {
     words: &'r [u32],
 }
@@ -94,7 +95,7 @@ impl Kept<'_> {
             }
             Wanted::Ulp => {
                 let unusable = Tolerance::from(Ulp(self.bound(0))).unusable();
-                let nothing = unusable.map_or("", |_| ", which is no usable bound");
+                let nothing = unusable.map_or("", |_| ", which isn't a usable bound");
                 format!("{actual}, expected {expected} within {first} ulp{nothing}")
             }
             Wanted::Within => {
@@ -105,7 +106,7 @@ impl Kept<'_> {
             Wanted::Finite => format!("{actual}, expected a finite value"),
             Wanted::AtMost => format!("{actual}, expected at most {expected}"),
             Wanted::Less => format!("{actual}, expected less than {expected}"),
-            Wanted::InRange => format!("{actual}, expected {first} to {second}"),
+            Wanted::InRange => format!("{actual}, expected a value from {first} to {second}"),
             _ => format!("{actual}, expected {expected}"),
         }
     }
@@ -155,8 +156,8 @@ impl<'r> Report<'r> {
             true => (
                 "unclear",
                 format!(
-                    "{} values lie very close to their bounds. Karat judged only the first {MOST_KEPT}, \
-                     and these pass. Widen the tolerance by a thousandth, or split the test",
+                    "{} values lie very close to their bounds. Karat judged only the first {MOST_KEPT} of these \
+                     values, and they pass. Widen the tolerance by a thousandth, or split the test",
                     self.suspected()
                 ),
             ),
@@ -267,7 +268,7 @@ impl Stream for Placed<'_> {
     }
 }
 
-/// The result of a run. Its kernel may only count the expectations that may have failed.
+/// The result of a run. Some kernels only count the expectations that may have failed.
 enum Counted {
     /// The run gave a verdict or an error.
     Concluded(Result<Agreement, Failure>),
@@ -280,8 +281,8 @@ impl<'a> Plan<'a> {
     ///
     /// A kernel that only counts failures compiles in a third of the time of a kernel that also reports values.
     /// Drivers compile one kernel with several tests faster than several kernels. So Karat first runs several
-    /// tests in one counting kernel. If a test doesn't pass there, Karat runs that test again in its own
-    /// kernel, which reports values.
+    /// tests in one counting kernel. If a test doesn't pass in the counting kernel, Karat runs that test again
+    /// in its own kernel, which reports values.
     pub(super) fn expects(
         &self,
         stream: &dyn Stream,

@@ -61,8 +61,8 @@ impl Session<'_> {
                 let text = one_line(&text);
                 match bound.is_reordered() {
                     true => format!(
-                        ": `{text}` ({span}) has bounds in the written order, but WGSL allows \
-                         another order (15.7.5), which overflows or divides by a value too near to 0"
+                        ": `{text}` ({span}) has bounds in the written order, but WGSL (15.7.5) also \
+                         allows an order that overflows or divides by a value too near to 0"
                     ),
                     false => format!(": it sets no bounds for `{text}` ({span})"),
                 }
@@ -87,7 +87,7 @@ impl Session<'_> {
         Ok(lines)
     }
 
-    /// Finds the first `let` on the path with a value outside of WGSL's bounds.
+    /// Finds the first `let` that has, on this path, a value outside of WGSL's bounds.
     fn blame(&self, witness: &Interpreted, row: &[u32]) -> Option<String> {
         for one in lets(&self.called.probed) {
             let Some(probed) = &one.probed else { continue };
@@ -114,7 +114,7 @@ impl Session<'_> {
         }
         let place = &witness.place();
         Some(format!(
-            "all let-bindings are within WGSL's bounds; the value that `{}` returns isn't ({place})",
+            "all let-bindings are within WGSL's bounds, but the value that `{}` returns isn't ({place})",
             self.called.function().name
         ))
     }

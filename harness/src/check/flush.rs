@@ -8,7 +8,7 @@ use crate::judge::Judged;
 use crate::value::Scalar;
 
 /// If a case has at most this many subnormal arguments, Karat tries every combination: 3^4 rows. If a case has
-/// more, Karat flushes all of them together, or none.
+/// more subnormal arguments, Karat flushes all of them together, or none of them.
 const APART: usize = 4;
 
 /// The smallest normal `f16`, 2^-14.
@@ -41,7 +41,7 @@ fn is_subnormal(scalar: Scalar, word: u32) -> bool {
 /// An iterator over the rows that flushing can make from a row of arguments. It leaves out the row itself.
 pub struct Flushed<'r> {
     row: &'r [u32],
-    /// The indices of the subnormal arguments. Karat flushes the indices of one group together.
+    /// The indices of the subnormal arguments, in groups. Karat flushes the arguments of one group together.
     lanes: Vec<Vec<usize>>,
     /// The number of the next row. It has one ternary digit for each group: 0 keeps the group's values, 1
     /// replaces them by 0, 2 by -0.

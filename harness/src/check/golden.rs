@@ -198,8 +198,8 @@ impl Failure {
         }
     }
 
-    /// The failure of a check that can't be compared with its golden. Without a usable golden, every path fails
-    /// because it has no cases. The golden's error replaces these failures. All other failures stay.
+    /// Adds the golden's error to the failure of a check without a usable golden. Such a check has no cases, so
+    /// each path fails for this reason. The golden's error replaces these failures. All other failures stay.
     fn beside_golden(self, source: ValuesError) -> Self {
         let Self::Paths(mut paths) = self else { return Self::golden(source) };
         paths.stopped.retain(|(_, error)| !error.has_no_cases());
@@ -230,8 +230,8 @@ struct Comparison<'c> {
 }
 
 impl Comparison<'_> {
-    /// Makes values pending, unless values that differ from the golden are pending already. The values of the
-    /// path that makes goldens replace values of other paths.
+    /// Makes values pending, unless values that differ from the golden are pending already. If this path makes
+    /// goldens (see `canonical`), its values replace the pending values of other paths.
     fn leave(
         &self,
         session: &Session<'_>,
@@ -287,19 +287,19 @@ impl Comparison<'_> {
         }
         let known = self.plan.known_issues.names(tally.path, &tally.adapter);
         if tally.fails() && !known {
-            // The values of the first path that differs become pending.
+            // The values of the first path that differs from the golden become pending.
             let left = self.left.take();
             self.left.set(match left {
                 Left::Differs(_) => left,
                 Left::Nothing | Left::Other(_) => {
                     let Census { cases, failures, .. } = tally.tally.census;
                     let path = tally.path;
-                    Left::Differs(unlike(&format!("{failures} of {cases} rows on {path}"))?)
+                    Left::Differs(unlike(&format!("in {failures} of {cases} rows on {path}"))?)
                 }
             });
         } else if !rows()?.iter().eq(golden.split_rows().map(|(arguments, _)| arguments)) {
-            let difference = "it agrees for the golden's arguments, but the test has other arguments now: its domain, \
-                              number of cases or seed changed";
+            let difference = "the function agrees for the golden's arguments, but the test has other arguments now: \
+                              the test's domain, number of cases or seed changed";
             self.leave(session, || unlike(difference))?;
         } else {
             self.agrees.set(true);

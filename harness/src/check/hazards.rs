@@ -21,8 +21,8 @@ impl<V> Check<'_, Calls<V>> {
     /// - a value becomes NaN or infinite, or loses more than half of its digits;
     /// - an index is outside of its array;
     /// - WGSL sets no bound for the error of an operation;
-    /// - the function takes a derivative, or samples a texture with one, while another pixel of the quad runs
-    ///   other code.
+    /// - the function takes a derivative, or samples a texture with an implicit derivative, while another pixel of
+    ///   the quad runs other code.
     ///
     /// Karat's engine watches each operation. The selected paths must return results, but the check ignores the
     /// results' values. The crate `karat-inspect` finds hazards without a domain.
@@ -85,9 +85,9 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.hazards(&*self.stream, &self.demand(), Some(&kinds))
     }
 
-    /// Accepts the hazard of an operation. `text` is the operation as the function has it, with single spaces.
-    /// `reason` says why the hazard is acceptable. If the operation has no hazard of the kinds that the check
-    /// asks for, the check fails until you remove the declaration.
+    /// Accepts the hazard of an operation. `text` is the operation's text in the function, with single spaces.
+    /// `reason` says why the hazard is acceptable. If the operation has no hazard of the kinds that the check asks
+    /// for, the check fails until you remove the declaration.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -113,7 +113,7 @@ impl Plan<'_> {
             (None, _) | (_, Explained::ByHazards(_)) => Ok(()),
             (Some(one), _) => {
                 let wrong =
-                    "does nothing here: `has_no_hazards` and `has_none_of` look for hazards";
+                    "does nothing here: only `has_no_hazards` and `has_none_of` look for hazards";
                 Err(Mismatch::Accepted(one.text.clone(), wrong).of(&self.function()?))
             }
         }
@@ -204,7 +204,7 @@ impl Session<'_> {
                 Some(Missing { missing, .. }) => {
                     format!("; {missing} doesn't reach this operation")
                 }
-                None if one.hidden => "; a later operation hides it".to_owned(),
+                None if one.hidden => "; a later operation hides this hazard".to_owned(),
                 None => String::new(),
             };
             ("hazard", format!("{} at `{text}` ({}){more}", one.kind.name(), one.span))
@@ -213,7 +213,7 @@ impl Session<'_> {
     }
 
     /// Checks if the check ignores a hazard: because its kind isn't in `kinds`, or because the author accepted
-    /// it. Also returns the index of the acceptance.
+    /// it. Also returns the index of the declaration that accepts the hazard, if there is one.
     fn leaves_out(&self, one: &Found, kinds: Kinds) -> (bool, Option<usize>) {
         let text = one_line(&one.text);
         let accepted = self.accepted.iter().position(|own| own.text == text);

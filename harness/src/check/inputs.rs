@@ -1,4 +1,4 @@
-//! The ways to pass arguments to the function. A check with several ways tests one after the other, and has one
+//! The ways to pass arguments to the function. A check with several ways runs once for each way, and has one
 //! verdict.
 
 use super::{Calls, Check, Plan};
@@ -8,8 +8,8 @@ use crate::run::Identity;
 impl<V> Check<'_, Calls<V>> {
     /// Chooses how the kernel gets the function's arguments. The default is a storage buffer.
     ///
-    /// With [constants](Inputs::Constant), Karat checks at most 64 cases. They are all values of a finite
-    /// domain that has at most 64. Otherwise half of the cases are edges.
+    /// With [constants](Inputs::Constant), Karat checks at most 64 cases. If the domain has at most 64 values,
+    /// Karat checks all of them. Otherwise half of the cases are edges.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -39,7 +39,8 @@ impl<V> Check<'_, Calls<V>> {
     }
 }
 
-/// The ways in which the check passes arguments. A replay names one of them.
+/// Returns the ways in which the check passes arguments. If a replay names one of these ways, returns only that
+/// way.
 pub(super) fn chosen(plan: &Plan<'_>, identity: &Identity) -> Vec<Inputs> {
     let asked = match &*plan.probe.inputs {
         [] => &[Inputs::Storage],

@@ -16,7 +16,8 @@ use crate::value::Arguments;
 /// A function that appends the words of the transformed arguments.
 pub(super) type Transform<'t> = &'t (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
 
-/// A function that returns the expected factor between the two results for the words of the original arguments.
+/// A function that returns the factor by which the result must change. It receives the words of the original
+/// arguments.
 type Factor<'t> = &'t (dyn Fn(&[u32]) -> f64 + Sync);
 
 /// The name of the verb, and the expected factor if the verb has one.
@@ -144,7 +145,7 @@ fn words<V: Arguments>(transform: impl Fn(V) -> V + Sync) -> impl Fn(&[u32], &mu
 }
 
 /// The note beside `returned` for `scales_under`.
-const SCALED: &str = "returned for the arguments with a prime; expected: the result for the others, times the factor";
+const SCALED: &str = "returned for the arguments with a prime; expected: the result for the arguments without a prime, times the factor";
 
 impl Plan<'_> {
     pub(super) fn is_invariant(

@@ -6,7 +6,7 @@ use crate::interpret::hazards::Kind;
 pub(super) struct Kinds(u16);
 
 impl Kinds {
-    /// The kinds that an operation inside of a function can have.
+    /// The kinds of hazards that an operation inside of a function can have.
     pub(super) const ALL: [Kind; 11] = [
         Kind::Nan,
         Kind::OutOfRange,

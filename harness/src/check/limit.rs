@@ -18,7 +18,7 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Scalar};
 
-/// A target number, and the argument's values (steps) that approach it.
+/// A target number, and the steps: values of an argument that approach the target.
 ///
 /// ```
 /// use karat::Limit;
@@ -46,14 +46,14 @@ impl Limit {
         Self { target, steps: steps.into() }
     }
 
-    /// Describes why the steps don't approach the target. `None` if they do.
+    /// Describes why the steps don't approach the target. `None` if the steps approach the target.
     fn unusable(&self) -> Option<&'static str> {
         let distance = |step: &f32| (f64::from(*step) - f64::from(self.target)).abs();
         let falls = self.steps.windows(2).all(|pair| distance(&pair[1]) < distance(&pair[0]));
         if self.steps.len() < 2 {
             Some("needs two steps or more")
         } else if !falls || !self.steps.iter().chain([&self.target]).all(|step| step.is_finite()) {
-            Some("doesn't get nearer with each step")
+            Some("needs finite steps, each nearer to the target than the step before")
         } else {
             None
         }
@@ -63,7 +63,7 @@ impl Limit {
 impl fmt::Display for Limit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.steps.is_empty() {
-            return write!(f, "{} through nothing", self.target);
+            return write!(f, "{} through no steps", self.target);
         }
         write!(f, "{} through ", self.target)?;
         for (index, step) in self.steps.iter().enumerate() {
@@ -169,7 +169,7 @@ impl Plan<'_> {
                 let given = |case: usize| &lanes[case * scalars.len()..][..scalars.len()];
                 let results = limit.steps.iter().map(|step| session.results(batch, &at(*step)));
                 let results = results.collect::<Result<Vec<_>, _>>()?;
-                // The step that decides if the case passes, with its judgement.
+                // Returns the step that decides if the case passes, and the judgement of this step.
                 let decisive = |case: usize, expected: &[f64]| -> (usize, Judged) {
                     let judged = |step: usize| {
                         compare(&scalars, results[step].of(case), expected, tolerance)
@@ -177,7 +177,7 @@ impl Plan<'_> {
                     let mut before = judged(0);
                     for step in 1..limit.steps.len() {
                         let now = judged(step);
-                        // An infinite error can't fall: from infinity to infinity, the ratio isn't smaller.
+                        // If both errors are infinite, the error doesn't fall, because neither ratio is smaller.
                         let falls = now.measure.ratio < before.measure.ratio;
                         if !now.measure.passes() && !falls {
                             return (step, now);

@@ -37,27 +37,28 @@ pub enum Mismatch {
     Unsuited {
         /// The type that the function returns.
         result: Shape,
-        /// The words in the message that say what doesn't fit: `which isn't a vector of floats`.
+        /// The words in the message that say what doesn't fit: `but this check needs a vector of floats`.
         wanted: &'static str,
     },
     /// The function is its own reference.
     #[error(
-        "is compared with itself, which shows no mistake: name another function, or use `Spec`, \
-         which checks that a driver's results are what WGSL allows"
+        "is compared with itself, so the check can't find a mistake: name another function, or use \
+         `Spec`, which checks that WGSL allows the driver's results"
     )]
     Itself,
-    /// A range contains no number, or all numbers, so no result passes the check, or every result.
+    /// The check's range contains no number, or every number. So either no result passes the check, or every
+    /// result passes.
     #[error("is checked for a result that {0}: no result passes this check, or every result does")]
     Range(String),
     /// The check looks for no kind of hazard, or for a kind that no operation can have.
     #[error("is checked for {0}: name kinds of hazards that an operation can have, such as `Nan`")]
     Hazard(String),
-    /// An accepted hazard has no reason, or occurs in no case.
+    /// The declaration that accepts a hazard has no reason, or the hazard occurs in no case.
     #[error("has a declaration that accepts the hazard of `{0}`; the declaration {1}")]
     Accepted(String, &'static str),
     /// A tolerance has an unusable bound.
     #[error(
-        "has the tolerance {tolerance}, but {bound:e} isn't a bound: use a number of at least 0 that an \
+        "has the tolerance {tolerance}, but {bound:e} can't be a bound: use a number of at least 0 that an \
          error can exceed"
     )]
     Bound {
@@ -76,7 +77,7 @@ pub enum Mismatch {
     },
     /// A path has its own tolerance, but the verb has no tolerance.
     #[error(
-        "is checked by {check}, which takes no tolerance: remove the tolerance {tolerance} for {on}"
+        "is checked by {check}, which takes no tolerance: remove the tolerance {tolerance} for path {on}"
     )]
     NoTolerance {
         /// The verb.
@@ -90,22 +91,22 @@ pub enum Mismatch {
     #[error("has no parameter `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoParameter {
-        /// The name in the check.
+        /// The parameter's name in the check.
         name: String,
         /// The parameter with the most similar name.
         nearest: Option<String>,
     },
-    /// The function has fewer parameters.
-    #[error("has {}, so there is no argument {place} (the first is 0)",
+    /// The check selects a parameter by its index, but the function has fewer parameters.
+    #[error("has {}, so there is no argument {place} (arguments count from 0)",
         counted(*count, "parameter"))]
     NoPlace {
         /// The number of the function's parameters.
         count: usize,
-        /// The parameter's place according to the check, counted from 0.
+        /// The index that the check selects, counted from 0.
         place: usize,
     },
     /// A parameter isn't a single number.
-    #[error("has `{name}` of type {shape}, which isn't a single number")]
+    #[error("has the parameter `{name}` of type {shape}, which isn't a single number")]
     NoNumber {
         /// The name of the parameter.
         name: String,
@@ -115,7 +116,7 @@ pub enum Mismatch {
     /// The check asks for a result that is perpendicular to a parameter, but the result and the parameter have
     /// different types.
     #[error(
-        "returns {result}, and has `{name}` of type {shape}: only vectors of the same type can be perpendicular"
+        "returns {result}, and has the parameter `{name}` of type {shape}: only vectors of the same type can be perpendicular"
     )]
     NoDirection {
         /// The name of the parameter.
@@ -126,7 +127,7 @@ pub enum Mismatch {
         result: Shape,
     },
     /// The parameter of a limit isn't a float.
-    #[error("has `{0}`, which isn't f32: only an f32 can approach a limit")]
+    #[error("has the parameter `{0}`, which isn't an f32: only an f32 can approach a limit")]
     NoFloat(String),
     /// The steps of a limit don't approach its target.
     #[error("is checked at the limit {limit}, which {reason}")]
@@ -140,13 +141,13 @@ pub enum Mismatch {
     #[error("runs on the sampler's executors: call `.on(..)` only on the sampler")]
     Executor,
     /// Karat can't sample random numbers of this type.
-    #[error("is sampled with {0}, but random numbers are f32 or u32")]
+    #[error("takes random numbers of type {0}, but Karat makes only f32 and u32")]
     Random(Shape),
     /// The verb needs samples that are directions, but the support contains other points.
-    #[error("can't be estimated on {0}: this check needs directions")]
+    #[error("can't be estimated on {0}: in this check, samples must be directions")]
     NoDirections(Support),
     /// The points at which the check evaluates the density have another type than the points of the support.
-    #[error("is given points of type {given}, but the points of {support} are {point}")]
+    #[error("is given points of type {given}, but the points of {support} have type {point}")]
     Point {
         /// The type of the density's points.
         given: Shape,
@@ -175,7 +176,8 @@ fn member(differing: Option<Differing>) -> String {
     format!("\n  member {place} of `{structure}` is {wgsl} in the function, but {host} in the test")
 }
 
-/// Returns a hint if the check has a tuple instead of one vector or structure, or the reverse.
+/// Returns a hint if the check has a tuple instead of one vector or structure, or a vector or structure instead
+/// of a tuple.
 fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
     let lanes = |shapes: &[Shape]| shapes.iter().flat_map(Shape::lanes).collect::<Vec<_>>();
     let apart = declared.len() != supplied.len() && lanes(declared) == lanes(supplied);

@@ -42,11 +42,12 @@ impl fmt::Display for Trend {
     }
 }
 
-/// The possible numbers of candidates for a case's second value. The case takes the candidate nearest to its
-/// first value. A single candidate may lie at the other end of the range. The nearest of 32 candidates is about
-/// 1/64 of the range away. A wide step shows a wrong slope, and a short step shows a bump. In three of four
-/// cases, Karat shortens the step by a random factor, down to 1/4096. Such short steps show a small jump
-/// backwards, which the slope hides over a wide step. They usually find a jump of 1/1000 of the range.
+/// The possible numbers of candidates for a case's second value. Karat uses the candidate nearest to the case's
+/// first value. The difference between the two values is the step. A single candidate may lie at the other end
+/// of the range. The nearest of 32 candidates is about 1/64 of the range away. A wide step shows a wrong slope,
+/// and a short step shows a bump. In three of four cases, Karat shortens the step by a random factor, down to
+/// 1/4096. Such short steps show a small jump backwards, which the slope hides over a wide step. They usually
+/// find a jump of 1/1000 of the range.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
 /// The largest number of attempts to sample a value that differs from the first value. A domain may be a list
@@ -116,7 +117,7 @@ impl Plan<'_> {
         let probed = Probed::in_valid(self.probe.package, &self.probe.name, &self.probe.overrides);
         let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
         let Some(varied) = varied else {
-            // The session meets the same error again, and records it.
+            // The session finds the same error again, and records it.
             return self.conclude(&asserted, stream, demand, &mut |session| {
                 argument.scalar(session.called.function())?;
                 session.called.vacuous(Vacuous::NoCases)

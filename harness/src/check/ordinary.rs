@@ -195,8 +195,8 @@ impl Plan<'_> {
         Ok(probed.function)
     }
 
-    /// Calls `then` with a value that the check needs before its first case. If `begun` is an error, the error
-    /// is the verdict, and Karat records it like other verdicts.
+    /// Calls `then` with the value in `begun`, which the check needs before its first case. If `begun` is an error,
+    /// the error is the verdict, and Karat records it like other verdicts.
     pub(super) fn with<T>(
         &self,
         begun: Result<T, Failure>,
@@ -225,9 +225,10 @@ impl Plan<'_> {
         let suited =
             |function: Function| match function.result.lanes().iter().any(|lane| lane.is_float()) {
                 true => Ok(function),
-                false => {
-                    Err(unsuited(&function, "which is always finite: this check couldn't fail"))
-                }
+                false => Err(unsuited(
+                    &function,
+                    "and this type is always finite, so the check can't fail",
+                )),
             };
         let begun = self.function().and_then(suited);
         let asserted = ("is_finite", statement);
@@ -254,7 +255,7 @@ impl Plan<'_> {
                 return Err(unsuited_range.of(&function));
             }
             if function.result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
-                return Err(unsuited(&function, "which isn't a number"));
+                return Err(unsuited(&function, "but this check needs a number"));
             }
             // Checks if the range contains every value of the integer type.
             let both = |least: f64, most: f64| range.contains(&least) && range.contains(&most);
@@ -432,7 +433,7 @@ mod tests {
         let above = (Bound::Excluded(2.0), Bound::Unbounded);
         assert_eq!(of([above; 2], &[single(7.0)]), 5.0);
         assert_eq!(of([above; 2], &[(Scalar::I32, (-7_i32).cast_unsigned())]), -9.0);
-        // Integers and floats have their own ranges. The smallest distance of all components counts.
+        // The range for integers differs from the range for floats. The smallest distance of all components counts.
         assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3)]), 5.0);
         assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3), single(0.5)]), 0.5);
         assert_eq!(of([OPEN, BELOW], &[single(0.5), single(7.0)]), 1.0);

@@ -54,7 +54,7 @@ pub(super) struct ScalarParameter {
 }
 
 impl ScalarParameter {
-    /// The value between `own` and `other` at a fraction of their distance, at least one step away from `own`.
+    /// Returns the value at a fraction of the way from `own` to `other`. The value always differs from `own`.
     pub(super) fn between(&self, own: u32, other: u32, fraction: f64) -> u32 {
         let (from, to) = (self.scalar.decode(own), self.scalar.decode(other));
         let at = from + fraction * (to - from);

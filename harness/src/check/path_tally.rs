@@ -7,7 +7,7 @@ use crate::judge::{Shown, Tally};
 use crate::path::{Adapter, Path};
 use crate::record::{Allowance, PathRecord};
 
-/// The summed judgements of one path's cases, and the data for showing its failures.
+/// The judgements of one path's cases, summed up, and the failing cases that a report shows.
 pub(super) struct PathTally {
     pub(super) adapter: Adapter,
     pub(super) path: Path,
@@ -17,7 +17,7 @@ pub(super) struct PathTally {
     pub(super) simplest: Option<Simplest>,
     /// One line that says for which arguments the function fails.
     pub(super) cause: Option<String>,
-    /// The comparison between the errors that WGSL allows and the tolerance.
+    /// The largest error that WGSL allows, compared with the tolerance.
     pub(super) allowed: Option<Allowance>,
     /// The cases for the plots in reports.
     sample: Option<Sample>,
@@ -111,7 +111,7 @@ impl PathTally {
         }
     }
 
-    /// Merges two tallies. There may be no earlier tally.
+    /// Merges the earlier tally, if there is one, with the later tally.
     pub(super) fn and(earlier: Option<Self>, later: Self) -> Self {
         match earlier {
             Some(earlier) => earlier.merge(later),

@@ -5,13 +5,15 @@ use super::session::Session;
 use crate::interpret::Bound;
 use crate::value::Scalar;
 
-/// The largest number of boxes that a proof examines. A box is a set of arguments.
+/// The largest number of boxes that a proof examines. A box is a set of arguments: each component has a range
+/// of values.
 const BOXES: usize = 4096;
 
 /// The number of boxes that the engine evaluates at a time.
 const TOGETHER: usize = 256;
 
-/// A box of arguments: all rows between a row of lower ends and a row of upper ends.
+/// A box: the lower ends of all components' ranges, and the upper ends. A row of arguments lies in the box if
+/// each component lies in its range.
 type Ends = [Vec<u32>; 2];
 
 impl Session<'_> {
@@ -52,7 +54,8 @@ impl Session<'_> {
     }
 }
 
-/// Cuts a box into halves across its longest side. `None` if the box contains a single row.
+/// Cuts a box into halves, in the middle of the component with the widest range. `None` if the box contains a
+/// single row.
 fn halves([from, to]: &Ends, scalars: &[Scalar]) -> Option<[Ends; 2]> {
     let length = |lane: &usize| {
         let [from, to] = [from, to].map(|row| scalars[*lane].decode(row[*lane]));
@@ -103,7 +106,7 @@ mod tests {
     use crate::package::Package;
     use crate::path::Path;
 
-    /// Lists the rows of a box of integers and booleans, as numbers.
+    /// Returns all rows that lie in a box of integers and booleans. Each row is a list of numbers.
     fn rows([from, to]: &Ends, scalars: &[Scalar]) -> Vec<Vec<i64>> {
         let mut all = vec![Vec::new()];
         for (lane, scalar) in scalars.iter().enumerate() {
@@ -120,7 +123,8 @@ mod tests {
         all
     }
 
-    /// Cuts boxes until each has one row. Checks that the result is all rows of the whole box, each row once.
+    /// Cuts a box into halves again and again, until each piece has one row. Checks that the pieces contain
+    /// each row of the whole box once.
     fn cut(whole: &Ends, scalars: &[Scalar]) {
         let (mut boxes, mut met) = (vec![whole.clone()], Vec::new());
         while let Some(one) = boxes.pop() {
@@ -143,7 +147,7 @@ mod tests {
         assert_eq!(met, rows(whole, scalars), "{scalars:?}");
     }
 
-    /// If a row is in neither half, the proof skips the row.
+    /// If a row were in neither half, the proof would skip this row.
     #[test]
     fn both_halves_of_an_integer_range_cover_each_row_once() {
         let end = |x: i32| x.cast_unsigned();
@@ -155,7 +159,7 @@ mod tests {
                 for length in 0..=8 {
                     let to = start.wrapping_add(length);
                     cut(&[vec![start], vec![to]], &[scalar]);
-                    // The cut goes across the longest side, wherever the side is among the arguments.
+                    // Karat cuts the component with the widest range, wherever it is among the arguments.
                     cut(&[vec![0, start], vec![1, to]], &[Scalar::Bool, scalar]);
                     cut(&[vec![start, 3], vec![to, 6]], &[scalar, Scalar::U32]);
                     cut(&[vec![end(-2), start], vec![1, to]], &[Scalar::I32, scalar]);
@@ -196,8 +200,8 @@ mod tests {
         assert_eq!(halves(&[vec![0], vec![0x3c00]], &[Scalar::F16]), None);
     }
 
-    /// If WGSL's bounds exceed the range, or if there are none, there is no proof, although the actual results
-    /// stay in the range. The proof gives up after some thousand boxes.
+    /// If WGSL's bounds exceed the range, or if WGSL sets no bounds, there is no proof, although the actual
+    /// results stay in the range. The proof gives up after some thousand boxes.
     #[test]
     fn there_is_no_proof_if_the_wgsl_bounds_exceed_the_range() {
         let package = Package::from_source(
@@ -220,7 +224,7 @@ mod tests {
         assert!(large.stays_within(0.0..=16_777_217.0).proved);
     }
 
-    /// A buffer's content in a test says nothing about its content in an application.
+    /// In an application, a buffer may contain other values than in the test.
     #[test]
     fn a_read_buffer_is_not_an_argument() {
         let package = Package::from_source(

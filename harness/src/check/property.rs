@@ -9,9 +9,9 @@ use super::session::Session;
 use crate::executor::Results;
 use crate::judge::{Judged, Shown, tally};
 
-/// The note beside `returned` for a case that also has changed arguments, marked with a prime.
-pub(super) const PRIMED: &str =
-    "returned for the arguments with a prime, expected for the arguments without a prime";
+/// The note beside `returned` for a case that also calls the function with changed arguments. The
+/// report marks changed arguments with a prime.
+pub(super) const PRIMED: &str = "returned for the arguments with a prime; expected: the result for the arguments without a prime";
 
 /// The parts of a failing case that a report shows.
 pub(super) struct Exhibit {

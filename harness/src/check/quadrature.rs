@@ -3,8 +3,8 @@
 //! The quadrature rule is a product: Gauss-Legendre in the cosine of the polar angle, and equal steps in the
 //! azimuth. The rule is accurate for smooth functions, but misses lobes that are narrower than its rings. So
 //! Karat computes each integral with two rules that have different numbers of rings. If the two integrals
-//! differ by more than the tolerance and one of them may pass, there is no verdict. Both rules miss a lobe that
-//! lies between the rings of both. For narrow lobes, use a rule with nodes in the lobe.
+//! differ by more than the tolerance and one of them may pass, there is no verdict. If a lobe lies between the
+//! rings of both rules, both rules miss the lobe. For narrow lobes, use a rule with nodes in the lobe.
 
 use std::f64::consts::TAU;
 
@@ -96,7 +96,7 @@ impl Directions {
         Self { rings: rings.max(4), ..self }
     }
 
-    /// The second rule, with fewer rings, which must confirm this rule.
+    /// The second rule, which has fewer rings. Its integral must agree with the integral by this rule.
     fn control(self) -> Self {
         Self { rings: self.rings - self.rings / 4, ..self }
     }
@@ -124,16 +124,17 @@ impl Directions {
 
 impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks the integral of a function over directions. The direction is the function's last argument. The
-    /// domain supplies the other arguments. Use `()` if there are none. The default is 256 cases.
+    /// domain supplies the other arguments. Use `()` as the domain if the function has no other arguments. The
+    /// default is 256 cases.
     ///
     /// Karat computes each integral with two rules that have different numbers of rings. If the errors of both
     /// integrals are larger than the difference between the integrals, the check fails. Otherwise, if the
     /// integrals differ by more than the tolerance, the check has no verdict and is an error. The function then
     /// has a lobe that is narrower than the rings.
     ///
-    /// Both rules miss a lobe that lies between the rings of both. The check then ignores the lobe. (The
-    /// innermost of 64 rings is 1.5 degrees from the pole.) For such lobes, and if there is no verdict, set
-    /// more [`rings`](Directions::rings), or use your own rule with [`integral`](super::Probe::integral).
+    /// If a lobe lies between the rings of both rules, both rules miss the lobe, and the check ignores it. (The
+    /// innermost of 64 rings is 1.5 degrees from the pole.) For such lobes, and if there is no verdict, set more
+    /// [`rings`](Directions::rings), or use your own rule with [`integral`](super::Probe::integral).
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -175,9 +176,9 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     }
 
     /// Checks that the integral over directions is at most a bound plus `slack`. The slack is an absolute
-    /// error. It must be at least as large as the rounding error and the difference between the two rules.
-    /// `bound` returns one number for all components, or one number for each component. For lobes that are
-    /// narrower than the rings, see [`integrates_to`](Self::integrates_to).
+    /// error. The slack must be at least as large as the rounding error and the difference between the two rules.
+    /// `bound` returns one number for all components, or one number for each component. For lobes that are narrower
+    /// than the rings, see [`integrates_to`](Self::integrates_to).
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -20,21 +20,21 @@ impl Session<'_> {
             } else if self.still_drawn(entry) {
                 rows.push(entry.words.clone());
             } else {
-                memory.ignore(entry, "the domain doesn't contain it now");
+                memory.ignore(entry, "the domain doesn't contain this input now");
             }
         }
         rows
     }
 
-    /// Checks if the domain still contains the value. Some domains can't tell. Then the same sampling and
+    /// Checks if the domain still contains the value. For a domain that can't tell, the same sampling and
     /// simplification as before must give the same value.
     fn still_drawn(&self, entry: &Entry) -> bool {
         let again = || Some(self.descend(&entry.descent)?.row == entry.words);
         self.stream.admits(&entry.words).unwrap_or_else(|| again() == Some(true))
     }
 
-    /// The cases of earlier failing integrals that the domain still contains: the same sampling and
-    /// simplification gives the same case.
+    /// The cases of integrals that failed earlier. Leaves out a case if the same sampling and
+    /// simplification as before gives another case now.
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, Held)> {
         let Some(memory) = self.memory else { return Vec::new() };
         let mut found = Vec::new();
@@ -43,7 +43,7 @@ impl Session<'_> {
                 Some(value) if entry.comment == format!("case = {}", value.shown()) => {
                     found.push((entry.descent.clone(), value));
                 }
-                _ => memory.ignore(entry, "the domain doesn't contain it now"),
+                _ => memory.ignore(entry, "the domain doesn't contain this input now"),
             }
         }
         found

@@ -16,8 +16,8 @@ pub(super) struct Sample {
     scalars: Vec<Scalar>,
     rows: Vec<Vec<u32>>,
     ratios: Vec<f64>,
-    /// The index of the worst and the first failing case, which follow the other cases. Karat picked the other
-    /// cases independently of their errors.
+    /// The number of cases that Karat picked independently of their errors. The worst case and the first
+    /// failing case follow these cases.
     chosen: usize,
 }
 

@@ -40,9 +40,9 @@ const CONFIGURATIONS: u64 = 16;
 /// configurations.
 const ENUMERATED: u64 = 4096;
 
-/// The number of samples per configuration if the check sets no number. Each of 512 cells then gets 512 samples
-/// on average. If the density is wrong by 3 % in every cell, the check accepts the density in only one of 10^9
-/// runs.
+/// The number of samples per configuration if the check sets no number. With this number, each of 512 cells
+/// gets 512 samples on average. If the density is wrong by 3 % in every cell, the check accepts the density in
+/// only one of 10^9 runs.
 const SAMPLES: u64 = 1 << 18;
 
 /// The default probability that a check rejects a correct sampler, for one seed. Mitsuba uses the same value.
@@ -244,8 +244,8 @@ impl std::fmt::Display for Fit {
         let Self { function, configurations, samples, p, threshold, .. } = self;
         write!(
             f,
-            "{function}: {configurations} configurations with {samples} samples each pass, \
-             smallest p {p:.2e} (threshold {threshold:.2e})"
+            "{function}: {configurations} configurations pass, with {samples} samples each; the \
+             smallest p is {p:.2e} (threshold {threshold:.2e})"
         )
     }
 }
@@ -301,7 +301,7 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Hides the sampler's types from `then`. So the compiler compiles `then` only once.
+    /// Calls `then` with a sampler that has a fixed type. So the compiler compiles `then` only once.
     fn with_sampler<T>(&self, then: impl FnOnce(Sampled<'_, '_>) -> T) -> T {
         then(Sampled {
             plan: &self.plan,

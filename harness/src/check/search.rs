@@ -1,5 +1,5 @@
-//! Searches for arguments with a result that reaches an excluded value. The search begins at the cases with
-//! results nearest to that value.
+//! Searches for arguments with a result that reaches an excluded value, such as the end of a half-open range.
+//! The search begins at the cases with results nearest to that value.
 
 use std::collections::HashSet;
 
@@ -10,12 +10,13 @@ use super::session::Session;
 use crate::probe::Inputs;
 use crate::value::Scalar;
 
-/// The number of cases that a search examines first, and the number of nearest cases that it follows.
+/// The number of cases that a search examines first. From then on, each round of the search begins at the
+/// `FOLLOWED` rows with the nearest results.
 const LOOKED_AT: u64 = 4096;
 const FOLLOWED: usize = 8;
 
-/// The largest number of rounds in a search, and the number of rounds without a nearer result after which the
-/// search ends.
+/// The largest number of rounds in a search. The search also ends after more than `PATIENCE` rounds without a
+/// nearer result.
 const ROUNDS: usize = 24;
 const PATIENCE: usize = 3;
 
@@ -93,8 +94,8 @@ impl Session<'_> {
         Ok(Err(near))
     }
 
-    /// Returns rows that differ from `row` in one number. That number is multiplied by a power of two, changed
-    /// by some ulp, or nearer to an integer.
+    /// Returns rows that differ from `row` in one number. In these rows, the number is multiplied by a power
+    /// of two, changed by some ulp, or moved nearer to an integer.
     fn neighbours(&self, row: &[u32]) -> Vec<Vec<u32>> {
         let mut all = Vec::new();
         for (lane, scalar) in self.called.argument_scalars().iter().enumerate().take(row.len()) {
@@ -117,7 +118,7 @@ impl Session<'_> {
         all
     }
 
-    /// Simplifies failing arguments as long as they still fail.
+    /// Simplifies failing arguments as long as the simpler arguments also fail.
     fn simplified(
         &self,
         row: Vec<u32>,

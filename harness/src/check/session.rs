@@ -44,14 +44,14 @@ pub(super) struct Asserted {
     /// The tolerance, or the statement.
     pub(super) text: String,
     pub(super) expectation: Expectation,
-    /// `true` if later runs try failing arguments again.
+    /// `true` if Karat stores failing arguments, so that later runs try them again.
     pub(super) remembers: bool,
     pub(super) explained: Explained,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Explained {
-    /// No notes, because the verb compares several calls, or calls with other arguments.
+    /// No notes, because the verb compares the results of several calls, or changes the case's arguments.
     Nothing,
     /// The results that WGSL allows for the case's arguments.
     ByBounds,
@@ -95,8 +95,8 @@ pub(super) type JudgeBatch<'j> =
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 
 impl<'a> Session<'a> {
-    /// Returns an error if `tested` is `false`. Such a check tests nothing, so it can't fail. A failing check
-    /// and a replay of a single case never cause this error.
+    /// Returns the tally if `tested` is `true`, if a case fails, or if a replay runs a single case. Otherwise
+    /// the check compared nothing that could fail, so the function returns the error `otherwise`.
     pub(super) fn expect_tested(
         &self,
         tested: bool,

@@ -55,7 +55,8 @@ impl Session<'_> {
     }
 }
 
-/// Finds the first failing value. In each call of `judge`, the indices begin at 0.
+/// Finds the first failing value. Returns its index in `values`, and its failure. In each call of `judge`, the
+/// indices begin at 0.
 fn first_failing(
     values: &[Held],
     effort: Effort,
@@ -74,7 +75,7 @@ fn first_failing(
                 from = to;
                 size *= 4;
             }
-            // One of the values gives an error. Halving the set of values finds this value, and the loop skips
+            // One of the values causes an error. Halving the set of values finds this value, and the loop skips
             // it.
             Err(_) if errors == ERRORS => return None,
             Err(_) => {

@@ -17,12 +17,13 @@ use crate::run::or_panic;
 use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
 
-/// A statement that is only about results. Karat can prove it for all arguments, or search for arguments that
-/// violate it.
+/// A statement that is only about results. Karat can prove such a statement for all arguments, or search for
+/// arguments that violate the statement.
 pub(super) struct Beyond<'b> {
-    /// The distance between a result and an excluded value. `None` if there is nothing to search for.
+    /// The distance between a result and an excluded value. `None` if the statement excludes no value. Karat
+    /// then doesn't search.
     pub(super) distance: Option<Distance<'b>>,
-    /// Checks if the statement holds for each result between the bounds of its components.
+    /// Checks if the statement holds for every result with components within these bounds.
     pub(super) holds: &'b dyn Fn(&[Bound]) -> bool,
 }
 

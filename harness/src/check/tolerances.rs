@@ -28,7 +28,7 @@ impl Tolerances {
     }
 }
 
-/// Returns an error if a path has its own tolerance, because the verb takes none.
+/// Returns an error if a path has its own tolerance, because the verb has no tolerance.
 pub(super) fn expect_none(
     on: &Selected<Tolerance>,
     check: &'static str,

@@ -4,7 +4,8 @@ use super::Parameter;
 use crate::domain::Emptiness;
 use crate::output::counted;
 
-/// The largest number of cases of a check: the number of `f32` values. So many cases take minutes.
+/// The largest number of cases of a check: 2^32, the number of `f32` values. A check with this many cases
+/// takes minutes.
 pub(super) const MOST_CASES: u64 = 1 << 32;
 
 /// The reason why a check has nothing to judge, or can't fail.
@@ -31,7 +32,7 @@ pub enum Vacuous {
     )]
     Filtered,
     /// A replay selects a case that doesn't exist.
-    #[error("has {}, but no case with index {case} (KARAT_CASE)", counted(*count, "case"))]
+    #[error("has {}, but no case with index {case}, which KARAT_CASE selects", counted(*count, "case"))]
     NoSuchCase {
         /// The number of cases.
         count: u64,
@@ -42,7 +43,7 @@ pub enum Vacuous {
     #[error("no longer has the simpler value that the steps of KARAT_CASE select")]
     NoSuchStep,
     /// A replay supplies another number of words than a case has.
-    #[error("has values of {}, but KARAT_INPUT has {found}", counted(*expected, "word"))]
+    #[error("has cases of {}, but KARAT_INPUT has {found}", counted(*expected, "word"))]
     Words {
         /// The number of words of a case.
         expected: usize,
@@ -57,11 +58,11 @@ pub enum Vacuous {
         /// The number of compared cases.
         compared: u64,
     },
-    /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the other tolerance judged every
-    /// case.
+    /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the tolerance after `or` judged
+    /// every case.
     #[error(
-        "has no case in which WGSL's bounds are narrow enough for the test: use only the other \
-         tolerance"
+        "has no case in which WGSL's bounds are narrow enough for the test: use only the \
+         tolerance after `or`"
     )]
     Ungranted,
     /// A transformation changes no argument of any case.
@@ -71,14 +72,14 @@ pub enum Vacuous {
     #[error("has no case that a rotation changes")]
     Unrotated,
     /// The domain has no two different values of an argument.
-    #[error("has only one value of {0}")]
+    #[error("has only one value for {0}")]
     OneValue(Parameter),
     /// No result changes with the argument.
     #[error("has no case in which {0} changes the result by more than the tolerance")]
     Constant(Parameter),
     /// Every result is within the tolerance of its limit already at the first step.
     #[error(
-        "has only cases with results at the limit already at the first step, {argument} = {step}: begin farther away"
+        "has only cases with results that are at the limit at the first step, {argument} = {step}: begin with a step farther away"
     )]
     AtLimit {
         /// The argument that approaches the limit.
@@ -88,8 +89,8 @@ pub enum Vacuous {
     },
     /// All results are so small that drivers may flush them to 0.
     #[error(
-        "has only cases with results below the smallest normal f32, 1.2e-38: drivers may flush them all \
-         to 0, so there is nothing to compare"
+        "has only cases with results below the smallest normal f32, 1.2e-38: drivers may turn all of \
+         these results into 0, so the check would compare nothing"
     )]
     Flushed,
     /// No case evaluates an expectation.
@@ -98,7 +99,7 @@ pub enum Vacuous {
     /// The significance isn't between 0 and 1.
     #[error("has a significance of {0}, which isn't between 0 and 1")]
     Significance(f64),
-    /// The tolerance for a density's integral has an unusable bound.
+    /// The argument of `.mass_within(...)` isn't a finite number of at least 0.
     #[error("has `.mass_within({0})`, which isn't a finite number of at least 0")]
     Mass(f64),
     /// The interval of the samples has no finite length.

@@ -44,8 +44,8 @@ impl Package {
     }
 }
 
-/// The results of naga, and of Tint if it ran, as paths. Each module counts as a case. Empty if there are no
-/// modules.
+/// The results of naga, and of Tint if Tint ran. In the record, each compiler is a path, and each module is a
+/// case. Empty if there are no modules.
 fn paths(result: &Result<Validated, Invalid>, modules: usize) -> Vec<PathRecord> {
     let (errors, opinion) = match result {
         Ok(found) => (&[][..], &found.opinion),

@@ -26,7 +26,8 @@ pub struct WgslTest {
     pub span: Span,
     /// The number in `@cases`.
     pub cases: Option<u64>,
-    /// The `@over` of each parameter, if it has one: the words and numbers in the `@over`, and its place.
+    /// For each parameter, the words and numbers in its `@over`, and the place of the `@over`. `None` for a
+    /// parameter without `@over`.
     pub over: Vec<Option<(Vec<String>, Span)>>,
     /// The normalised text of the test and of everything that the test uses.
     normalized_text: Option<String>,
@@ -203,8 +204,8 @@ impl WgslTest {
 }
 
 /// Tests of one module that run together in one kernel. Compiling one kernel with several tests is much faster
-/// than compiling several kernels. If a test doesn't pass there, Karat runs that test again in its own kernel,
-/// and reports the result of the second run.
+/// than compiling several kernels. If a test doesn't pass in the shared kernel, Karat runs that test again in
+/// its own kernel, and reports the result of the second run.
 #[derive(Debug)]
 pub struct TestGroup {
     package: Package,

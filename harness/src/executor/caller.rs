@@ -49,7 +49,7 @@ pub struct Results {
 }
 
 impl<'e> Caller<'e> {
-    /// Prepares a function on an executor. A dispatch has room for `calls` calls.
+    /// Prepares a function on an executor, for up to `calls` calls in each dispatch.
     pub fn new(
         executor: &'e dyn Executor,
         probed: Cow<'e, Probed>,

@@ -82,7 +82,7 @@ impl Prepared for Ready {
     }
 }
 
-/// A prepared function for which each case must run alone, because other cases would see its writes.
+/// A prepared function that runs one case at a time, because a case would see the writes of earlier cases.
 #[derive(Debug)]
 struct ReadyAlone {
     function: Alone,

@@ -5,11 +5,11 @@ use crate::interpret::{Alone, Interpreted};
 use crate::path::{Device, MOST_ROUNDS, PathError};
 use crate::probe::{Call, Prepared, ProbeError, Started, VECTOR};
 
-/// The number of iterations that each case may take. A driver runs several cases together as a vector, and its
-/// limit applies to their sum.
+/// The number of iterations that each case may take. A driver runs several cases together as a vector, and
+/// limits the sum of their iterations.
 const ROUNDS: u64 = MOST_ROUNDS / VECTOR as u64;
 
-/// A function in the engine, which watches its loops.
+/// A function that the engine executes. The engine counts the iterations of the function's loops.
 enum Watcher {
     Together(Interpreted),
     Alone(Alone),
@@ -39,7 +39,7 @@ impl Watcher {
     }
 }
 
-/// A function on a driver. The engine runs each batch of its cases before the driver.
+/// A function on a driver. The engine runs each batch of cases before the driver runs the batch.
 struct Guarded<'e> {
     prepared: Box<dyn Prepared + 'e>,
     function: Watcher,
@@ -72,10 +72,11 @@ impl Prepared for Guarded<'_> {
     }
 }
 
-/// Guards a function that may have an endless loop, which means that its IR shows no bound for a loop. Then the
-/// engine runs each batch first, if it can. Some drivers silently stop long loops. For them, kernels usually
-/// count their own iterations. If a function's cases run alone or are quads, its kernel can't count, so the
-/// engine must run each batch first. If the engine can't run such a function, that is an error.
+/// Guards a function that may have an endless loop, because the function's IR shows no bound for a loop. The
+/// engine runs each batch before the driver does, if the engine can run the function. Some drivers silently
+/// stop long loops. On such drivers, kernels usually count their own iterations. If a function's cases run
+/// alone or are quads, its kernel can't count, so the engine must run each batch first. If the engine can't run
+/// such a function, that is an error.
 pub(super) fn guarded<'e>(
     device: &'e Device,
     call: &Call<'_>,
@@ -109,8 +110,8 @@ pub(super) fn guarded<'e>(
 fn unwatched(device: &Device, of: &str, error: &ProbeError) -> ProbeError {
     let driver = &device.adapter().name;
     let message = format!(
-        "{of} has a loop without a visible bound. {driver} silently stops loops after {MOST_ROUNDS} rounds, \
-         and Karat's engine, which could count the rounds, can't run {of}: {error}"
+        "{of} has a loop without a visible bound. {driver} silently stops loops after {MOST_ROUNDS} rounds. \
+         Karat's engine could count the rounds, but can't run {of}: {error}"
     );
     PathError::Route { path: device.path(), message }.into()
 }

@@ -8,8 +8,8 @@ use crate::path::{Path, PathError};
 use crate::probe::evidence::{self, Evidence, canary};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The largest number of cases in a job, and of words in their arguments or results. Such a job is some
-/// megabytes of JSON.
+/// The largest number of cases in a job, and the largest number of words in the arguments or results of these
+/// cases. A job with so many words is some megabytes of JSON.
 const BATCH: usize = 4096;
 const WORDS: usize = 1 << 19;
 
@@ -36,8 +36,8 @@ pub(super) fn prepare<'e>(
     let Call { probed, fixtures, cases } = *call;
     let form = &probed.function().form;
     if form.fragment {
-        let message = "it takes derivatives, or discards and writes, so it runs only on drawn pixels: only \
-                       wgpu's drivers and Karat's engine draw pixels for it";
+        let message = "the function takes derivatives, or discards and writes, so it runs only on drawn \
+                       pixels, and only wgpu's drivers and Karat's engine draw pixels";
         return Err(PathError::Route { path, message: message.to_owned() }.into());
     }
     let kernel = KernelJobs::new(probed, fixtures)?;
@@ -68,8 +68,8 @@ impl ByJobs<'_> {
         Ok((words, outputs))
     }
 
-    /// Runs all cases: together, or each case in its own job if `alone`. Returns the results' words, and the
-    /// values that each case wrote into resources.
+    /// Runs all cases in one job, or each case in its own job if `alone` is set. Returns the results' words,
+    /// and the values that each case wrote into resources.
     fn over(
         &self,
         cases: usize,
@@ -176,8 +176,9 @@ fn done(
             if found == expected {
                 return Ok(outputs);
             }
-            let message =
-                format!("it returned outputs of {found:?} words, but the job needs {expected:?}");
+            let message = format!(
+                "the executor returned outputs of {found:?} words, but the job needs {expected:?}"
+            );
             Err(PathError::Driver { path, message })
         }
         Reply::Refused(problem) => {
@@ -276,11 +277,14 @@ mod tests {
         assert!(other.contains("wrote no result for 1 of 3 cases"), "{other}");
         let short = error(&|_, outputs| outputs[0].truncate(8));
         assert!(
-            short.contains("it returned outputs of [8] words, but the job needs [9]"),
+            short.contains("the executor returned outputs of [8] words, but the job needs [9]"),
             "{short}"
         );
         let none = error(&|_, outputs| outputs.clear());
-        assert!(none.contains("it returned outputs of [] words, but the job needs [9]"), "{none}");
+        assert!(
+            none.contains("the executor returned outputs of [] words, but the job needs [9]"),
+            "{none}"
+        );
     }
 
     /// A result may equal the poison. Karat then computes the result again with another poison.
@@ -339,7 +343,7 @@ mod tests {
         assert_eq!(sampler.lod, (0.5, 32.0));
     }
 
-    /// In a job, a storage texture has its format, even if the first pass doesn't store it.
+    /// In a job, a storage texture has its format, even if the first pass doesn't write the texture.
     #[test]
     fn a_texture_that_a_later_pass_stores_has_its_format() {
         let text = "@group(0) @binding(0) var read: texture_2d<f32>;

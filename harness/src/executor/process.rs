@@ -22,11 +22,16 @@ impl Executor for Process {
         let line = job.line(self.can(Ability::Packed));
         self.ask(&line, |answer| {
             let read: Answer = serde_json::from_str(answer).map_err(|error| {
-                format!("it wrote a line that isn't an answer: {} ({error})", one_line(answer))
+                format!(
+                    "the executor wrote a line that isn't an answer: {} ({error})",
+                    one_line(answer)
+                )
             })?;
             match read.id == job.id {
                 true => Ok(read.reply),
-                false => Err(format!("it answered job {} instead of job {}", read.id, job.id)),
+                false => {
+                    Err(format!("the executor answered job {} instead of job {}", read.id, job.id))
+                }
             }
         })
     }

@@ -134,7 +134,7 @@ const VECTORS: [(&str, usize, usize); 11] = [
     ("f32(bitcast<u32>(a) >> 9u)", 1, 90),
 ];
 
-/// Expressions of several operations. Drivers choose the order in which they evaluate them.
+/// Expressions of several operations. Drivers choose the order in which they evaluate the operations.
 const PROGRAMS: [(&str, usize, usize); 12] = [
     ("(b + b) - 3.0", 2, 90),
     ("(a - b) + 1.0", 2, 60),
@@ -190,11 +190,11 @@ const KNOWN: [(&str, &str, &str); 5] = [
     (
         "gl",
         "asin(a)",
-        "its polynomial is off by 1.3e-4, where 6.77e-5 or atan2's 4096 ulp are allowed",
+        "Mesa's asin errs by up to 1.3e-4, but WGSL allows 6.77e-5 or the 4096 ulp of atan2",
     ),
-    ("vulkan", "mat2x2f", "a c + c a is computed as c (a + a), which overflows"),
+    ("vulkan", "mat2x2f", "Mesa computes a c + c a as c (a + a), which overflows"),
     ("gl", "mat2x2f", "as on vulkan"),
-    ("gl", "dot(vec3f", "c is factored out of b c + c a, which cancels elsewhere"),
+    ("gl", "dot(vec3f", "Mesa computes b c + c a as c (b + a), which loses digits"),
     ("gl", "f32(i32(a))", "naga's GLSL converts floats that are out of range without clamping"),
 ];
 
@@ -240,10 +240,10 @@ fn unsound_of(
     let mut found = Vec::new();
     let judge = |found: &mut Vec<String>, who: &str, values: &[f64], slack: f64| {
         let (bounded, wrong) = outside(&bounds, values, slack);
-        assert!(bounded * 100 >= CASES * share, "{text}: only {bounded} of {CASES} are bounded");
+        assert!(bounded * 100 >= CASES * share, "{text}: only {bounded} of {CASES} have bounds");
         if let Some(case) = wrong.first() {
             let (count, value) = (wrong.len(), values[*case]);
-            found.push(format!("{text} on {who}: {count} outside: {value} of {}", shown(*case)));
+            found.push(format!("{text} on {who}: {count} are wrong: {value} for {}", shown(*case)));
         }
     };
     for executor in executors {
@@ -273,8 +273,8 @@ fn unsound_of(
             found.truncate(before);
         }
     }
-    // A function with jumps may jump at another place in double precision. So the test skips such functions
-    // there.
+    // In double precision, a function with jumps may jump at another argument. So the test skips such functions
+    // in double precision.
     let jumps =
         ["%", "floor", "ceil", "round", "trunc", "fract", "step(", "i32", "bitcast", "select", "<"];
     if !jumps.iter().any(|jump| text.contains(jump)) {

@@ -171,7 +171,8 @@ impl KernelJobs {
         self.probed.kernel.largest_batch().unwrap_or(usize::MAX)
     }
 
-    /// The number of words in a case's arguments, and in its results without the canary.
+    /// The number of words in a case's arguments, and the number of words in a case's results, without the
+    /// canary.
     pub(crate) fn words(&self) -> (usize, usize) {
         self.probed.kernel.words()
     }
@@ -181,7 +182,8 @@ impl KernelJobs {
         self.probed.program().resolve(bytes)
     }
 
-    /// Decodes the components of the written resources. `outputs` has the job's outputs after the results.
+    /// Decodes the components of the written resources. `outputs` contains the job's outputs, except the first
+    /// output, which contains the results.
     pub(crate) fn written(&self, outputs: &[Vec<u32>]) -> Vec<u32> {
         let lanes = |((_, binding), words): (&(usize, Binding), &Vec<u32>)| {
             self.probed.program().lanes_of_words(binding, words)

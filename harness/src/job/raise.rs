@@ -20,7 +20,7 @@ type Draw<'b> = &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>;
 enum Unraised {
     Dispatch(DispatchError),
     Draw(DrawError),
-    /// The job contradicts itself, or this program can't read it.
+    /// The job contradicts itself, or this program can't read the job.
     Job(String),
 }
 
@@ -47,7 +47,7 @@ pub(crate) fn run(job: &Job, dispatch: Dispatch<'_>, draw: Draw<'_>) -> Reply {
         _ if job.jobs != JOBS => {
             let theirs = job.jobs;
             Err(Unraised::Job(format!(
-                "the job has version {theirs}, and this program reads version {JOBS}"
+                "the job has version {theirs}, but this program reads version {JOBS}"
             )))
         }
         Work::Passes(passes) => dispatched(job, passes, dispatch),
@@ -117,7 +117,7 @@ impl Resource {
 fn bound(bindings: &[Bound], binding: &Binding) -> Result<usize, Unraised> {
     let at = (binding.group != Binding::NOWHERE).then_some([binding.group, binding.binding]);
     let found = bindings.iter().find(|bound| bound.at == at);
-    let missing = || Unraised::Job(format!("the job binds nothing to `{}`", binding.path));
+    let missing = || Unraised::Job(format!("the job binds no resource to `{}`", binding.path));
     found.map(|bound| bound.resource).ok_or_else(missing)
 }
 
@@ -232,14 +232,14 @@ mod tests {
             (
                 r#""jobs": 1"#,
                 r#""jobs": 2"#,
-                "the job has version 2, and this program reads version 1",
+                "the job has version 2, but this program reads version 1",
             ),
             (
                 r#""jobs": 1"#,
                 r#""jobs": 0"#,
-                "the job has version 0, and this program reads version 1",
+                "the job has version 0, but this program reads version 1",
             ),
-            ("[0, 0], \"resource", "[0, 1], \"resource", "the job binds nothing to `pass0::x`"),
+            ("[0, 0], \"resource", "[0, 1], \"resource", "the job binds no resource to `pass0::x`"),
             (r#""resource": 0"#, r#""resource": 1"#, "the job has no resource 1"),
             ("[0, 0]}}", "[0]}}, {\"buffer\": {\"words\": [1]}}", "no pass uses resource 1"),
             (r#""outputs": [0]"#, r#""outputs": [0, 1]"#, "no pass writes resource 1"),

@@ -55,14 +55,17 @@ impl<'de> Visitor<'de> for Words {
     type Value = Vec<u32>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a list of words, or base64 of their bytes")
+        f.write_str("a list of u32 numbers, or their bytes in base64")
     }
 
     fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
         let bytes = STANDARD.decode(text).map_err(E::custom)?;
         let words = bytes.chunks_exact(4);
         if !words.remainder().is_empty() {
-            return Err(E::custom(format!("{} bytes aren't a multiple of 4", bytes.len())));
+            return Err(E::custom(format!(
+                "the base64 text has {} bytes, which isn't a multiple of 4",
+                bytes.len()
+            )));
         }
         Ok(words.map(|word| u32::from_le_bytes(word.try_into().expect("four"))).collect())
     }

@@ -15,8 +15,8 @@ use super::route::{self, Foreign, Routed};
 use super::{Adapter, Api, Path, PathError, driver, guard_opening};
 use crate::settings;
 
-/// The number of loop rounds after which Mesa's llvmpipe leaves all loops of an invocation, on Vulkan and on GL. It is
-/// `LP_MAX_TGSI_LOOP_ITERATIONS` in Mesa's sources.
+/// The number of loop rounds after which Mesa's llvmpipe stops all loops of an invocation, on Vulkan and on GL. Mesa's
+/// sources call this number `LP_MAX_TGSI_LOOP_ITERATIONS`.
 pub(crate) const MOST_ROUNDS: u64 = 65_535;
 
 /// A shader that Karat compiles to test a driver's compute support. On OpenGL 3.3, wgpu reports compute shaders if the
@@ -58,8 +58,8 @@ impl Pipeline {
         self.foreign.is_some()
     }
 
-    /// The group and the binding in the pipeline for a resource's group and binding in WGSL. Returns `None` if the
-    /// pipeline doesn't use the resource.
+    /// Finds a resource by its group and binding in WGSL. Returns the resource's group and binding in the pipeline, or
+    /// `None` if the pipeline doesn't use the resource.
     pub(crate) fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         match &self.foreign {
             None => Some((group, binding)),
@@ -68,7 +68,7 @@ impl Pipeline {
     }
 }
 
-/// The right to call the driver, which one thread at a time has. See [`Device::turn`].
+/// The right to call the driver. Only one thread at a time has this right. See [`Device::turn`].
 pub(crate) type Turn<'d> = Option<ReentrantMutexGuard<'d, ()>>;
 
 impl Device {
@@ -82,7 +82,7 @@ impl Device {
             return Err(unavailable(reason));
         }
         if !exists(path) {
-            return Err(unavailable("this platform doesn't support it".to_owned()));
+            return Err(unavailable("this operating system doesn't have this API".to_owned()));
         }
         let _deadline = guard_opening(path);
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
@@ -115,18 +115,18 @@ impl Device {
                     format!("no adapter's name contains `{wanted}` (KARAT_ADAPTER)")
                 }
                 (None, None) => {
-                    "no adapter found: no driver is installed, or none loads".to_owned()
+                    "no adapter found: no driver is installed, or no driver loads".to_owned()
                 }
             })
         })?;
         let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
         if !adapter.get_downlevel_capabilities().flags.contains(compute) {
-            return Err(unavailable("its driver has no compute shaders".to_owned()));
+            return Err(unavailable("the driver can't run compute shaders".to_owned()));
         }
         let needed = route::features(path);
         if !adapter.features().contains(needed) {
             return Err(unavailable(
-                "wgpu can't pass the route's shaders to its driver".to_owned(),
+                "wgpu can't pass the route's shaders to this driver".to_owned(),
             ));
         }
         let optional = wgpu::Features::SHADER_F16
@@ -190,8 +190,8 @@ impl Device {
             && opened.compute_pipeline(NO_WORK, "work", &Overrides::default()).is_err()
         {
             true => Err(unavailable(format!(
-                "wgpu can't compile compute shaders for it: OpenGL needs version 4.3, OpenGL ES needs 3.1, but \
-                 this driver has {}",
+                "wgpu can't compile compute shaders for this driver: they need OpenGL 4.3 or OpenGL ES 3.1, but \
+                 the driver has {}",
                 opened.adapter.driver
             ))),
             false => Ok(opened),
@@ -242,13 +242,13 @@ impl Device {
         let driver = &self.adapter.name;
         diagnostic
             .note(format!(
-                "{driver} stops all loops of an invocation after {MOST_ROUNDS} rounds together, and continues with \
+                "{driver} stops the loops of an invocation after {MOST_ROUNDS} rounds in total, and continues with \
                  the current values"
             ))
             .note("use fewer rounds, or run on a driver without this limit")
     }
 
-    /// The smallest and the largest subgroup size. It is `None` if the device has no subgroups.
+    /// The smallest and the largest subgroup size. `None` if the device has no subgroups.
     pub(crate) fn subgroups(&self) -> Option<[u32; 2]> {
         self.subgroups
     }
@@ -277,7 +277,7 @@ impl Device {
         self.color_format
     }
 
-    /// Runs `work`. Fails if wgpu reports an error meanwhile.
+    /// Runs `work`. Returns an error if wgpu reports an error while `work` runs.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T, PathError> {
         self.watched(work).map_err(|error| self.failed(&error))
     }
@@ -310,7 +310,7 @@ impl Device {
         }
     }
 
-    /// The compute pipeline of a kernel. It is compiled once for each WGSL text.
+    /// The compute pipeline of a kernel. Karat compiles the pipeline once for each WGSL text.
     pub(crate) fn compute_pipeline(
         &self,
         wgsl: &str,
@@ -454,7 +454,7 @@ fn backends(path: Path) -> wgpu::Backends {
 }
 
 /// The rank of an adapter: hardware first, and software rasterisers last. Of the rasterisers, Mesa's is first, because
-/// most machines have it. To use another one, name it in the path.
+/// most machines have it. To use another rasteriser, name the rasteriser in the path.
 fn preference(info: &wgpu::AdapterInfo) -> (u8, bool) {
     let kind = match info.device_type {
         wgpu::DeviceType::DiscreteGpu => 0,

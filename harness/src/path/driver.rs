@@ -41,8 +41,8 @@ const LLVMPIPE: &str = "llvmpipe";
 /// Google's software rasteriser, which is a part of Chromium.
 const SWIFTSHADER: &str = "swiftshader";
 
-/// Pairs of a name's part and a driver family. The name is a driver's or an adapter's. Software rasterisers come first,
-/// because their names may also contain the processor's name.
+/// Pairs of a text and a driver family. A driver belongs to the family if the name of the driver or of its adapter
+/// contains the text. Software rasterisers come first, because their names may also contain the processor's name.
 const FAMILIES: [(&str, &str); 17] = [
     ("llvmpipe", LLVMPIPE),
     ("swiftshader", SWIFTSHADER),
@@ -67,8 +67,8 @@ pub(super) fn families() -> impl Iterator<Item = &'static str> {
     FAMILIES.iter().map(|(_, family)| *family)
 }
 
-/// The family for the names of an adapter and its driver. For an unknown driver, it is the first word of the adapter's
-/// name.
+/// The family for the names of an adapter and its driver. For an unknown driver, the family is the first word of the
+/// adapter's name.
 pub(super) fn family(name: &str, driver: &str) -> String {
     let text = format!("{driver} {name}").to_lowercase();
     let known = FAMILIES.iter().find(|(mark, _)| text.contains(mark));
@@ -77,8 +77,8 @@ pub(super) fn family(name: &str, driver: &str) -> String {
 }
 
 impl Adapter {
-    /// The driver family of the adapter: `llvmpipe`, `nvidia`, `amd`. For an unknown driver, it is the first word of
-    /// the adapter's name.
+    /// The driver family of the adapter: `llvmpipe`, `nvidia`, `amd`. For an unknown driver, the family is the first
+    /// word of the adapter's name.
     ///
     /// ```no_run
     /// use karat::Path;

@@ -40,7 +40,7 @@ async function answered(device, job) {
     return { id: job.id, reply: failed || reply };
 }
 
-// An error about the shader, before any part of it ran.
+// Makes an error which says that the shader was refused before any part of the shader ran.
 function refusal(message, pass, bytes) {
     return Object.assign(new Error(message), { refused: true, pass, bytes });
 }
@@ -59,7 +59,8 @@ async function compiled(device, wgsl, number) {
     return module;
 }
 
-// Pipelines by their texts. A function's cases come in many jobs, and compiling takes longer than running.
+// Stores pipelines. Each key contains the shader's text. A function's cases come in many jobs, and compiling takes
+// longer than running.
 const pipelines = new Map();
 const MOST_PIPELINES = 32;
 
@@ -91,7 +92,7 @@ function bind(device, pipeline, pass, bindings, held) {
 }
 
 async function run(device, { jobs, resources, outputs, work }) {
-    if (jobs !== 1) throw new Error(`it reads jobs of version 1, but this job has version ${jobs}`);
+    if (jobs !== 1) throw new Error(`this program reads jobs of version 1, but the job has version ${jobs}`);
     const held = resources.map((resource) => hold(device, resource));
     const encoder = device.createCommandEncoder();
     if (work.frame) {
@@ -138,8 +139,8 @@ async function draw(device, encoder, frame, held) {
     const { width, height, samples, clear, result } = frame;
     // If the fragment function decides the depth, the pre-pass must run it, too.
     const decides = frame.prepass && (/\bdiscard\b|frag_depth/.test(frame.shader.wgsl) || frame.draws.some(({ draw: one }) => one.depth_fragment));
-    if (decides) throw refusal('it runs no fragment functions in the depth pre-pass', 0);
-    if (result === 'depth' && samples > 1) throw refusal('it reads no depth images with several samples', 0);
+    if (decides) throw refusal('this program runs no fragment functions in the depth pre-pass', 0);
+    if (result === 'depth' && samples > 1) throw refusal('this program reads no depth images with several samples', 0);
     const module = await compiled(device, frame.shader.wgsl, 0);
     const blending = (state, target) => state.blends.findLast(([own]) => own === target)?.[1] ?? state.blend ?? frame.blend;
     const wide = samples === 1 && (device.features.has('float32-blendable')
@@ -155,7 +156,7 @@ async function draw(device, encoder, frame, held) {
     const resolved = samples > 1 ? formats.map((format) => texture(format, 1)) : colours;
     const hasStencil = frame.draws.some(({ draw: { state } }) => state.stencil);
     const depthFormat = hasStencil ? 'depth32float-stencil8' : 'depth32float';
-    if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('its adapter has no stencil format', 0);
+    if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('the adapter has no stencil format', 0);
     const depth = texture(depthFormat, samples);
     const writesDepth = frame.shader.wgsl.includes('frag_depth');
     // Uses a render pass for each draw, because a depth-only draw has no colours.
@@ -416,7 +417,7 @@ function painted(device, texels, samples, levels) {
 function attributes(device, mesh) {
     const names = { f32: 'float32', i32: 'sint32', u32: 'uint32' };
     return (mesh?.attributes ?? []).map(({ location, scalar, width, words, by_instance: byInstance }) => {
-        if (!names[scalar]) throw refusal(`it supports no vertex attributes of type ${scalar}`, 0);
+        if (!names[scalar]) throw refusal(`this program supports no vertex attributes of type ${scalar}`, 0);
         const format = width > 1 ? `${names[scalar]}x${width}` : names[scalar];
         const layout = {
             arrayStride: 4 * width,
@@ -433,7 +434,7 @@ function made(device, words, usage) {
     return buffer;
 }
 
-// The blending formula for a new value over a pixel's old value.
+// Returns the formula that combines a new value with a pixel's old value.
 function blend(kind) {
     const component = (srcFactor, dstFactor, operation = 'add') => ({ srcFactor, dstFactor, operation });
     const both = (color, alpha = color) => ({ color, alpha });

@@ -165,7 +165,7 @@ impl Path {
     /// WGSL in Karat's engine, on the host's processor, without a driver.
     pub const CPU: Self = Self::of(Api::Cpu);
 
-    /// The paths of wgpu's drivers. The default path is the first one that opens.
+    /// The paths of wgpu's drivers. The default path is the first of these paths that opens.
     pub const ALL: [Self; 4] = [Self::VULKAN, Self::METAL, Self::DX12, Self::GL];
 
     const fn of(api: Api) -> Self {
@@ -412,13 +412,13 @@ mod tests {
             ("vulkan:", "execution path `vulkan:` has no route ``"),
             (
                 "gl@LLVMpipe",
-                "execution path `gl@LLVMpipe` has no known driver family: `LLVMpipe`; did \
+                "execution path `gl@LLVMpipe` has the unknown driver family `LLVMpipe`; did \
                  you mean `llvmpipe`?",
             ),
-            ("gl@", "execution path `gl@` has no known driver family: ``"),
+            ("gl@", "execution path `gl@` has the unknown driver family ``"),
             (
                 "vulkan@lavapipe",
-                "execution path `vulkan@lavapipe` has no known driver family: `lavapipe`; \
+                "execution path `vulkan@lavapipe` has the unknown driver family `lavapipe`; \
                  did you mean `llvmpipe`?",
             ),
         ] {

@@ -52,7 +52,7 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     }
     if path.via().is_arithmetic() {
         let message = format!(
-            "only the path `cpu:{}` has this arithmetic: drivers have their own",
+            "only path `cpu:{}` has this arithmetic, because drivers use their own",
             path.via()
         );
         return Err(PathError::Route { path, message });

@@ -1,4 +1,4 @@
-//! Runs jobs in another program: a program that KARAT_EXECUTORS names, or one that is part of Karat.
+//! Runs jobs in another program: a program that KARAT_EXECUTORS names, or a program that is part of Karat.
 //!
 //! The program first writes a [`Greeting`] line. Afterwards it reads one job from each line, and writes one reply line
 //! for each job. If several threads run jobs at the same time, each thread has its own process.
@@ -38,7 +38,7 @@ pub struct Greeting {
     /// Set for a software implementation.
     #[serde(default)]
     pub software: bool,
-    /// The program's abilities. Compute passes over buffers need none.
+    /// The program's abilities. Compute passes that use only buffers need no ability.
     #[serde(default)]
     pub can: Vec<Ability>,
 }
@@ -94,8 +94,8 @@ impl Process {
         self.greeting.can.contains(&ability)
     }
 
-    /// Sends a line to a process, and reads its reply. If the process doesn't reply, or its reply can't be read, Karat
-    /// ends the process. The next line starts a new process.
+    /// Sends a line to a process, and reads its reply. If the process doesn't reply, or if Karat can't read the reply,
+    /// Karat ends the process. The next line starts a new process.
     pub(crate) fn ask<T>(
         &self,
         line: &str,
@@ -112,8 +112,8 @@ impl Process {
         let answer = answer.map_err(|broken| {
             failed(match broken {
                 Broken::Hung(_) => format!(
-                    "it did not finish within {} s: an endless loop, or a deadline too short for this program \
-                     (KARAT_TIMEOUT=seconds)",
+                    "the program did not finish within {} s: a loop may be endless, or the deadline may be too short \
+                     for this program (KARAT_TIMEOUT=seconds)",
                     deadline.as_secs_f64()
                 ),
                 broken => broken.to_string(),
@@ -131,17 +131,17 @@ fn start(runner: &Runner) -> Result<(Running, Greeting), String> {
     let first = lines.receive(deadline).map_err(|broken| match broken {
         Broken::Hung(_) => {
             let seconds = deadline.as_secs_f64();
-            format!("it wrote no greeting within {seconds} s (KARAT_TIMEOUT=seconds)")
+            format!("the program wrote no greeting within {seconds} s (KARAT_TIMEOUT=seconds)")
         }
         broken => broken.to_string(),
     })?;
     let greeting: Greeting = serde_json::from_str(&first).map_err(|error| {
-        format!("its first line isn't a greeting: {} ({error})", one_line(&first))
+        format!("the program's first line isn't a greeting: {} ({error})", one_line(&first))
     })?;
     if greeting.jobs != JOBS {
         let theirs = greeting.jobs;
         return Err(format!(
-            "it reads jobs of version {theirs}, but this Karat writes version {JOBS}"
+            "the program reads jobs of version {theirs}, but this Karat writes version {JOBS}"
         ));
     }
     Ok((lines, greeting))

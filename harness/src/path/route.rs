@@ -42,7 +42,7 @@ pub(super) fn features(path: Path) -> wgpu::Features {
 
 /// A translated shader.
 pub(super) enum Routed {
-    /// IR for wgpu, which translates it for its API.
+    /// IR that wgpu translates for the path's API.
     Ir(Box<Ir>),
     /// SPIR-V for the driver, without wgpu's translation.
     Spirv(Box<Foreign>),
@@ -57,7 +57,7 @@ pub(super) struct Foreign {
     layout: Vec<wgpu::BindGroupLayoutEntry>,
 }
 
-/// Checks if wgpu gets the shader that the route produces. Otherwise the driver gets it directly.
+/// Checks if wgpu gets the shader that the route produces. On other routes, the driver gets the shader directly.
 pub(super) fn takes_wgpu(path: Path) -> bool {
     matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv)
 }
@@ -102,8 +102,8 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
         Code::Text(text) => Shader::parse(&text),
         Code::Words(words) => Shader::from_spirv(&words),
     };
-    let again = again
-        .map_err(|error| on_route(format!("naga writes {target} that naga can't read: {error}")));
+    let again =
+        again.map_err(|error| on_route(format!("naga can't read naga's own {target}: {error}")));
     let mut ir = again?.into_module();
     // naga's WGSL writer renames `step` and `pass1` to `step_` and `pass1_`, but keeps the order of entry points.
     for (entry_point, name) in ir.entry_points.iter_mut().zip(names) {
@@ -143,7 +143,7 @@ impl Foreign {
     }
 }
 
-/// The layout of an entry point's resources. They get the binding numbers 0, 1, 2 and so on, in order.
+/// The layout of an entry point's resources. The resources get the binding numbers 0, 1, 2 and so on, in order.
 fn layout(via: Via, bindings: &Bindings) -> Result<Vec<wgpu::BindGroupLayoutEntry>, String> {
     bindings.iter().filter(|resource| resource.used).map(|resource| entry(via, resource)).collect()
 }
@@ -156,14 +156,14 @@ fn entry(via: Via, resource: &Resource) -> Result<wgpu::BindGroupLayoutEntry, St
         Kind::Storage { read_only } => buffer(wgpu::BufferBindingType::Storage { read_only }),
         Kind::Texture { .. } | Kind::Sampler if via == Via::Glsl => {
             return Err(
-                "naga's GLSL combines each texture with a sampler, but wgpu's Vulkan has no such \
-                 binding"
+                "naga's GLSL combines each texture with a sampler, but wgpu's Vulkan can't bind \
+                 such a pair"
                     .to_owned(),
             );
         }
         Kind::Sampler => {
             return Err(
-                "naga's HLSL reads samplers from a heap of 2,048, which wgpu's Vulkan can't bind"
+                "naga's HLSL reads samplers from a heap of 2,048 samplers, which wgpu's Vulkan can't bind"
                     .to_owned(),
             );
         }

@@ -71,7 +71,7 @@ pub fn selected() -> Result<Vec<Path>, PathError> {
     Ok(chosen()?.into_iter().map(Opened::path).collect())
 }
 
-/// The [`selected`] paths, opened.
+/// Opens the paths that [`selected`] returns.
 pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
     let Settings { paths, require, adapter, .. } = settings::current()?;
     let unasked = [paths, require, adapter].iter().all(|setting| setting.is_none());
@@ -110,7 +110,8 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<Opened>, Pa
     Ok(distinct(&chosen))
 }
 
-/// Removes paths with the same adapter: `vulkan` is removed if it has the same adapter as `vulkan@llvmpipe`.
+/// Removes a path without a driver's name if a path with a driver's name uses the same adapter: `vulkan` is removed if
+/// it has the same adapter as `vulkan@llvmpipe`.
 fn distinct(all: &[Opened]) -> Vec<Opened> {
     let what = |opened: &Opened| {
         let (path, adapter) = (opened.path(), opened.adapter());
@@ -181,7 +182,7 @@ pub fn programs() -> Result<Vec<Path>, PathError> {
 /// The name that stands for all paths that open.
 const ALL: &str = "all";
 
-/// The paths in a list, each of which may occur once.
+/// Returns the paths in a list. Each path may occur only once.
 fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let repeated = |path: String| PathError::Repeated { variable, names: names.to_owned(), path };
     let (mut paths, mut all) = (Vec::new(), false);
@@ -231,7 +232,7 @@ mod tests {
         }
     }
 
-    /// All paths of a list run, in an order that doesn't depend on the list's.
+    /// All paths of a list run, in an order that doesn't depend on the order of the list.
     // Lesson 73
     #[test]
     fn each_path_of_a_list_is_run() {

@@ -10,8 +10,8 @@ use super::{Adapter, Path, PathError};
 ///
 /// A missing part matches anything. `Path::GL` and `"gl"` match OpenGL with any driver and route. `"vulkan@nvidia"`
 /// matches Vulkan with one driver. `"@llvmpipe"` matches llvmpipe on each API. `":hlsl"` matches every route through
-/// HLSL. If several selectors match a path, the selector with the most parts applies. If these have equally many parts,
-/// the last declaration applies.
+/// HLSL. If several selectors match a path, the selector with the most parts applies. If several selectors have the
+/// most parts, the last declaration applies.
 ///
 /// ```
 /// use karat::Path;
@@ -84,7 +84,7 @@ impl Selector {
         let named: [Option<bool>; 3] = [
             api.map(|api: Api| api == path.api()),
             via.map(|via| via == path.via()),
-            // A program that runs jobs has its own name, and also a driver's family.
+            // The path of a program that runs jobs has the program's name, and also a driver family.
             driver.map(|driver| Some(driver) == path.driver() || driver == family()),
         ];
         let named: Vec<bool> = named.into_iter().flatten().collect();
@@ -92,7 +92,7 @@ impl Selector {
     }
 }
 
-/// Declared values, such as tolerances. Each has the selector of the paths to which it applies.
+/// Declared values, such as tolerances. Each value has the selector of the paths to which the value applies.
 #[derive(Clone, Debug)]
 pub(crate) struct Selected<T>(Vec<(Selector, T)>);
 
@@ -119,8 +119,8 @@ impl<T> Selected<T> {
         self.0.iter_mut().find(|(known, _)| known == selector).map(|(_, value)| value)
     }
 
-    /// The value for a path. Of the selectors that match the path, the one with the most parts counts. If these have
-    /// equally many parts, the last one counts.
+    /// The value for a path. Of the selectors that match the path, the one with the most parts counts. If several
+    /// selectors have the most parts, the last of them counts.
     pub(crate) fn on(&self, path: Path, adapter: &Adapter) -> Option<&T> {
         let fitting = self
             .iter()

@@ -1,5 +1,5 @@
-//! Starts programs that run jobs: programs in KARAT_EXECUTORS, and two programs that are part of Karat. These run jobs
-//! with Dawn in Node, and in a page of Chromium.
+//! Starts programs that run jobs: programs in KARAT_EXECUTORS, and two programs that are part of Karat. One of the two
+//! programs runs jobs with Dawn in Node. The other runs jobs in a page of Chromium.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -67,7 +67,7 @@ impl Runner {
             }
             "chromium" => {
                 let found = tint::browser().map(Self::Chromium);
-                Some(found.ok_or_else(|| "PATH has no Chromium and no Chrome".to_owned()))
+                Some(found.ok_or_else(|| "no folder of PATH has Chromium or Chrome".to_owned()))
             }
             _ => None,
         }

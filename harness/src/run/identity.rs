@@ -160,8 +160,8 @@ fn label(function: &str, check: &str) -> String {
     format!("{}/{check}", output::name(function))
 }
 
-/// Returns the arguments with which a test program runs only this test. If the test's name can't stand in a
-/// command line, selects the test by a part of its name.
+/// Returns the arguments with which a test program runs only this test. If the test's name contains characters
+/// that don't belong in a command line, selects the test by a part of its name.
 fn selecting(test: &str) -> Vec<String> {
     if output::name(test) == test {
         return vec!["--exact".to_owned(), test.to_owned()];
@@ -172,11 +172,11 @@ fn selecting(test: &str) -> Vec<String> {
     vec![longest[..longest.floor_char_boundary(PART)].to_owned()]
 }
 
-/// The largest number of bytes of a part of a test's name.
+/// The largest number of bytes in the part of a name that selects a test.
 const PART: usize = 100;
 
-/// The name of a check with the way to pass arguments. For a storage buffer, which is the default, the name has
-/// no addition.
+/// The name of a check with the way to pass arguments. For a storage buffer, which is the default, returns the
+/// check's name without an addition.
 pub(crate) fn with_inputs(check: &str, inputs: Inputs) -> String {
     match inputs {
         Inputs::Storage => check.to_owned(),
@@ -204,7 +204,7 @@ pub(crate) fn cargo_package() -> String {
     }
 }
 
-/// Notes that the running test leaves out a frame.
+/// Writes into the record that the running test skips a frame.
 pub(crate) fn leave_frame_out() {
     crate::record::leave_out(&test());
 }

@@ -25,12 +25,12 @@ pub struct KnownIssue {
     pub failures: u64,
 }
 
-/// The failures on several paths, if a single failure isn't the whole message.
+/// The failures on several paths, for a message that contains more than one failure.
 #[derive(Debug)]
 pub struct PathFailures<E> {
-    /// The failures because of wrong values, and the wrong declarations.
+    /// The failures of paths with wrong values, and of wrong declarations.
     pub failures: Vec<E>,
-    /// The paths without values, each with the reason.
+    /// The paths that returned no values, each with the reason.
     pub stopped: Vec<(Adapter, E)>,
     /// The paths on which the check passes, unless a failure already lists these paths.
     pub agreeing: Vec<Adapter>,
@@ -134,8 +134,8 @@ pub(crate) fn sound_paths<T>(
 }
 
 impl WrongDeclaration {
-    /// Checks if a declared bug doesn't occur any more, which is a verdict. Other wrong declarations are
-    /// errors.
+    /// Returns `true` if a declared bug doesn't occur any more, because that is a verdict. Returns `false` for
+    /// other wrong declarations, because they are errors.
     pub(crate) fn is_verdict(&self) -> bool {
         matches!(self, Self::UnexpectedPass { .. } | Self::NotRefused { .. })
     }
@@ -313,7 +313,7 @@ impl<V, E> Default for Conclusion<V, E> {
 pub(crate) type Agreed<V> = (Vec<(Adapter, V)>, Vec<KnownIssue>);
 
 impl<V, E: Stop> Conclusion<V, E> {
-    /// Checks if every path has the same error. Then the cause isn't a single path.
+    /// Checks if every path stops with the same error. Such an error isn't the fault of a single path.
     fn all_stop_alike(&self) -> bool {
         let Some(((_, first), others)) = self.stopped.split_first() else { return false };
         let first = first.cause();
@@ -330,8 +330,8 @@ impl<V, E: Stop> Conclusion<V, E> {
         self.known.extend(other.known);
     }
 
-    /// Returns the paths that agree, or all failures. `differ` makes failures from the paths with wrong values
-    /// and the paths that agree.
+    /// Returns the paths that agree, or all failures. `differ` receives the paths with wrong values and the
+    /// paths that agree, and returns failures.
     pub(crate) fn verdict(
         mut self,
         differ: impl FnOnce(Vec<(Adapter, V)>, &[(Adapter, V)]) -> Vec<E>,
@@ -382,7 +382,8 @@ impl Blamed for WrongDeclaration {
     }
 }
 
-/// Prefers a failure with a text that names a place, and then a failure about a setting.
+/// Blames the text if a failure points into the text. Otherwise blames the setting that the first failure about
+/// a setting names.
 impl<E: Blamed> Blamed for PathFailures<E> {
     fn blame(&self) -> Blame<'_> {
         let all = || self.all().map(Blamed::blame);
@@ -502,8 +503,8 @@ mod tests {
         assert_eq!(of(3, &["lost", "lost", "late"]), format!("{told}lost{third}"));
     }
 
-    /// If a path is declared twice, its reason is both reasons. If one of them is empty, the whole reason is
-    /// empty.
+    /// If two declarations name the same path, Karat joins their reasons. If one of the two reasons is empty,
+    /// the joined reason is empty.
     #[test]
     fn reasons_of_a_path_declared_twice_are_joined() {
         let of = |declared: &[(&'static str, &str)]| {
@@ -655,7 +656,7 @@ mod tests {
         }
     }
 
-    /// With two ways to pass arguments, Karat judges each path twice, and the message names it once.
+    /// With two ways to pass arguments, Karat judges each path twice, and the message names each path once.
     #[test]
     fn a_path_is_named_once() {
         let mut all = Conclusion::<(), Error>::default();

@@ -16,7 +16,7 @@ use crate::settings::{read_steps, read_words};
 const HEAD: &str = "\
 # Inputs on which checks of this test have failed. The test's next runs try them first, even
 # after they pass. Delete the file if you don't need the inputs any more.
-# function, check, path, arguments as hexadecimal words (or -), seed:case:steps # arguments
+# A line: function, check, path, arguments as hexadecimal u32s (or -), seed:case:steps # arguments
 ";
 
 /// The stored inputs on which one test has failed.
@@ -35,15 +35,15 @@ pub(crate) struct Entry {
     pub(crate) path: String,
     /// The words of the arguments. Empty for an integral, because its cases may have any type.
     pub(crate) words: Vec<u32>,
-    /// The origin of the value. Some domains, such as mapped ones, can't tell if they contain a value. For such
-    /// a domain, Karat makes the value again from its origin, and compares the two values.
+    /// The origin of the value. Some domains, such as mapped domains, can't tell if they contain a value. For
+    /// such a domain, Karat makes the value again from its origin, and compares the two values.
     pub(crate) descent: Descent,
     /// The arguments, as text for people.
     pub(crate) comment: String,
 }
 
 /// The origin of a simplified value: a seed, a case, and the index of the simpler value that Karat chose in
-/// each round.
+/// each round of the simplification.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Descent {
     pub(crate) seed: u64,
@@ -84,9 +84,12 @@ impl Memory {
                     }
                     match Entry::parse(line) {
                         Some(entry) => entries.push(entry),
-                        None => {
-                            note(&file, &format!("line {number} isn't a failing input: ignored"))
-                        }
+                        None => note(
+                            &file,
+                            &format!(
+                                "line {number} isn't a failing input, so Karat ignores the line"
+                            ),
+                        ),
                     }
                 }
             }

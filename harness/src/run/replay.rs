@@ -25,12 +25,12 @@ struct Replay {
     done: bool,
 }
 
-/// The environment selects another check for a replay, and this check runs in a thread that doesn't show its
-/// test.
+/// The environment selects another check for a replay, and this check runs in a thread without a name. So Karat
+/// doesn't know to which test this check belongs.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "KARAT_CASE selects `{selected}`, but `{check}` runs in a thread without a name, so its test isn't \
-     known"
+    "KARAT_CASE selects `{selected}`, but `{check}` runs in a thread without a name, so Karat can't \
+     tell which test runs this check"
 )]
 pub struct NotReplayed {
     /// The name of the check with its function, or the name of the frame.
@@ -120,7 +120,7 @@ fn message(test: &str, selected: &str, checks: &[String], alone: &str) -> String
     let near = near.map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
     let checks: Vec<String> = checks.iter().map(|check| format!("`{check}`")).collect();
     format!(
-        "error: test `{test}` replays nothing: KARAT_CASE={selected} names none of its checks: {}{near}\n  \
+        "error: test `{test}` replays nothing: KARAT_CASE={selected} names none of the test's checks: {}{near}\n  \
          run only the test that has the check (`{alone}`), or unset KARAT_CASE",
         checks.join(", ")
     )
@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(
             text,
             "error: test `schlick` replays nothing: KARAT_CASE=fresnel::schlik/agrees_with/7 names \
-             none of its checks: `fresnel::schlick/agrees_with`, `fresnel::schlick/satisfies`; did \
+             none of the test's checks: `fresnel::schlick/agrees_with`, `fresnel::schlick/satisfies`; did \
              you mean `fresnel::schlick/agrees_with`?\n  run only the test that has the check \
              (`cargo test ... -- --exact NAME`), or unset KARAT_CASE"
         );

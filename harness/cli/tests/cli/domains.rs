@@ -121,7 +121,7 @@ fn wrong_frames_and_domains_are_reported_at_their_place() {
         (
             "function = \"ratio\"\nperpendicular_to = \"a\"",
             "f.test.toml:3:1",
-            "which isn't a vector of floats",
+            "but this check needs a vector of floats",
         ),
     ] {
         let ran = declared(&format!("[[test]]\n{test}\n"));

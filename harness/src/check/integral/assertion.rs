@@ -1,4 +1,4 @@
-//! The assertions about integrals. They judge the integrals.
+//! The assertions about integrals. Each assertion judges an integral.
 
 use super::sum::Sum;
 use crate::check::called::Called;
@@ -109,9 +109,9 @@ impl Bound<'_> {
         }
     }
 
-    /// Checks if the integral fails by both rules. Both integrals must lie above the expected value, or both
-    /// below it. Both integrals must fail even if each moves closer to the expected value by the difference
-    /// between the two.
+    /// Checks if the integrals by both rules clearly fail. Returns `true` if both integrals lie on the same
+    /// side of the expected value, and if each integral still fails after moving closer to the expected value
+    /// by the difference between the two integrals.
     pub(super) fn refuses_both(&self, lane: usize, sums: [f64; 2], expected: f64) -> bool {
         let doubt = (sums[0] - sums[1]).abs();
         let above = sums[0] > expected;
@@ -148,8 +148,10 @@ impl std::fmt::Display for Assertion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::AgreesWith(tolerances) => write!(f, "{}", tolerances.general),
-            Self::IsAtMost(0.0) => f.write_str("its bound"),
-            Self::IsAtMost(slack) => write!(f, "its bound, slack {}", Tolerance::Abs(*slack)),
+            Self::IsAtMost(0.0) => f.write_str("at most its bound"),
+            Self::IsAtMost(slack) => {
+                write!(f, "at most its bound, plus the slack {}", Tolerance::Abs(*slack))
+            }
         }
     }
 }

@@ -134,9 +134,9 @@ impl Group {
         Ok((tally, undecided))
     }
 
-    /// Returns an error if an integral has no verdict. This is so if the integrals from the two rules differ by
-    /// more than the assertion allows, but one of them may be right and passes. If the result at a node isn't
-    /// finite, the integral fails.
+    /// Returns an error if an integral has no verdict. An integral has no verdict if the integrals by its two
+    /// rules differ by more than the assertion allows, but one of them may be right and passes. If the result
+    /// at a node isn't finite, the integral fails.
     fn doubt(
         &self,
         session: &Session<'_>,
@@ -215,9 +215,12 @@ impl Case {
     /// Describes why the rule can't be used. `None` if the rule can be used.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {
-            return Some("has no nodes, so there is nothing to integrate,".to_owned());
+            return Some("has no nodes, so it can't integrate,".to_owned());
         }
         let bad = self.nodes.weights.iter().position(|weight| !weight.is_finite())?;
-        Some(format!("has the weight {} at node {bad}", self.nodes.weights[bad]))
+        Some(format!(
+            "has the weight {} at node {bad}, but weights must be finite,",
+            self.nodes.weights[bad]
+        ))
     }
 }

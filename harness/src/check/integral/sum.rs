@@ -9,7 +9,7 @@ pub(super) struct Sum {
     pub(super) bad: Option<Bad>,
 }
 
-/// The first node of a rule whose result isn't finite.
+/// The first node of a rule at which the function's result isn't finite.
 #[derive(Clone, Debug)]
 pub(super) struct Bad {
     pub(super) node: usize,

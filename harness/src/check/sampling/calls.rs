@@ -104,7 +104,7 @@ pub(super) fn draw(
     random: &[Scalar],
     given: Given<'_>,
 ) -> Vec<u32> {
-    debug_assert_eq!(first % BLOCK, 0, "a stream belongs to a block");
+    debug_assert_eq!(first % BLOCK, 0, "each block has its own random stream");
     let blocks = parallel::map(count.div_ceil(BLOCK), |block| {
         let mut source = Source::new(seed, (first / BLOCK + block) as u64);
         let calls = BLOCK.min(count - block * BLOCK);

@@ -202,7 +202,7 @@ fn configuration_seed(seed: u64, index: u64) -> u64 {
     u64::from(source.bits()) << 32 | u64::from(source.bits())
 }
 
-/// The summed judgements of one path's configurations.
+/// The judgements of one path's configurations, summed up.
 struct Sum {
     configurations: u64,
     rejected: u64,

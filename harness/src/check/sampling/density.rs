@@ -69,10 +69,11 @@ where
         self.with_sampler(|sampler| sampler.follows(&others, &X::shape()))
     }
 
-    /// Checks a sampler together with the function whose integral it estimates, such as a BRDF. Samples must
-    /// follow the density. For each component, the mean of eval cos / pdf must equal the integral of eval cos.
-    /// If the mean equals the integral, the sampler covers all directions where `eval` isn't 0, with weights of
-    /// finite variance. The check doesn't test `eval`: the mean and the integral also agree for a wrong `eval`.
+    /// Checks a sampler together with the function whose integral the samples estimate, such as a BRDF. Samples
+    /// must follow the density. For each component, the mean of eval cos / pdf must equal the integral of eval
+    /// cos. If the mean equals the integral, the sampler covers all directions where `eval` isn't 0, with weights
+    /// of finite variance. The check doesn't test `eval`: the mean and the integral also agree for a wrong
+    /// `eval`.
     ///
     /// `eval` and `density` are pairs of a function and a closure. The closure makes the function's arguments
     /// from a configuration and a direction. "cos" is the absolute value of the direction's z.
@@ -174,8 +175,8 @@ where
     /// Returns the probability that [`follows`](Self::follows) rejects samples with the density `alternative`.
     /// `alternative` takes the same arguments as `density`. This method asserts nothing.
     ///
-    /// The sampler's own samples determine the cells. Karat computes the probability from a non-central
-    /// chi-square distribution.
+    /// The sampler's own samples determine the cells of the chi-square test. Karat computes the probability from
+    /// a non-central chi-square distribution.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -217,11 +218,12 @@ impl Sampled<'_, '_> {
     }
 
     /// Checks that samples follow the first function in `others`, the density, and that they estimate the
-    /// integral of the second function. If there is a third function, it must return the samples' weights.
+    /// integral of the second function. If there is a third function, this function must return the samples'
+    /// weights.
     fn estimates(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let (density, eval) = (&others[0].probe.name, &others[1].probe.name);
-        let text = format!("{eval} by {density} on {}", settings.support);
+        let text = format!("integral of {eval} with density {density} on {}", settings.support);
         // A reflectance has up to three components. The mean of each component is a separate statistical test.
         let hypothesis = Hypothesis { check: "estimates", text, tests: settings.tests() + 3 };
         let expect = |functions: &Functions<'_>| {
@@ -233,7 +235,7 @@ impl Sampled<'_, '_> {
             }
             if scalars.len() > 3 || !scalars.into_iter().all(Scalar::is_float) {
                 let (result, wanted) =
-                    (eval.function().result.clone(), "which isn't one to three floats");
+                    (eval.function().result.clone(), "but this check needs one to three floats");
                 return Err(Mismatch::Unsuited { result, wanted }.of(eval.function()));
             }
             functions.others.get(2).map_or(Ok(()), |weight| {
@@ -298,5 +300,5 @@ fn expect_scalar(functions: &Functions<'_>, which: usize) -> Result<(), Failure>
     functions.others[which].expect_result(&Shape::Scalar(Scalar::F32), "a density is")
 }
 
-/// The type of the missing function for weights, for checks without such a function.
+/// Stands for the function that returns the weights, in checks without such a function.
 type Unweighted<'a, V, X> = (Probe<'a>, fn(&V, X) -> f32);

@@ -31,7 +31,7 @@ impl Judgement {
     }
 }
 
-/// The number of calls with one kind of wrong result, and the first of them as text.
+/// The number of calls with one kind of wrong result, and the first of these calls as text.
 #[derive(Default)]
 pub(super) struct Offence {
     count: u64,

@@ -288,7 +288,7 @@ impl fmt::Display for Finding {
                 )
             }
             Self::Mass { integral, bound } => {
-                write!(f, "the density integrates to {integral:.7}, not to 1 within {bound:.1e}")
+                write!(f, "the density's integral is {integral:.7}, not 1 to within {bound:.1e}")
             }
             Self::Left { left, expected, p } => write!(
                 f,

@@ -44,9 +44,9 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Computes a number from each sample, and compares the mean of these numbers with the expected mean by the
-    /// standard error. The check ignores a difference of up to `slack`, which allows for the samples' rounding
-    /// and the error of the expected mean.
+    /// Computes a number from each sample, and compares the mean of these numbers with the expected mean. The
+    /// standard error is the scale of the comparison. The check ignores a difference of up to `slack`, which
+    /// allows for the samples' rounding and the error of the expected mean.
     ///
     /// ```no_run
     /// # use glam::{Vec2, Vec3};

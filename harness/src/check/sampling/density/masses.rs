@@ -6,10 +6,11 @@ use crate::check::sampling::judgement::Offence;
 use crate::check::sampling::{Finding, Settings};
 use crate::stats::{CellIntegral, Cells, CubatureError, NoVerdict, Place, integrate};
 
-/// The number of pilot samples, which determine the cells: about thirty for each of 512 cells.
+/// The number of pilot samples, which determine the cells. For each of 512 cells, there are about thirty pilot
+/// samples.
 const PILOT: usize = 16_384;
 
-/// The seed for the pilot samples. With this seed, their random numbers differ from those of the judged
+/// The seed for the pilot samples. With this seed, the pilot samples have other random numbers than the judged
 /// samples.
 const PILOT_SEED: u64 = 0x5bf0_3635_dcf8_e1a7;
 
@@ -24,8 +25,8 @@ const FEWEST: u64 = 1024;
 const QUADRATURE: f64 = 0.03;
 
 /// The largest allowed error of the integral of eval cos over a cell. If the errors of 512 cells are independent,
-/// their sum is about sqrt(512) times this limit: 2e-5. For large integrals, `ESTIMATE_RELATIVE` limits the relative error to a tenth of
-/// the rounding error.
+/// their sum is about sqrt(512) times this limit: 2e-5. For large integrals, `ESTIMATE_RELATIVE` limits the
+/// relative error to a tenth of `ROUNDING`.
 const ESTIMATE: f64 = 1e-6;
 const ESTIMATE_RELATIVE: f64 = 0.1 * ROUNDING;
 
@@ -53,8 +54,8 @@ impl Run<'_> {
     pub(super) fn masses(&self, cells: Cells, which: usize) -> Result<Masses, Stop> {
         let settings = self.settings();
         let samples = settings.samples as f64;
-        // For expected counts below 0.1, the accuracy for 0.1 is enough. For any number of samples, the error
-        // of the sum over all cells is at most a quarter of the tolerance for the sum.
+        // For an expected count below 0.1, the accuracy of a count of 0.1 is enough. For any number of samples,
+        // the error of the sum over all cells is at most a quarter of the tolerance for the sum.
         let per_root = (QUADRATURE / samples.sqrt()).min(settings.mass.max(1e-6) / 4.0);
         let tolerance = |mass: &[f64]| per_root * mass[0].max(0.1 / samples).sqrt();
         let evaluate = |points: &[[f64; 3]]| self.evaluate(which, points);
@@ -104,8 +105,8 @@ impl Run<'_> {
             CubatureError::Diverges { nodes } => {
                 let function = &self.functions.others[which].function().name;
                 Stop::Failure(self.evidence(format!(
-                    "two quadrature rules for `{function}` disagree after {nodes} nodes: it jumps along too many \
-                     edges, or its results are noisy"
+                    "two quadrature rules for `{function}` disagree after {nodes} nodes: this function jumps along \
+                     too many edges, or its results are noisy"
                 )))
             }
         }

@@ -15,8 +15,8 @@ use crate::stats::{
 /// The relative rounding error of a texel in half-float format, which has eleven significant bits.
 const HALF: f64 = 1.0 / 2048.0;
 
-/// The largest difference between weights that count as equal. At the end of a lobe, drivers may flush eval and
-/// pdf to 0.
+/// The largest difference between two weights that Karat treats as equal. At the end of a lobe, drivers may
+/// flush eval and pdf to 0.
 const VANISHED: f64 = 1e-6;
 
 pub(super) struct Run<'r> {
@@ -53,7 +53,8 @@ impl Run<'_> {
         self.functions.other(which)
     }
 
-    /// Evaluates another function at points. Also returns the words of its arguments.
+    /// Evaluates one of the check's other functions at points. Also returns the words of that function's
+    /// arguments.
     pub(super) fn at(&self, which: usize, points: &[u32]) -> Result<(Vec<u32>, Vec<u32>), Failure> {
         let (value, made) = (self.configuration.value, self.others[which].made);
         let width = self.settings().support.components();
@@ -103,7 +104,7 @@ impl Run<'_> {
         let mut judgement = Judgement::fitting();
         let Counts { observed, inside, left, .. } = counts;
         let samples = settings.samples;
-        let note = format!("{inside} of {samples} samples on {}", settings.support);
+        let note = format!("{inside} of {samples} samples lie on {}", settings.support);
         judgement.notes.push(("sampled", note));
         let Masses { total, error, .. } = masses;
         let note = format!("{total:.7} +- {error:.1e}, over {} cells", masses.cells.len());
@@ -129,8 +130,8 @@ impl Run<'_> {
         }
         // If the density's integral is wrong, the expected number of samples outside the support is unknown.
         if settings.may_leave_support && right {
-            // The integral's error allows a range of shares. The test uses the share nearest to the samples'
-            // share.
+            // Because of the integral's error, a range of shares is possible. The test uses the share nearest
+            // to the samples' share.
             let share = left as f64 / samples as f64;
             let nearest =
                 share.clamp((-off - bound).clamp(0.0, 1.0), (bound - off).clamp(0.0, 1.0));
@@ -160,7 +161,7 @@ impl Run<'_> {
                     Err(none) => return Err(self.evidence(none).into()),
                 };
                 let Mean { mean, error, p, .. } = mean;
-                let of = format!("component {component} of eval cos / pdf");
+                let of = format!("the mean of component {component} of eval cos / pdf");
                 judgement.test(p, threshold, || Finding::Mean { of, mean, error, expected, p });
             }
         }
