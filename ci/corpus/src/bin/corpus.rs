@@ -305,7 +305,6 @@ const BY_NATURE: &[(&str, &str)] = &[
     ("a pointer", "pointer"),
     ("returns nothing", "no result"),
     ("may discard", "discards"),
-    ("writes what other pixels see", "fragment that writes"),
     ("texture or sampler", "texture as argument"),
     ("64-bit", "64 bits"),
     ("without a fixed size", "runtime array"),
