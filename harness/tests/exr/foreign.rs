@@ -92,7 +92,10 @@ fn colours_are_found_and_alpha_is_one_where_it_is_missing() {
     assert_eq!(read("layered"), patterned());
     assert_eq!(read("unnamed_first"), patterned());
     // With X and Z beside it, the channel Y isn't a grey image.
-    assert_eq!(refusal("normals"), "it has neither the channels R, G and B nor Y, but X, Y, Z");
+    assert_eq!(
+        refusal("normals"),
+        "it has neither the channels R, G and B nor the channel Y; its channels are X, Y, Z"
+    );
 }
 
 #[test]

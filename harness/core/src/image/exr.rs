@@ -296,7 +296,10 @@ fn first(file: &FileHeader) -> Option<(usize, Selection)> {
 fn colourless(file: &FileHeader) -> String {
     let names = file.parts.iter().flat_map(|part| &part.channels);
     let names: Vec<_> = names.map(|channel| shown(&channel.name)).take(8).collect();
-    format!("it has neither the channels R, G and B nor Y, but {}", names.join(", "))
+    format!(
+        "it has neither the channels R, G and B nor the channel Y; its channels are {}",
+        names.join(", ")
+    )
 }
 
 fn decode(

@@ -38,7 +38,7 @@ pub(super) fn decode(
             .filter(|offset| *offset > file.tables)
             .and_then(|offset| bytes.get(offset..))
             .map(|rest| Bytes { rest })
-            .ok_or_else(|| of("its table of chunks points to nowhere".to_owned()))?;
+            .ok_or_else(|| of("its chunk table has an offset outside of the file".to_owned()))?;
         let data = found(&mut chunk, file.numbered.then_some(index), place, block.bytes(part))
             .map_err(of)?;
         each(block, &decompress(part, &header, data, block).map_err(of)?);
@@ -111,7 +111,9 @@ fn found<'a>(
         .filter(|length| (1..=longest).contains(length))
         .and_then(|length| chunk.take(length).ok())
         .ok_or_else(|| {
-            format!("it announces {length} bytes in a chunk, for {longest} bytes of pixels")
+            format!(
+                "it has a chunk of {length} bytes, but the chunk can have only 1 to {longest} bytes"
+            )
         })
 }
 
@@ -149,7 +151,7 @@ fn decompress(
     block: Block,
 ) -> Result<Vec<u8>, String> {
     let codec = name(part.compression);
-    let failed = |reason: &str| format!("its pixels can't be decompressed by {codec}: {reason}");
+    let failed = |reason: &str| format!("{codec} can't decompress its pixels: {reason}");
     // A block of the full length is stored uncompressed.
     if data.len() < block.bytes(part) {
         match part.compression {

@@ -262,10 +262,12 @@ fn channels(value: &mut Bytes<'_>) -> Result<Vec<Channel>, String> {
         };
         let linear = value.take(4)?[0] != 0;
         if (value.i32()?, value.i32()?) != (1, 1) {
-            return Err(of("has fewer pixels than the image, which Karat can't read".to_owned()));
+            return Err(of(
+                "has fewer pixels than the image; Karat can't read such channels".to_owned()
+            ));
         }
         if channels.iter().any(|channel| channel.name == name) {
-            return Err(of("is there twice".to_owned()));
+            return Err(of("exists twice".to_owned()));
         }
         channels.push(Channel { name, sample, linear });
     }
@@ -291,7 +293,7 @@ fn compression(code: u8) -> Result<Compression, String> {
         11 => "HTJ2K32",
         12 => "LJ2K",
         13 => "ZSTD",
-        other => return Err(format!("its compression is of unknown type {other}")),
+        other => return Err(format!("it is compressed by an unknown method, number {other}")),
     };
     Err(format!("it is compressed by {name}, which Karat can't read: convert it to ZIP"))
 }
@@ -313,13 +315,15 @@ impl Tiles {
     fn parse(value: &mut Bytes<'_>) -> Result<Self, String> {
         let (width, height, mode) = (value.u32()?, value.u32()?, value.u8()?);
         if width == 0 || height == 0 {
-            return Err(format!("it has tiles of {width} x {height} pixels"));
+            return Err(format!(
+                "its tiles have {width} x {height} pixels, but each side must be at least 1"
+            ));
         }
         let levels = match mode & 0xf {
             0 => Levels::One,
             1 => Levels::Mip,
             2 => Levels::Rip,
-            other => return Err(format!("its levels are of unknown type {other}")),
+            other => return Err(format!("its tiles have levels of the unknown type {other}")),
         };
         Ok(Self { width, height, levels, round_up: mode >> 4 != 0 })
     }

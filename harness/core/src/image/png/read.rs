@@ -117,7 +117,9 @@ impl Linear {
                 let gamma = f64::from(gamma.into_scaled()) / 100_000.0;
                 // With an exponent outside of this range, almost all 8-bit samples would become 0 or 1.
                 if !(0.01..=100.0).contains(&gamma) {
-                    return Err(format!("its gAMA chunk says {gamma}"));
+                    return Err(format!(
+                        "its gAMA chunk has the value {gamma}, but Karat reads only 0.01 to 100"
+                    ));
                 }
                 Ok(Self::Power(1.0 / gamma))
             }

@@ -41,7 +41,7 @@ impl<'a> Bytes<'a> {
     pub(super) fn name(&mut self) -> Result<&'a [u8], String> {
         // The format allows names of 255 bytes.
         let end = self.rest.iter().take(256).position(|byte| *byte == 0);
-        let name = self.take(end.ok_or("it has a name that doesn't end")?)?;
+        let name = self.take(end.ok_or("it has a name that is longer than 255 bytes")?)?;
         self.take(1)?;
         Ok(name)
     }
