@@ -36,7 +36,10 @@ const VARIABLES: [(&str, &str); 17] = [
     ),
     (SEED, "seed of the selected check, or of all checks (from the test's name)"),
     (CASE, "the only case to run: `function/check/index`, as a failed check prints it (all cases)"),
-    (INPUT, "arguments that replace the case's own, as hexadecimal words (none)"),
+    (
+        INPUT,
+        "arguments that replace the case's own arguments, as hexadecimal 32-bit numbers (none)",
+    ),
     (FAILURES, "`off`: Karat doesn't store failing inputs, and doesn't try stored ones (on)"),
     (FRAMES, "`off`: Karat skips frames, as `karat test --no-frames` does (on)"),
     (OVERLAY, "folder whose files replace modules of the same name (none)"),
@@ -312,8 +315,8 @@ impl Settings {
         let parsed = |name: &'static str, expected: &'static str| {
             move |value: Option<String>| Parsed { name, expected, value }
         };
-        let number = "a number, in decimal or with 0x before it in hexadecimal";
-        let words = "a list of hexadecimal words with commas between them";
+        let number = "a number: write decimal digits, or 0x and hexadecimal digits";
+        let words = "a list of hexadecimal 32-bit numbers with commas between them";
         let seed = text(SEED).map(parsed(SEED, number))?.by(integer)?;
         let input = text(INPUT).map(parsed(INPUT, words))?.by(read_words)?;
         let case = "a case, `function/check/index`, as in a replay command";
@@ -323,14 +326,14 @@ impl Settings {
         }
         let seconds = "a number of seconds above 0";
         let deadline = text(DEADLINE).map(parsed(DEADLINE, seconds))?.by(duration)?;
-        let rounds = "a number of rounds above 0";
+        let rounds = "a number of loop rounds above 0";
         let above_zero = |text: &str| integer(text).filter(|rounds| *rounds > 0);
         let fuel = text(FUEL).map(parsed(FUEL, rounds))?.by(above_zero)?;
         let count = "a number of orders from 0 to 65536";
         let orders = |text: &str| integer(text).filter(|count| *count <= MOST_SCHEDULES);
         let schedules = text(SCHEDULES).map(parsed(SCHEDULES, count))?.by(orders)?;
-        let programs = "a list of NAME=PROGRAM ARGUMENTS with `;` between them, each name once and of small letters \
-                        and digits";
+        let programs = "a list of NAME=PROGRAM ARGUMENTS with `;` between them, each name once, in lower-case \
+                        letters and digits";
         let executors = text(EXECUTORS).map(parsed(EXECUTORS, programs))?.by(read_programs)?;
         Ok(Self {
             paths: text(PATHS)?,
@@ -507,7 +510,7 @@ mod tests {
             (
                 "KARAT_SEED",
                 "0xfg",
-                "KARAT_SEED=0xfg isn't a number, in decimal or with 0x before it in hexadecimal",
+                "KARAT_SEED=0xfg isn't a number: write decimal digits, or 0x and hexadecimal digits",
             ),
             ("KARAT_SEED", "-1", "KARAT_SEED=-1 isn't a number"),
             ("KARAT_TIMEOUT", "a minute", "KARAT_TIMEOUT=a minute isn't a number of seconds"),
@@ -515,7 +518,7 @@ mod tests {
             ("KARAT_TIMEOUT", "NaN", "KARAT_TIMEOUT=NaN isn't a number of seconds above 0"),
             ("KARAT_SCHEDULES", "few", "KARAT_SCHEDULES=few isn't a number of orders from 0 to"),
             ("KARAT_SCHEDULES", "65537", "KARAT_SCHEDULES=65537 isn't a number of orders"),
-            ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of rounds above 0"),
+            ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of loop rounds above 0"),
             (
                 "KARAT_CASE",
                 "fresnel::schlick",
@@ -529,7 +532,7 @@ mod tests {
             ("KARAT_EXECUTORS", "a=", "KARAT_EXECUTORS=a= isn't a list of NAME=PROGRAM"),
             ("KARAT_EXECUTORS", "A=b", "KARAT_EXECUTORS=A=b isn't a list of NAME=PROGRAM"),
             ("KARAT_EXECUTORS", "a=b;a=c", "KARAT_EXECUTORS=a=b;a=c isn't a list of NAME=PROGRAM"),
-            ("KARAT_INPUT", "1.0", "KARAT_INPUT=1.0 isn't a list of hexadecimal words"),
+            ("KARAT_INPUT", "1.0", "KARAT_INPUT=1.0 isn't a list of hexadecimal 32-bit numbers"),
         ] {
             let error = read(&[(name, value)]).expect_err(value);
             assert!(error.starts_with(message), "{error}");
