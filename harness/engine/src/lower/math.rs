@@ -183,7 +183,9 @@ impl<'m> Lower<'m> {
                 }
                 Ok(values)
             }
-            other => Err(self.refuse(format!("the builtin {other:?} on {scalar:?}"))),
+            other => {
+                Err(self.refuse(format!("the builtin function {other:?} for the type {scalar:?}")))
+            }
         }
     }
 

@@ -80,9 +80,8 @@ impl<'m> Lower<'m> {
             TypeInner::Scalar(scalar)
             | TypeInner::Vector { scalar, .. }
             | TypeInner::Matrix { scalar, .. } => self.scalar(scalar),
-            ref other => {
-                Err(self.refuse(format!("an operator on a {}", crate::scalar::kind(other))))
-            }
+            ref other => Err(self
+                .refuse(format!("an operator on a value of type {}", crate::scalar::kind(other)))),
         }
     }
 
@@ -394,7 +393,7 @@ impl<'m> Lower<'m> {
         let to = self.scalar_of(&result)?;
         let registers = self.flat(scope, operand)?;
         if convert.is_none() && (from == Scalar::F16 || to == Scalar::F16) && from != to {
-            return Err(self.refuse("a bitcast of half precision"));
+            return Err(self.refuse("a bitcast between `f16` and another type"));
         }
         let mut values = Vec::new();
         for &register in registers.iter() {
