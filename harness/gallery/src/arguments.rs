@@ -201,7 +201,9 @@ pub fn pixel(text: &str) -> Result<(u32, u32), String> {
     let found = text
         .split_once(',')
         .and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
-    found.ok_or_else(|| format!("`{text}` isn't a pixel: write its column and its row, as 120,64"))
+    found.ok_or_else(|| {
+        format!("`{text}` isn't a pixel: write the pixel's column and row, as in 120,64")
+    })
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
@@ -214,7 +216,9 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         // Digits that overflow are out of range, too.
         match digits.parse() {
             Ok(side) if (1..=LONGEST_SIDE).contains(&side) => Ok(side),
-            _ => Err(format!("a side has {digits} pixels; use 1 to {LONGEST_SIDE} pixels")),
+            _ => Err(format!(
+                "the image has a side of {digits} pixels; use 1 to {LONGEST_SIDE} pixels"
+            )),
         }
     };
     Ok((side(width)?, side(height)?))
@@ -293,9 +297,9 @@ mod tests {
     #[test]
     fn bad_arguments_are_explained() {
         for (words, message) in [
-            (&["--size", "0x5"][..], "a side has 0 pixels; use 1 to 16384 pixels"),
-            (&["--size", "5x16385"], "a side has 16385 pixels; use"),
-            (&["--size", "5x99999999999"], "a side has 99999999999 pixels"),
+            (&["--size", "0x5"][..], "the image has a side of 0 pixels; use 1 to 16384 pixels"),
+            (&["--size", "5x16385"], "the image has a side of 16385 pixels; use"),
+            (&["--size", "5x99999999999"], "the image has a side of 99999999999 pixels"),
             (
                 &["--size", "640"],
                 "`640` isn't width x height in pixels; write digits, as in 640x360",
@@ -316,7 +320,10 @@ mod tests {
             (&["--environment", "no/sky.exr"], "there is no such file"),
             (&["--environment", "."], "it isn't a file"),
             (&["scene", "--round", "2"], "required arguments were not provided"),
-            (&["--trace", "3"], "`3` isn't a pixel: write its column and its row, as 120,64"),
+            (
+                &["--trace", "3"],
+                "`3` isn't a pixel: write the pixel's column and row, as in 120,64",
+            ),
             (&["--path", "vulcan"], "did you mean `vulkan`?"),
             (&["--first", "scene"], "cannot be used with"),
             (&["--first", "--all"], "cannot be used with"),

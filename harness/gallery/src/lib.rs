@@ -117,9 +117,9 @@ enum GalleryError {
     Empty,
     #[error("`{0}` can't name a frame: use letters, digits, `-`, `_` and `/`")]
     Name(String),
-    #[error("the gallery has two frames `{0}`")]
+    #[error("the gallery has two frames with the name `{0}`")]
     Twice(String),
-    #[error("name a frame, or say --first or --all; the frames are\n{0}")]
+    #[error("no frame is named: name a frame, or use --first or --all; the frames are\n{0}")]
     NoneNamed(String),
     #[error("the gallery has no frame `{name}`{}",
         nearest.as_ref().map_or_else(

@@ -109,7 +109,7 @@ fn a_gallery_that_makes_no_sense_is_an_error() {
     let error = |gallery: &Gallery| run(gallery, &["--list"]).0.expect_err("refused");
     assert!(error(&Gallery::new()).contains("the gallery has no frame; add one"));
     let twice = frame(frame(Gallery::new(), "a"), "a");
-    assert_eq!(error(&twice), "the gallery has two frames `a`");
+    assert_eq!(error(&twice), "the gallery has two frames with the name `a`");
     for name in ["", "a b", "/a", "../a", "a//b", "a.exr", "*"] {
         let named = frame(Gallery::new(), name);
         assert!(error(&named).starts_with(&format!("`{name}` can't name a frame")), "{name}");
