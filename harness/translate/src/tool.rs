@@ -314,12 +314,12 @@ impl Tool {
         const OF_HLSL: [(&str, &str); 2] = [
             (
                 "array constructor needs one argument per array element",
-                "it doesn't know the zero value of an array, `(uint[64])0`",
+                "glslang doesn't support the zero value of an array, `(uint[64])0`",
             ),
             // WGSL has no recursion, so naga's output has none.
             (
                 "Recursion detected",
-                "it mistakes a function that a constant calls for a recursive one",
+                "glslang takes a function that a constant calls for a recursive function",
             ),
         ];
         let asked = self.name() == compile::GLSLANG && target == Target::Hlsl;

@@ -239,7 +239,9 @@ fn modules_that_changed_are_known_by_their_hashes() {
     );
     assert!(told.contains("-const SUN = 2.0;"), "{told}");
     assert!(
-        told.contains("other.wgsl: git has no version of this module with the golden's hash"),
+        told.contains(
+            "other.wgsl: git doesn't have the version of this module that drew the golden"
+        ),
         "{told}"
     );
     // A checkout with other line ends isn't an edit.
@@ -318,8 +320,8 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
 
     // The server only accepts versions that git has listed.
     for (place, status, text) in [
-        ("data/0-HEAD.js", 200, "this isn't a version of the golden"),
-        ("data/0---output=x.js", 200, "this isn't a version of the golden"),
+        ("data/0-HEAD.js", 200, "the requested commit isn't a version of the golden"),
+        ("data/0---output=x.js", 200, "the requested commit isn't a version of the golden"),
         ("data/9-0.js", 404, ""),
     ] {
         let answer = server.get(place);

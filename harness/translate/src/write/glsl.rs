@@ -51,7 +51,11 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
         bindings,
         options: format!(
             "{version}, {}, workgroup memory set to zero, y flipped",
-            if is_es { "indices unchecked" } else { "texel indices restricted, others unchecked" }
+            if is_es {
+                "indices unchecked"
+            } else {
+                "texel indices restricted, other indices unchecked"
+            }
         ),
     })
 }
@@ -60,7 +64,12 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
 fn one<'j>(job: &Job<'j>) -> Result<&'j EntryPoint, String> {
     match (job.entry_point, &*job.module.entry_points) {
         (Some(entry_point), _) | (None, [entry_point]) => Ok(entry_point),
-        (None, []) => Err("GLSL needs an entry point, and the shader has none".to_owned()),
-        (None, _) => Err("a GLSL translation has one entry point: name it".to_owned()),
+        (None, []) => {
+            Err("GLSL needs an entry point, but the shader has no entry point".to_owned())
+        }
+        (None, _) => {
+            Err("a GLSL translation has only one entry point: name an entry point of the shader"
+                .to_owned())
+        }
     }
 }

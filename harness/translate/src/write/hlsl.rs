@@ -57,7 +57,7 @@ pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written,
         entry_points: names,
         bindings,
         options: format!(
-            "HLSL for shader model {}, bounds checks restrict, workgroup memory set to zero, loops \
+            "HLSL for shader model {}, indices restricted, workgroup memory set to zero, loops \
              bounded",
             shader_model.to_str().replace('_', ".")
         ),
