@@ -266,7 +266,10 @@ fn without_made_up(text: &str) -> String {
     for name in MADE_UP {
         while let Some(start) = text.find(name) {
             let digits = text[start + name.len()..].bytes().take_while(u8::is_ascii_digit).count();
-            text.replace_range(start..start + name.len() + digits, "what it asserts or prints");
+            text.replace_range(
+                start..start + name.len() + digits,
+                "the asserted or printed expression",
+            );
         }
     }
     text

@@ -22,11 +22,11 @@ const LINGER: Duration = Duration::from_secs(1);
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[doc(hidden)]
 pub enum Broken {
-    #[error("it can't be run: {0}")]
+    #[error("the program can't be run: {0}")]
     Start(String),
-    #[error("it ended ({status}){said}")]
+    #[error("the program ended ({status}){said}")]
     Ended { status: String, said: String },
-    #[error("it didn't answer within {0} s")]
+    #[error("the program didn't answer within {0} s")]
     Hung(u64),
 }
 

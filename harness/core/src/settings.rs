@@ -19,12 +19,12 @@ const VARIABLES: [(&str, &str); 17] = [
         PATHS,
         "paths on which checks run: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens, or `cpu` if no driver opens)",
     ),
-    (REQUIRE, "paths that must have run: a list as above, without `all` (none)"),
+    (REQUIRE, "paths that must run: a list such as `vulkan,gl`, without `all` (none)"),
     (
         EXECUTORS,
-        "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between several. Each is a path, `process@NAME` (none)",
+        "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between programs. Each program is a path, `process@NAME` (none)",
     ),
-    (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
+    (ADAPTER, "the adapter to use: a part of the adapter's name (hardware before software)"),
     (DEADLINE, "seconds that a shader may take before the process gives up (60; 10 in `watch`)"),
     (
         FUEL,
@@ -32,7 +32,7 @@ const VARIABLES: [(&str, &str); 17] = [
     ),
     (
         SCHEDULES,
-        "orders of invocations in which `cpu` runs a compute pass, if there are too many to try all of them; 0: only the usual order (16)",
+        "number of orders of invocations in which `cpu` runs a compute pass if it can't try all orders; 0: only the usual order (16)",
     ),
     (SEED, "seed of the selected check, or of all checks (from the test's name)"),
     (CASE, "the only case to run: `function/check/index`, as a failed check prints it (all cases)"),
@@ -45,7 +45,7 @@ const VARIABLES: [(&str, &str); 17] = [
     (OVERLAY, "folder whose files replace modules of the same name (none)"),
     (
         TINT,
-        "Tint: a folder with the npm package `webgpu`, a `tint` or a Chromium; `off`: Karat doesn't use Tint (the first that Karat finds)",
+        "the Tint to use: a folder with the npm package `webgpu`, a `tint` or a Chromium; `off`: Karat doesn't use Tint (the first that Karat finds)",
     ),
     (RECORD, "folder for verdicts, as JSON lines (none; `karat test` sets it)"),
     (

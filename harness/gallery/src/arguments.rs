@@ -207,7 +207,7 @@ pub fn pixel(text: &str) -> Result<(u32, u32), String> {
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
-    let form = || format!("`{text}` isn't width x height in pixels; write digits, as in 640x360");
+    let form = || format!("`{text}` isn't a size: write width x height in pixels, as in 640x360");
     let (width, height) = text.split_once('x').ok_or_else(form)?;
     let side = |digits: &str| {
         if digits.is_empty() || !digits.bytes().all(|digit| digit.is_ascii_digit()) {
@@ -302,7 +302,7 @@ mod tests {
             (&["--size", "5x99999999999"], "the image has a side of 99999999999 pixels"),
             (
                 &["--size", "640"],
-                "`640` isn't width x height in pixels; write digits, as in 640x360",
+                "`640` isn't a size: write width x height in pixels, as in 640x360",
             ),
             (&["--size", "640X360"], "`640X360` isn't width x height"),
             (&["--size", "640x"], "`640x` isn't width x height"),

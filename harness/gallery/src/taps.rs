@@ -198,7 +198,7 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
             )]
             let mean = finite().map(|(_, word)| scalar.decode(word)).sum::<f64>()
                 / finite().count() as f64;
-            let _ = write!(text, "{} to {}, mean {}", shown(least), shown(most), digits(mean));
+            let _ = write!(text, "from {} to {}, mean {}", shown(least), shown(most), digits(mean));
         }
         _ => text += "no value is finite",
     }

@@ -79,7 +79,10 @@ fn unreadable_images_are_not_written() {
     assert!(error.ends_with("the image has no parts"), "{error}");
     let wide = Image::new(16_385, 1, vec![[0.0; 4]; 16_385]);
     let error = wide.write_exr(&path, Precision::Half, None).expect_err("too wide").to_string();
-    assert!(error.ends_with("16385 x 1 pixels, but Karat reads sides of 1 to 16384"), "{error}");
+    assert!(
+        error.ends_with("16385 x 1 pixels, but each side must have 1 to 16384 pixels"),
+        "{error}"
+    );
     let none = Image::new(0, 4, Vec::new());
     assert!(none.write_exr(&path, Precision::Half, None).is_err());
     assert!(!path.exists());

@@ -157,7 +157,7 @@ fn limits_hold_for_png_too() {
     let wide = encode(ColorType::Grayscale, BitDepth::One, 16_385, &[0; 2049], plain);
     assert_eq!(
         reason(&wide),
-        "its header announces 16385 x 1 pixels, but Karat reads sides of 1 to 16384"
+        "its header announces 16385 x 1 pixels, but each side must have 1 to 16384 pixels"
     );
     // The header declares many pixels, and none follow. The checksum of the header is right.
     let mut many = encode(ColorType::Rgba, BitDepth::Sixteen, 5000, &[0; 40_000], plain);

@@ -410,10 +410,10 @@ mod tests {
             changed[edges + 4..edges + 8].copy_from_slice(&bottom.to_le_bytes());
             decode(&changed).expect_err("another size")
         };
-        let sides = "its header announces 16385 x 12 pixels, but Karat reads sides of 1 to 16384";
-        assert_eq!(announcing(16_384, 11), sides);
         let sides =
-            "its header announces -2147483647 x 12 pixels, but Karat reads sides of 1 to 16384";
+            "its header announces 16385 x 12 pixels, but each side must have 1 to 16384 pixels";
+        assert_eq!(announcing(16_384, 11), sides);
+        let sides = "its header announces -2147483647 x 12 pixels, but each side must have 1 to 16384 pixels";
         assert_eq!(announcing(i32::MIN, 11), sides);
         let memory = "its header announces 4096 MB of pixels, but Karat reads at most 512 MB";
         assert_eq!(announcing(16_383, 16_383), memory);

@@ -199,7 +199,7 @@ impl PartHeader {
 
 impl Attributes {
     fn part(self, tiled: bool) -> Result<PartHeader, String> {
-        let missing = |name: &str| format!("it has no attribute `{name}`");
+        let missing = |name: &str| format!("its header lacks the attribute `{name}`");
         let channels = self.channels.ok_or_else(|| missing("channels"))?;
         let compression = self.compression.ok_or_else(|| missing("compression"))?;
         let [left, top, right, bottom] = self.window.ok_or_else(|| missing("dataWindow"))?;
@@ -208,8 +208,8 @@ impl Attributes {
         let sound = |side: i64| u32::try_from(side).ok().filter(|s| (1..=LONGEST_SIDE).contains(s));
         let (Some(width), Some(height)) = (sound(width), sound(height)) else {
             return Err(format!(
-                "its header announces {width} x {height} pixels, but Karat reads sides of 1 to \
-                 {LONGEST_SIDE}"
+                "its header announces {width} x {height} pixels, but each side must have 1 to \
+                 {LONGEST_SIDE} pixels"
             ));
         };
         let tiled = match self.kind.as_deref() {

@@ -81,7 +81,7 @@ fn check_sizes(layers: &[Layer<'_>]) -> std::io::Result<()> {
         if !sides.contains(&image.width) || !sides.contains(&image.height) {
             let (width, height) = (image.width, image.height);
             return Err(invalid(format!(
-                "it has {width} x {height} pixels, but Karat reads sides of 1 to {LONGEST_SIDE}"
+                "the image has {width} x {height} pixels, but each side must have 1 to {LONGEST_SIDE} pixels"
             )));
         }
     }

@@ -50,7 +50,7 @@ fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     let Info { width, height, .. } = *info;
     if width.max(height) > LONGEST_SIDE {
         return Err(format!(
-            "its header announces {width} x {height} pixels, but Karat reads sides of 1 to {LONGEST_SIDE}"
+            "its header announces {width} x {height} pixels, but each side must have 1 to {LONGEST_SIDE} pixels"
         ));
     }
     let area = u64::from(width) * u64::from(height);
