@@ -163,7 +163,7 @@ impl Lines {
     /// The error for a process that has ended, with the end of its log.
     fn ended(&mut self) -> Broken {
         self.to = None;
-        let status = self.wait().unwrap_or_else(|| "it closed its output".to_owned());
+        let status = self.wait().unwrap_or_else(|| "the program closed its output".to_owned());
         // Programs that the process started may still write.
         let _ = self.silent.recv_timeout(LINGER);
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);

@@ -358,7 +358,8 @@ impl Known {
             let said = ran.map(|ran| ran.output).unwrap_or_default();
             if said.contains(self.says) {
                 let line = said.lines().find(|line| line.contains(self.says)).unwrap_or_default();
-                let version = if self.asked == ["--help"] { "it says none" } else { line.trim() };
+                let version =
+                    if self.asked == ["--help"] { "it prints no version" } else { line.trim() };
                 let version = version.to_owned();
                 return Ok(Tool { known: self, program: Some(program), version });
             }

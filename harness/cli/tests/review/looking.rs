@@ -61,7 +61,7 @@ fn all_cases_are_listed_and_keys_move_between_them() {
             "shader and driver are the same: the frame isn't deterministic, or its inputs changed",
         ),
         ("scene", "the shader changed"),
-        ("rooms/layered", "new: no golden yet"),
+        ("rooms/layered", "new: there is no golden yet"),
     ];
     for (position, (name, cause)) in causes.into_iter().enumerate() {
         if position > 0 {

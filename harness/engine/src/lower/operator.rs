@@ -109,7 +109,7 @@ impl<'m> Lower<'m> {
                 (UnaryOperator::BitwiseNot, Scalar::U32) => {
                     self.integer(Integer::NotU, &[register])?
                 }
-                _ => return Err(self.refuse(format!("operator {op:?} on {scalar:?}"))),
+                _ => return Err(self.refuse(format!("the operator {op:?} on {scalar:?}"))),
             });
         }
         Ok(Value::Flat(values.into()))
@@ -234,7 +234,7 @@ impl<'m> Lower<'m> {
                     B::Multiply => Basic::Multiply,
                     B::Divide => Basic::Divide,
                     B::Modulo => Basic::Remainder,
-                    _ => return Err(self.refuse(format!("operator {op:?} on floats"))),
+                    _ => return Err(self.refuse(format!("the operator {op:?} on floats"))),
                 };
                 self.basic(rule, &[a, b], half)
             }
@@ -250,7 +250,7 @@ impl<'m> Lower<'m> {
                     B::InclusiveOr => (Integer::OrI, Integer::OrU),
                     B::ShiftLeft => (Integer::ShiftLeftI, Integer::ShiftLeftU),
                     B::ShiftRight => (Integer::ShiftRightI, Integer::ShiftRightU),
-                    _ => return Err(self.refuse(format!("operator {op:?} on integers"))),
+                    _ => return Err(self.refuse(format!("the operator {op:?} on integers"))),
                 };
                 self.integer(if scalar.signed() { signed } else { unsigned }, &[a, b])
             }
@@ -261,7 +261,7 @@ impl<'m> Lower<'m> {
                 let differ = self.boolean(Op::Differ, &[a, b])?;
                 self.boolean(Op::Not, &[differ])
             }
-            _ => Err(self.refuse(format!("operator {op:?} on booleans"))),
+            _ => Err(self.refuse(format!("the operator {op:?} on booleans"))),
         }
     }
 

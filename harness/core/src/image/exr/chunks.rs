@@ -185,7 +185,7 @@ fn unwrapped(message: &str) -> &str {
     let inside = message.split_once("(invalid: ").and_then(|(_, inside)| inside.strip_suffix(')'));
     match inside.unwrap_or(message) {
         "compressed data" | "compression data" => "the data are damaged",
-        "decompressed data" => "their length is wrong",
+        "decompressed data" => "the decompressed data have a wrong length",
         reason => reason,
     }
 }
