@@ -248,7 +248,9 @@ fn a_project_renders_its_own_frames() {
     let gallery = gallery.with_extension(std::env::consts::EXE_EXTENSION);
     project.run(&gallery, "", &["--list"]).gives(0, list, "");
     project.run(&gallery, "", &["--help"]).says(0, "--environment <FILE>");
-    project.run(&gallery, "", &["--size", "640"]).says(2, "write width x height in pixels, as in 640x360");
+    project
+        .run(&gallery, "", &["--size", "640"])
+        .says(2, "write width x height in pixels, as in 640x360");
     let ran = project.run(&gallery, "frames", &["flat"]);
     let folder = project.folder.path().canonicalize().expect("it is there");
     let folder = folder.join("target/karat/frames");
