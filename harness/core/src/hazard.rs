@@ -83,7 +83,8 @@ impl Kind {
             }
             Self::Barrier => {
                 "some invocations don't reach this operation: a barrier needs all invocations of the workgroup, a subgroup \
-                 operation all of the subgroup, a derivative or `textureSample` all of the quad (WGSL 15.2)"
+                 operation needs all invocations of the subgroup, and a derivative or `textureSample` needs all invocations of \
+                 the quad (WGSL 15.2)"
             }
             Self::EqualWrites => "two writes of the same value have no defined order",
             Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",

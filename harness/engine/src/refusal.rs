@@ -61,9 +61,7 @@ pub enum Stop {
         rounds: u64,
     },
     /// The words don't fill complete rows.
-    #[error(
-        "there are {found} words of arguments instead of {cases} cases with {width} words each"
-    )]
+    #[error("the arguments have {found} scalars, but {cases} cases need {width} scalars each")]
     Rows {
         /// The number of words.
         found: usize,

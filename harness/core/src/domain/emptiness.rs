@@ -78,7 +78,7 @@ mod tests {
         assert_eq!(why(mapped.emptiness()).0, None, "a mapped tuple has no parts");
         let grid = Grid::logarithmic(-1.0..=1.0, 9);
         let through =
-            "grid is logarithmic, but its ends -1 and 1 aren't both above 0 or both below 0";
+            "grid is logarithmic, so its ends -1 and 1 must both be above 0 or both below 0";
         assert_eq!(why(grid.emptiness()).1, through);
         assert_eq!(why(Grid::linear(0.0..=1.0, 0).emptiness()).1, "grid has no points");
         let (low, high) = (3_i32, 2);

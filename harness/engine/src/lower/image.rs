@@ -47,7 +47,7 @@ impl<'m> Lower<'m> {
             TypeInner::Image { dim, arrayed, class } => {
                 Ok(Image { slot, dimension: dim, arrayed, class })
             }
-            _ => Err(self.refuse("a texture variable that isn't a texture")),
+            _ => Err(self.refuse("a texture of an unknown type")),
         }
     }
 
