@@ -105,7 +105,7 @@ struct Entry {
 /// gallery = "gallery"
 /// ```
 #[derive(Default)]
-#[must_use = "a gallery renders nothing until `.main()`"]
+#[must_use = "a gallery renders its frames when you call `.main()`"]
 pub struct Gallery {
     entries: Vec<Entry>,
 }

@@ -58,7 +58,7 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
         let of_name: Vec<&Members> = made.iter().filter(|m| names(m) == names(wanted)).collect();
         if of_name.is_empty() {
             return Some(format!(
-                "the compiler's SPIR-V has no structure with the members `{}`, so that Karat can't compare \
+                "the compiler's SPIR-V has no structure with the members `{}`, so Karat can't compare \
                  their offsets",
                 names(wanted).join("`, `")
             ));

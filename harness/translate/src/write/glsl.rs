@@ -50,12 +50,8 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
         entry_points: vec!["main".to_owned()],
         bindings,
         options: format!(
-            "{version}, {}, workgroup memory set to zero, y flipped",
-            if is_es {
-                "indices unchecked"
-            } else {
-                "texel indices restricted, other indices unchecked"
-            }
+            "{version}; naga {}, sets workgroup memory to zero and flips y",
+            if is_es { "checks no indices" } else { "restricts only texel indices" }
         ),
     })
 }
