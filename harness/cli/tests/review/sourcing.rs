@@ -218,7 +218,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
     assert_eq!(
         shown(&project).lines().filter(|line| !line.is_empty()).collect::<Vec<_>>(),
         [
-            "Modules that changed since the golden, by their hashes.",
+            "The hashes show that these modules changed since the golden:",
             "noise::value: the frame no longer uses this module",
             light,
             "@@ -1 +1 @@",
@@ -253,7 +253,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
     // All modules are equal, so something else changed the linked program.
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[0]) }));
     let told = shown(&project);
-    assert!(told.contains("No module changed since the golden, by their hashes."), "{told}");
+    assert!(told.contains("The hashes show that no module changed since the golden."), "{told}");
     assert!(told.contains("features, overrides or Karat changed"), "{told}");
     // An old golden has no hashes. The page shows the changes that git knows.
     put(json!({}), json!({ light: hash(lights[2]) }));
