@@ -604,7 +604,7 @@ fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
         (&["--exposure", "NaN"], "`NaN` isn't a finite number of stops"),
         (&["--exposure", "-inf"], "`-inf` isn't a finite number of stops"),
         (&["--environment", "sky.exr"], "'--environment <FILE>': there is no such file"),
-        (&["--environment", "shaders"], "'--environment <FILE>': it isn't a file"),
+        (&["--environment", "shaders"], "'--environment <FILE>': the path isn't a file"),
         (&["--path", "vulcan"], "did you mean `vulkan`?"),
         (&["--first"], "cannot be used with '--first'"),
     ] {

@@ -347,7 +347,7 @@ pub fn read_file(file: &Path) -> std::io::Result<Vec<u8>> {
     if kind.is_file() || kind.is_dir() {
         return std::fs::read(file);
     }
-    Err(std::io::Error::other("it is a pipe, a socket or a device, not a file"))
+    Err(std::io::Error::other("the path names a pipe, a socket or a device, not a file"))
 }
 
 /// A path for messages: relative to the working directory if the path is inside it, otherwise absolute, without `..`.

@@ -37,7 +37,7 @@ pub use tail::{
 #[non_exhaustive]
 pub enum NoVerdict {
     /// There are too few samples for the test's approximation.
-    #[error("{found} samples are too few: at least {needed} are needed")]
+    #[error("{found} samples are too few: the test needs at least {needed}")]
     TooFew {
         /// The number of samples.
         found: u64,

@@ -235,7 +235,7 @@ fn existing_file(file: PathBuf) -> Result<PathBuf, String> {
     if file.is_file() {
         return Ok(file);
     }
-    Err(if file.exists() { "it isn't a file" } else { "there is no such file" }.to_owned())
+    Err(if file.exists() { "the path isn't a file" } else { "there is no such file" }.to_owned())
 }
 
 #[cfg(test)]
@@ -318,7 +318,7 @@ mod tests {
             (&["--exposure", "1e39"], "`1e39` isn't a finite number of stops"),
             (&["--exposure", "bright"], "`bright` isn't a finite number of stops"),
             (&["--environment", "no/sky.exr"], "there is no such file"),
-            (&["--environment", "."], "it isn't a file"),
+            (&["--environment", "."], "the path isn't a file"),
             (&["scene", "--round", "2"], "required arguments were not provided"),
             (
                 &["--trace", "3"],

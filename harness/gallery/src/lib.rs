@@ -372,7 +372,7 @@ impl Entry {
         // A panic concerns only this frame: the gallery still renders the others. The hook has already printed the
         // message.
         catch_unwind(AssertUnwindSafe(|| make((self.describe)(options)?)))
-            .unwrap_or_else(|_| Err("it panicked, see above".into()))
+            .unwrap_or_else(|_| Err("the frame's code panicked: see the message above".into()))
     }
 
     fn render(&self, options: &RenderOptions) -> Result<Image, Box<dyn Error>> {

@@ -61,7 +61,7 @@ fn a_failing_frame_does_not_stop_the_other_frames() {
     for part in [
         "error: frame `missing` can't be rendered: module `flat` has no fragment entry point",
         "error: frame `sky` can't be rendered: the sky can't be used: it is dark\n",
-        "error: frame `panic` can't be rendered: it panicked, see above\n",
+        "error: frame `panic` can't be rendered: the frame's code panicked: see the message above\n",
         "note: frame `grey` has a fixed size and ignores --size\n",
         "warning: frame `hole` has 3 pixels with NaN and 0 with infinities, the first one in \
          column 0, row 0\n",

@@ -365,7 +365,7 @@ impl Known {
             }
             other = Some(format!("`{}` is another program of this name", program.display()));
         }
-        Err(missing(other.unwrap_or_else(|| "it isn't in PATH".to_owned())))
+        Err(missing(other.unwrap_or_else(|| "the program isn't in PATH".to_owned())))
     }
 }
 
@@ -422,6 +422,6 @@ mod tests {
         let found = known("spirv-val").find(&folders).expect("this `spirv-val` is accepted");
         assert_eq!(found.version, "SPIRV-Tools v2099.1 unknown hash");
         let error = known("xcrun").find(&folders).expect_err("no `xcrun` is in the folder");
-        assert_eq!(error.reason, "it isn't in PATH");
+        assert_eq!(error.reason, "the program isn't in PATH");
     }
 }
