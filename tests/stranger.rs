@@ -433,8 +433,8 @@ fn what_does_not_fit_is_explained_by_the_compiler() {
         &[
             "--> tests/brdf.rs:",
             "expected closure signature `fn(f64) -> _`",
-            "this reference doesn't take the arguments that the domain draws",
-            "expected a function of the `f64` mirrors of `(f32, f32)`",
+            "the parameters of this reference don't match the domain's values",
+            "expected a function whose parameters are the `f64` types for `(f32, f32)`",
             "`std::ops::Range<{float}>` is not a domain",
             "use a closed range such as `0.0..=1.0` (not `0.0..1.0`)",
             "`f32` can't be the result of a reference",

@@ -287,7 +287,7 @@ fn differences_that_flip_misses_fail() {
         let pair = Pair::new(&golden, &actual).expect("finite");
         let measured = Flip::MEAN.measure(&pair);
         assert_eq!(measured.value, f64::INFINITY);
-        let note = "3e38 at (16, 31) is more than 128 stops outside of the golden's exposures: \
+        let note = "the value 3e38 of pixel (16, 31) is more than 128 stops outside of the golden's exposures: \
                     clamp the value in the shader, or compare only by the gate";
         assert_eq!(measured.note.as_deref(), Some(note));
         assert!(FrameTolerance::default().compare(&golden, &actual, None).is_err());
@@ -403,9 +403,9 @@ fn masks_leave_out_what_they_say() {
     }
     let refused = |mask: &Mask| Pair::masked(&golden, &actual, mask).expect_err("useless");
     assert_eq!(refused(&Mask::wherever(|_, _| false)), PairError::Mask(MaskError::Nothing));
-    assert_eq!(refused(&Mask::only(&[])).to_string(), "the mask leaves no pixel to compare");
+    assert_eq!(refused(&Mask::only(&[])).to_string(), "the mask excludes all pixels");
     let error = refused(&Mask::image(image(8, 8, |_, _, _| 1.0)));
-    assert_eq!(error.to_string(), "the mask has 8 x 8 pixels, but the frame 64 x 48");
+    assert_eq!(error.to_string(), "the mask has 8 x 8 pixels, but the frame has 64 x 48");
     for rect in [Rect::new(60, 0, 5, 5), Rect::new(3, 3, 0, 4), Rect::new(u32::MAX, 0, 2, 2)] {
         assert!(matches!(
             refused(&Mask::except(&[rect])),

@@ -163,7 +163,7 @@ fn nothing_to_compare() {
         "is empty: its list is empty",
         "has a filter that rejects nearly all values",
         "has a filter that rejects nearly all values",
-        "is empty: its range starts at 1 and ends at 0",
+        "is empty: its range starts at 1, above its end 0",
     ];
     for (found, reason) in found.into_iter().zip(reasons) {
         let Err(error @ Failure::Domain { .. }) = found else { panic!("{found:?}") };

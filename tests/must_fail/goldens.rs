@@ -64,7 +64,9 @@ fn goldens_that_are_missing_shifted_resized_or_corrupt() {
     broken.pixels_mut()[0][0] = f32::NAN;
     assert!(plant(&broken).contains("the golden itself has 1 pixel with NaN"));
     let resized = Image::new(16, 32, original.pixels().to_vec());
-    assert!(plant(&resized).contains("its size is 32 x 16, but the golden's size is 16 x 32"));
+    assert!(
+        plant(&resized).contains("the frame's size is 32 x 16, but the golden's size is 16 x 32")
+    );
 
     std::fs::write(&golden, &bytes[..bytes.len() / 2]).expect("written");
     let (agrees, text) = golden_fault(folder.path(), &[]);

@@ -80,8 +80,8 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
         ),
         (
             "dies",
-            "it ended (exit status: 3): out of memory",
-            "it ended (exit status: 3): out of memory",
+            "the program ended (exit status: 3): out of memory",
+            "the program ended (exit status: 3): out of memory",
         ),
     ] {
         let text = piped("cpu", fault);
@@ -142,7 +142,7 @@ fn programs_that_run_no_jobs_do_not_open() {
         (
             "mine=/nowhere/at/all",
             "process@mine",
-            "`/nowhere/at/all`, which KARAT_EXECUTORS names: it can't be run",
+            "`/nowhere/at/all`, which KARAT_EXECUTORS names: the program can't be run",
         ),
         (
             "mine=PLANTED executor cpu",
@@ -162,7 +162,7 @@ fn programs_that_run_no_jobs_do_not_open() {
         (
             "mine=PLANTED executor cpu silent",
             "process@mine",
-            "it ended (exit status: 0): it says nothing",
+            "the program ended (exit status: 0): it says nothing",
         ),
         (
             "mine=PLANTED executor cpu old",
@@ -241,7 +241,7 @@ fn lies_do_not_conform() {
         ("few", "outputs", r#"its reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
         ("late", "outputs", r#"its reply is {"done":[["#),
         ("refuses", "refusal", r#"after a refused job, a valid job gets {"refused":{"message":"#),
-        ("dies", "function", "it ended (exit status: 3): out of memory"),
+        ("dies", "function", "the program ended (exit status: 3): out of memory"),
     ] {
         let answers = conformed("cpu", fault);
         let one = &answers[name];

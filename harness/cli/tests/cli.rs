@@ -599,15 +599,15 @@ fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
         assert!(error.contains(part), "no `{part}` in:\n{error}");
     }
     for (arguments, message) in [
-        (&["--size", "0x5"][..], "a side has 0 pixels; use 1 to 16384 pixels"),
-        (&["--size", "16385x1"], "a side has 16385 pixels; use 1 to 16384 pixels"),
-        (&["--size", "640"], "`640` isn't width x height in pixels; write digits, as in 640x360"),
-        (&["--size", "640X360"], "`640X360` isn't width x height in pixels"),
+        (&["--size", "0x5"][..], "the image has a side of 0 pixels; use 1 to 16384 pixels"),
+        (&["--size", "16385x1"], "the image has a side of 16385 pixels; use 1 to 16384 pixels"),
+        (&["--size", "640"], "`640` isn't a size: write width x height in pixels, as in 640x360"),
+        (&["--size", "640X360"], "`640X360` isn't a size: write width x height in pixels"),
         (&["--samples", "0"], "invalid value '0' for '--samples <N>': 0 is not in 1.."),
         (&["--exposure", "NaN"], "`NaN` isn't a finite number of stops"),
         (&["--exposure", "-inf"], "`-inf` isn't a finite number of stops"),
         (&["--environment", "sky.exr"], "'--environment <FILE>': there is no such file"),
-        (&["--environment", "shaders"], "'--environment <FILE>': it isn't a file"),
+        (&["--environment", "shaders"], "'--environment <FILE>': the path isn't a file"),
         (&["--path", "vulcan"], "did you mean `vulkan`?"),
         (&["--first"], "cannot be used with '--first'"),
     ] {

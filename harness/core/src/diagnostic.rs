@@ -266,7 +266,10 @@ fn without_made_up(text: &str) -> String {
     for name in MADE_UP {
         while let Some(start) = text.find(name) {
             let digits = text[start + name.len()..].bytes().take_while(u8::is_ascii_digit).count();
-            text.replace_range(start..start + name.len() + digits, "what it asserts or prints");
+            text.replace_range(
+                start..start + name.len() + digits,
+                "the asserted or printed expression",
+            );
         }
     }
     text
@@ -344,7 +347,7 @@ pub fn read_file(file: &Path) -> std::io::Result<Vec<u8>> {
     if kind.is_file() || kind.is_dir() {
         return std::fs::read(file);
     }
-    Err(std::io::Error::other("it is a pipe, a socket or a device, not a file"))
+    Err(std::io::Error::other("the path names a pipe, a socket or a device, not a file"))
 }
 
 /// A path for messages: relative to the working directory if the path is inside it, otherwise absolute, without `..`.

@@ -200,7 +200,7 @@ pub trait Domain: Send + Sync {
         Self::Value: Shareable,
     {
         let (own, other) = (Self::Value::shape(), T::shape());
-        assert!(own == other, "a `{own}` can't become a `{other}`: `cast` keeps the shape");
+        assert!(own == other, "`cast` can't turn `{own}` into `{other}`: the WGSL types differ");
         self.map(|value| {
             let mut lanes = Vec::new();
             value.store(&mut lanes);

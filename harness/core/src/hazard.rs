@@ -68,40 +68,41 @@ impl Kind {
     #[must_use]
     pub fn about(self) -> &'static str {
         match self {
-            Self::Nan => "it isn't a number, though its operands are",
+            Self::Nan => "the result is NaN for operands that aren't NaN",
             Self::OutOfRange => {
-                "the index is outside of its array: WGSL lets a read return any element or zero, and a write change any element or none"
+                "the index is outside of its array: WGSL lets a read return any element or zero, and lets a write change any element or none"
             }
             Self::Wrapped => {
                 "a sum or a product of the index overflows 32 bits, so the index selects a wrong element"
             }
             Self::BelowZero => {
-                "an unsigned difference goes below 0 and wraps around: as a float it is about 4.29e9"
+                "the difference of two unsigned integers is below 0 and wraps around: converted to a float, the result is about 4.29e9"
             }
             Self::Race => {
-                "these two accesses of one element have no defined order: each driver may choose its own"
+                "these two accesses of one element have no defined order: each driver may choose another order"
             }
             Self::Barrier => {
-                "all invocations of a workgroup must reach a barrier, of a subgroup a subgroup operation, of a quad a \
-                 derivative or `textureSample` (WGSL 15.2), and some don't"
+                "some invocations don't reach this operation: a barrier needs all invocations of the workgroup, a subgroup \
+                 operation needs all invocations of the subgroup, and a derivative or `textureSample` needs all invocations of \
+                 the quad (WGSL 15.2)"
             }
             Self::EqualWrites => "two writes of the same value have no defined order",
             Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",
-            Self::Infinite => "it overflows, or divides by zero",
+            Self::Infinite => "the operation overflows or divides by zero",
             Self::Saturated => {
-                "the float is outside of the integer type's range: WGSL takes the nearest integer of the type, GLSL any integer"
+                "the float is outside of the integer type's range: WGSL converts the float to the nearest integer of the type, GLSL to any integer"
             }
             Self::EdgesReversed => {
                 "the low edge is above the high edge, or equal to it in `smoothstep`: implementations return different results"
             }
-            Self::LostDigits => "more than half of its digits are rounding errors",
+            Self::LostDigits => "more than half of the result's digits are rounding errors",
             Self::Unbounded => {
-                "WGSL doesn't limit the error here, so drivers may return anything (15.7.4: a divisor outside of 2^-126 to \
-                 2^126, an angle beyond pi)"
+                "WGSL doesn't limit the error of this operation here, so drivers may return anything (WGSL 15.7.4: for \
+                 example, for a divisor outside of 2^-126 to 2^126, or for an angle beyond pi)"
             }
-            Self::Endless => "the loop was stopped after thousands of rounds",
+            Self::Endless => "Karat stopped the loop after thousands of iterations",
             Self::Unwritten => {
-                "the shader reads workgroup memory before it writes it: WGSL makes the memory zero, but hosts may turn that off"
+                "the shader reads workgroup memory before writing it: WGSL sets the memory to zero, but a host can turn this initialization off"
             }
         }
     }

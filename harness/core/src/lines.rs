@@ -22,11 +22,11 @@ const LINGER: Duration = Duration::from_secs(1);
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[doc(hidden)]
 pub enum Broken {
-    #[error("it can't be run: {0}")]
+    #[error("the program can't be run: {0}")]
     Start(String),
-    #[error("it ended ({status}){said}")]
+    #[error("the program ended ({status}){said}")]
     Ended { status: String, said: String },
-    #[error("it didn't answer within {0} s")]
+    #[error("the program didn't answer within {0} s")]
     Hung(u64),
 }
 
@@ -163,7 +163,7 @@ impl Lines {
     /// The error for a process that has ended, with the end of its log.
     fn ended(&mut self) -> Broken {
         self.to = None;
-        let status = self.wait().unwrap_or_else(|| "it closed its output".to_owned());
+        let status = self.wait().unwrap_or_else(|| "the program closed its output".to_owned());
         // Programs that the process started may still write.
         let _ = self.silent.recv_timeout(LINGER);
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);

@@ -19,12 +19,12 @@ const VARIABLES: [(&str, &str); 17] = [
         PATHS,
         "paths on which checks run: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens, or `cpu` if no driver opens)",
     ),
-    (REQUIRE, "paths that must have run: a list as above, without `all` (none)"),
+    (REQUIRE, "paths that must run: a list such as `vulkan,gl`, without `all` (none)"),
     (
         EXECUTORS,
-        "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between several. Each is a path, `process@NAME` (none)",
+        "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between programs. Each program is a path, `process@NAME` (none)",
     ),
-    (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
+    (ADAPTER, "the adapter to use: a part of the adapter's name (hardware before software)"),
     (DEADLINE, "seconds that a shader may take before the process gives up (60; 10 in `watch`)"),
     (
         FUEL,
@@ -32,17 +32,20 @@ const VARIABLES: [(&str, &str); 17] = [
     ),
     (
         SCHEDULES,
-        "orders of invocations in which `cpu` runs a compute pass, if there are too many to try all of them; 0: only the usual order (16)",
+        "number of orders of invocations in which `cpu` runs a compute pass if it can't try all orders; 0: only the usual order (16)",
     ),
     (SEED, "seed of the selected check, or of all checks (from the test's name)"),
     (CASE, "the only case to run: `function/check/index`, as a failed check prints it (all cases)"),
-    (INPUT, "arguments that replace the case's own, as hexadecimal words (none)"),
+    (
+        INPUT,
+        "arguments that replace the case's own arguments, as hexadecimal 32-bit numbers (none)",
+    ),
     (FAILURES, "`off`: Karat doesn't store failing inputs, and doesn't try stored ones (on)"),
     (FRAMES, "`off`: Karat skips frames, as `karat test --no-frames` does (on)"),
     (OVERLAY, "folder whose files replace modules of the same name (none)"),
     (
         TINT,
-        "Tint: a folder with the npm package `webgpu`, a `tint` or a Chromium; `off`: Karat doesn't use Tint (the first that Karat finds)",
+        "the Tint to use: a folder with the npm package `webgpu`, a `tint` or a Chromium; `off`: Karat doesn't use Tint (the first that Karat finds)",
     ),
     (RECORD, "folder for verdicts, as JSON lines (none; `karat test` sets it)"),
     (
@@ -312,8 +315,8 @@ impl Settings {
         let parsed = |name: &'static str, expected: &'static str| {
             move |value: Option<String>| Parsed { name, expected, value }
         };
-        let number = "a number, in decimal or with 0x before it in hexadecimal";
-        let words = "a list of hexadecimal words with commas between them";
+        let number = "a number: write decimal digits, or 0x and hexadecimal digits";
+        let words = "a list of hexadecimal 32-bit numbers with commas between them";
         let seed = text(SEED).map(parsed(SEED, number))?.by(integer)?;
         let input = text(INPUT).map(parsed(INPUT, words))?.by(read_words)?;
         let case = "a case, `function/check/index`, as in a replay command";
@@ -323,14 +326,14 @@ impl Settings {
         }
         let seconds = "a number of seconds above 0";
         let deadline = text(DEADLINE).map(parsed(DEADLINE, seconds))?.by(duration)?;
-        let rounds = "a number of rounds above 0";
+        let rounds = "a number of loop rounds above 0";
         let above_zero = |text: &str| integer(text).filter(|rounds| *rounds > 0);
         let fuel = text(FUEL).map(parsed(FUEL, rounds))?.by(above_zero)?;
         let count = "a number of orders from 0 to 65536";
         let orders = |text: &str| integer(text).filter(|count| *count <= MOST_SCHEDULES);
         let schedules = text(SCHEDULES).map(parsed(SCHEDULES, count))?.by(orders)?;
-        let programs = "a list of NAME=PROGRAM ARGUMENTS with `;` between them, each name once and of small letters \
-                        and digits";
+        let programs = "a list of NAME=PROGRAM ARGUMENTS with `;` between them, each name once, in lower-case \
+                        letters and digits";
         let executors = text(EXECUTORS).map(parsed(EXECUTORS, programs))?.by(read_programs)?;
         Ok(Self {
             paths: text(PATHS)?,
@@ -507,7 +510,7 @@ mod tests {
             (
                 "KARAT_SEED",
                 "0xfg",
-                "KARAT_SEED=0xfg isn't a number, in decimal or with 0x before it in hexadecimal",
+                "KARAT_SEED=0xfg isn't a number: write decimal digits, or 0x and hexadecimal digits",
             ),
             ("KARAT_SEED", "-1", "KARAT_SEED=-1 isn't a number"),
             ("KARAT_TIMEOUT", "a minute", "KARAT_TIMEOUT=a minute isn't a number of seconds"),
@@ -515,7 +518,7 @@ mod tests {
             ("KARAT_TIMEOUT", "NaN", "KARAT_TIMEOUT=NaN isn't a number of seconds above 0"),
             ("KARAT_SCHEDULES", "few", "KARAT_SCHEDULES=few isn't a number of orders from 0 to"),
             ("KARAT_SCHEDULES", "65537", "KARAT_SCHEDULES=65537 isn't a number of orders"),
-            ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of rounds above 0"),
+            ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of loop rounds above 0"),
             (
                 "KARAT_CASE",
                 "fresnel::schlick",
@@ -529,7 +532,7 @@ mod tests {
             ("KARAT_EXECUTORS", "a=", "KARAT_EXECUTORS=a= isn't a list of NAME=PROGRAM"),
             ("KARAT_EXECUTORS", "A=b", "KARAT_EXECUTORS=A=b isn't a list of NAME=PROGRAM"),
             ("KARAT_EXECUTORS", "a=b;a=c", "KARAT_EXECUTORS=a=b;a=c isn't a list of NAME=PROGRAM"),
-            ("KARAT_INPUT", "1.0", "KARAT_INPUT=1.0 isn't a list of hexadecimal words"),
+            ("KARAT_INPUT", "1.0", "KARAT_INPUT=1.0 isn't a list of hexadecimal 32-bit numbers"),
         ] {
             let error = read(&[(name, value)]).expect_err(value);
             assert!(error.starts_with(message), "{error}");

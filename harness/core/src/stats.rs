@@ -37,7 +37,7 @@ pub use tail::{
 #[non_exhaustive]
 pub enum NoVerdict {
     /// There are too few samples for the test's approximation.
-    #[error("{found} samples are too few: at least {needed} are needed")]
+    #[error("{found} samples are too few: the test needs at least {needed}")]
     TooFew {
         /// The number of samples.
         found: u64,
@@ -60,7 +60,7 @@ pub enum NoVerdict {
     },
     /// The mean depends on too few of the samples.
     #[error(
-        "the mean {mean:e} of {found} samples differs from the expected {expected:e}, but it depends on \
+        "the mean {mean:e} of {found} samples differs from the expected {expected:e}, but this mean depends on \
          too few samples (skewness {skewness:.0}) to judge the difference: take more samples, or draw \
          them where the function is large"
     )]

@@ -146,7 +146,7 @@ impl Unit {
             Self::Abs => "abs",
             Self::Exact => "different",
             Self::Statement => "doesn't hold",
-            Self::Shader => "from the range that this code may return to the reference",
+            Self::Shader => "between the reference and the nearest value that this code may return",
             Self::Driver => "outside of the range that WGSL allows",
             Self::Measured => "outside of the measured range",
             Self::Conditioning => "wide",

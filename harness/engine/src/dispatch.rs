@@ -426,15 +426,17 @@ impl Program {
         watch: Option<Watch<'_>>,
     ) -> Result<Observed, Stop> {
         let Some(entry) = &self.entry else {
-            return Err(Stop::Misuse("a function is called, not dispatched"));
+            return Err(Stop::Misuse(
+                "this program is a function: use `call`, because `dispatch` runs only entry points",
+            ));
         };
         self.has_rules::<A>()?;
         let code = self.code();
         if let (true, Some(slot)) = (A::UNDECIDED, code.buffers.iter().find(|slot| slot.written)) {
-            return Err(Stop::NoRule { what: "a buffer that is written", span: slot.span });
+            return Err(Stop::NoRule { what: "a buffer that the shader writes", span: slot.span });
         }
         if let (true, Some(slot)) = (A::UNDECIDED, code.textures.iter().find(|slot| slot.written)) {
-            return Err(Stop::NoRule { what: "a texture that is written", span: slot.span });
+            return Err(Stop::NoRule { what: "a texture that the shader writes", span: slot.span });
         }
         let watch_is_on = watch.is_some();
         let pixels = workgroups;
@@ -552,11 +554,12 @@ impl Program {
                     && options.deadline.is_some_and(|deadline| Instant::now() >= deadline)
                 {
                     return Err(Stop::Misuse(
-                        "workgroups that weren't done at the deadline (KARAT_TIMEOUT)",
+                        "the workgroups didn't end before the deadline (KARAT_TIMEOUT)",
                     ));
                 }
                 if count > options.most_turns {
-                    stopped = Some(Stop::Misuse("more turns of its invocations than Karat tries"));
+                    stopped =
+                        Some(Stop::Misuse("the invocations took more turns than Karat tries"));
                     break;
                 }
                 let number = room_of[&actor.unit];

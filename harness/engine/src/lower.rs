@@ -229,7 +229,9 @@ impl<'m> Lower<'m> {
                     | TypeInner::Array { .. }
                     | TypeInner::Struct { .. }
             ) {
-                return Err(self.refuse(format!("a {} as a parameter", crate::scalar::kind(inner))));
+                return Err(
+                    self.refuse(format!("a parameter of type {}", crate::scalar::kind(inner)))
+                );
             }
             let scalars = self.scalars(inner)?;
             let registers: Rc<[Reg]> =
@@ -361,7 +363,7 @@ impl<'m> Lower<'m> {
                 Ok(Value::Sampler(self.code.samplers.len() as u32 - 1))
             }
             (AddressSpace::Handle, other) => {
-                Err(self.refuse(format!("a {} as a resource", crate::scalar::kind(other))))
+                Err(self.refuse(format!("a resource of type {}", crate::scalar::kind(other))))
             }
             (AddressSpace::Uniform | AddressSpace::Storage { .. }, _) => {
                 let Some(binding) = &variable.binding else {
@@ -381,13 +383,15 @@ impl<'m> Lower<'m> {
             (AddressSpace::WorkGroup, _) => {
                 if !self.shared {
                     return Err(self.refuse(format!(
-                        "a function with the workgroup variable `{name}`, because cases would share it"
+                        "a function with the workgroup variable `{name}`, because all cases would share the variable"
                     )));
                 }
                 let place = self.buffer(crate::code::Binding::Workgroup, name, span, inner);
                 let total: u64 = self.code.buffers.iter().map(|slot| slot.workgroup_bytes()).sum();
                 if total > MOST_WORKGROUP_BYTES {
-                    return Err(self.refuse(format!("{total} bytes of workgroup variables")));
+                    return Err(
+                        self.refuse(format!("workgroup variables of {total} bytes in total"))
+                    );
                 }
                 Ok(place)
             }

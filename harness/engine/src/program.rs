@@ -58,7 +58,7 @@ impl Program {
         let Some((handle, function)) = functions.find(|(_, f)| f.name.as_deref() == Some(name))
         else {
             return Err(Refusal::new(
-                format!("the function `{name}`, which doesn't exist"),
+                format!("the function `{name}`, because the module has no such function"),
                 Span::UNDEFINED,
             ));
         };
@@ -80,12 +80,13 @@ impl Program {
     ) -> Result<Self, Refusal> {
         let mut points = module.entry_points.iter().enumerate();
         let Some((index, point)) = points.find(|(_, point)| point.name == name) else {
-            let what = format!("the entry point `{name}`, which doesn't exist");
+            let what =
+                format!("the entry point `{name}`, because the module has no such entry point");
             return Err(Refusal::new(what, Span::UNDEFINED));
         };
         if !matches!(point.stage, ShaderStage::Compute | ShaderStage::Fragment) {
             return Err(Refusal::new(
-                format!("entry points of stage {:?}", point.stage),
+                format!("entry points of the stage {:?}", point.stage),
                 Span::UNDEFINED,
             ));
         }
@@ -99,7 +100,8 @@ impl Program {
         let code = crate::allocate::allocated(code);
         let registers: u32 = code.registers.iter().sum();
         if registers > MOST_REGISTERS {
-            let what = format!("a program of {registers} registers (at most {MOST_REGISTERS})");
+            let what =
+                format!("a program that needs {registers} registers (at most {MOST_REGISTERS})");
             return Err(Refusal::new(what, Span::UNDEFINED));
         }
         Ok(Self { code, entry })
@@ -218,7 +220,9 @@ impl Program {
     ) -> Result<Results<A>, Stop> {
         let Call { cases, rows, to, resources, options } = *call;
         if self.entry.is_some() {
-            return Err(Stop::Misuse("an entry point is dispatched, not called"));
+            return Err(Stop::Misuse(
+                "this program is an entry point: use `dispatch`, because `call` runs only functions",
+            ));
         }
         let width = self.code.parameters.len();
         if Some(rows.len()) != width.checked_mul(cases) {
@@ -315,9 +319,11 @@ impl Program {
     pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
         match (self.code.half, self.code.subgroup) {
             (Some(span), _) if A::UNDECIDED => {
-                Err(Stop::NoRule { what: "this operation in half precision", span })
+                Err(Stop::NoRule { what: "this operation on `f16` values", span })
             }
-            (_, Some(span)) if A::UNDECIDED => Err(Stop::NoRule { what: "subgroups", span }),
+            (_, Some(span)) if A::UNDECIDED => {
+                Err(Stop::NoRule { what: "subgroup operations", span })
+            }
             _ => Ok(()),
         }
     }
@@ -349,7 +355,7 @@ impl Program {
                 Some(texture) if slot.image.is_some_and(|image| texture.is(image)) => {
                     memory.textures.push(Cow::Borrowed(texture));
                 }
-                Some(_) => return Err(slot.missing("texture of its dimension and kind of texels")),
+                Some(_) => return Err(slot.missing("texture with the dimension and texel type of")),
                 None => return Err(slot.missing("texture")),
             }
         }

@@ -45,7 +45,7 @@ pub enum Stop {
     },
     /// All running invocations wait in loops: they read the same words again and again, and none of them changes a
     /// word.
-    #[error("case {case} waits in a loop for a word that nothing changes")]
+    #[error("case {case} waits in a loop for a value that no invocation changes")]
     Waits {
         /// A read in such a loop.
         span: Span,
@@ -53,7 +53,7 @@ pub enum Stop {
         case: usize,
     },
     /// The loops of all cases ran more rounds in total than the options allow.
-    #[error("its loops run more than {rounds} rounds in total")]
+    #[error("the loops of all cases run more than {rounds} rounds in total")]
     Work {
         /// A loop that was running.
         span: Span,
@@ -61,7 +61,7 @@ pub enum Stop {
         rounds: u64,
     },
     /// The words don't fill complete rows.
-    #[error("{found} words don't make {cases} rows of {width} words")]
+    #[error("the arguments have {found} scalars, but {cases} cases need {width} scalars each")]
     Rows {
         /// The number of words.
         found: usize,
@@ -71,7 +71,7 @@ pub enum Stop {
         cases: usize,
     },
     /// A resource of the caller is missing, or has a wrong kind.
-    #[error("no {kind} `{name}` in group {group}, binding {binding}")]
+    #[error("no {kind} `{name}` is bound to group {group}, binding {binding}")]
     Missing {
         /// `buffer`, `texture` or `sampler`, or a property that the resource doesn't have.
         kind: &'static str,
@@ -85,7 +85,7 @@ pub enum Stop {
         span: Span,
     },
     /// A buffer is smaller than its type.
-    #[error("buffer `{name}` has {found} bytes, but its type needs {needed}")]
+    #[error("buffer `{name}` has {found} bytes, but its type needs {needed} bytes")]
     Short {
         /// The buffer's name in the module.
         name: String,
@@ -95,7 +95,7 @@ pub enum Stop {
         needed: usize,
     },
     /// The arithmetic has no rule for an operation or a type.
-    #[error("{what} has no rule in intervals")]
+    #[error("the interval arithmetic has no rule for {what}")]
     NoRule {
         /// The operation or type without a rule.
         what: &'static str,

@@ -52,7 +52,7 @@ impl Scalar {
             (ScalarKind::Uint, width) => Err(format!("type u{}", 8 * u32::from(width))),
             (ScalarKind::Float, width) => Err(format!("type f{}", 8 * u32::from(width))),
             (ScalarKind::AbstractInt | ScalarKind::AbstractFloat, _) => {
-                Err("an abstract number at run time".to_owned())
+                Err("a number of abstract type at run time".to_owned())
             }
         }
     }
@@ -108,7 +108,7 @@ impl<'m> Layouts<'m> {
             TypeInner::Matrix { columns, rows, scalar } => of(scalar, columns as u64 * rows as u64),
             TypeInner::Array { base, size, .. } => {
                 let Some(count) = self.length(size)? else {
-                    return Err("a runtime-sized array as a value".to_owned());
+                    return Err("a runtime-sized array where a value is needed".to_owned());
                 };
                 Ok(self.wide_of(base)?.map(|n| n.saturating_mul(u64::from(count))))
             }
@@ -138,7 +138,7 @@ impl<'m> Layouts<'m> {
         let counts = self.wide(inner)?;
         let total = counts.iter().fold(0u64, |sum, n| sum.saturating_add(*n));
         if total > MOST_SCALARS {
-            return Err(format!("a value of {total} scalars (at most {MOST_SCALARS})"));
+            return Err(format!("a value with {total} scalars (at most {MOST_SCALARS})"));
         }
         Ok(counts.map(|n| n as u32))
     }

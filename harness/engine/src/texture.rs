@@ -96,16 +96,16 @@ impl Texture {
         levels: Vec<Texels>,
     ) -> Result<Self, TextureError> {
         if size.contains(&0) || samples == 0 || levels.is_empty() {
-            return Err(TextureError::Shape("a texture without texels"));
+            return Err(TextureError::Shape("the texture has no texels"));
         }
         if dimension == Dimension::Cube && (size[0] != size[1] || !size[2].is_multiple_of(6)) {
             return Err(TextureError::Shape("each layer of a cube needs six square faces"));
         }
         if samples > 1 && levels.len() > 1 {
-            return Err(TextureError::Shape("a multisampled texture has one level"));
+            return Err(TextureError::Shape("a multisampled texture can have only one level"));
         }
         if levels.len() > 32 {
-            return Err(TextureError::Shape("a texture of more than 32 levels"));
+            return Err(TextureError::Shape("the texture has more than 32 levels"));
         }
         let hull = [(0.0, 0.0); 4];
         let framed = OnceLock::new();
@@ -117,7 +117,7 @@ impl Texture {
                 .checked_mul(h)
                 .and_then(|n| n.checked_mul(d))
                 .and_then(|n| n.checked_mul(u64::from(samples)))
-                .ok_or(TextureError::Shape("a texture of more than 2^64 texels"))?;
+                .ok_or(TextureError::Shape("the texture has more than 2^64 texels"))?;
             if texels.len() as u64 != needed {
                 return Err(TextureError::Level { level, found: texels.len(), needed });
             }

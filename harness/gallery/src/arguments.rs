@@ -201,11 +201,13 @@ pub fn pixel(text: &str) -> Result<(u32, u32), String> {
     let found = text
         .split_once(',')
         .and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
-    found.ok_or_else(|| format!("`{text}` isn't a pixel: write its column and its row, as 120,64"))
+    found.ok_or_else(|| {
+        format!("`{text}` isn't a pixel: write the pixel's column and row, as in 120,64")
+    })
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
-    let form = || format!("`{text}` isn't width x height in pixels; write digits, as in 640x360");
+    let form = || format!("`{text}` isn't a size: write width x height in pixels, as in 640x360");
     let (width, height) = text.split_once('x').ok_or_else(form)?;
     let side = |digits: &str| {
         if digits.is_empty() || !digits.bytes().all(|digit| digit.is_ascii_digit()) {
@@ -214,7 +216,9 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         // Digits that overflow are out of range, too.
         match digits.parse() {
             Ok(side) if (1..=LONGEST_SIDE).contains(&side) => Ok(side),
-            _ => Err(format!("a side has {digits} pixels; use 1 to {LONGEST_SIDE} pixels")),
+            _ => Err(format!(
+                "the image has a side of {digits} pixels; use 1 to {LONGEST_SIDE} pixels"
+            )),
         }
     };
     Ok((side(width)?, side(height)?))
@@ -231,7 +235,7 @@ fn existing_file(file: PathBuf) -> Result<PathBuf, String> {
     if file.is_file() {
         return Ok(file);
     }
-    Err(if file.exists() { "it isn't a file" } else { "there is no such file" }.to_owned())
+    Err(if file.exists() { "the path isn't a file" } else { "there is no such file" }.to_owned())
 }
 
 #[cfg(test)]
@@ -293,19 +297,19 @@ mod tests {
     #[test]
     fn bad_arguments_are_explained() {
         for (words, message) in [
-            (&["--size", "0x5"][..], "a side has 0 pixels; use 1 to 16384 pixels"),
-            (&["--size", "5x16385"], "a side has 16385 pixels; use"),
-            (&["--size", "5x99999999999"], "a side has 99999999999 pixels"),
+            (&["--size", "0x5"][..], "the image has a side of 0 pixels; use 1 to 16384 pixels"),
+            (&["--size", "5x16385"], "the image has a side of 16385 pixels; use"),
+            (&["--size", "5x99999999999"], "the image has a side of 99999999999 pixels"),
             (
                 &["--size", "640"],
-                "`640` isn't width x height in pixels; write digits, as in 640x360",
+                "`640` isn't a size: write width x height in pixels, as in 640x360",
             ),
-            (&["--size", "640X360"], "`640X360` isn't width x height"),
-            (&["--size", "640x"], "`640x` isn't width x height"),
+            (&["--size", "640X360"], "`640X360` isn't a size"),
+            (&["--size", "640x"], "`640x` isn't a size"),
             (&["--size", "-1x5"], "unexpected argument '-1'"),
-            (&["--size=-1x5"], "`-1x5` isn't width x height"),
-            (&["--size", "+1x5"], "`+1x5` isn't width x height"),
-            (&["--size", "1x2x3"], "`1x2x3` isn't width x height"),
+            (&["--size=-1x5"], "`-1x5` isn't a size"),
+            (&["--size", "+1x5"], "`+1x5` isn't a size"),
+            (&["--size", "1x2x3"], "`1x2x3` isn't a size"),
             (&["--samples", "0"], "0 is not in 1.."),
             (&["--samples", "many"], "invalid digit"),
             (&["--samples", "4294967296"], "4294967296 is not in 1..=4294967295"),
@@ -314,9 +318,12 @@ mod tests {
             (&["--exposure", "1e39"], "`1e39` isn't a finite number of stops"),
             (&["--exposure", "bright"], "`bright` isn't a finite number of stops"),
             (&["--environment", "no/sky.exr"], "there is no such file"),
-            (&["--environment", "."], "it isn't a file"),
+            (&["--environment", "."], "the path isn't a file"),
             (&["scene", "--round", "2"], "required arguments were not provided"),
-            (&["--trace", "3"], "`3` isn't a pixel: write its column and its row, as 120,64"),
+            (
+                &["--trace", "3"],
+                "`3` isn't a pixel: write the pixel's column and row, as in 120,64",
+            ),
             (&["--path", "vulcan"], "did you mean `vulkan`?"),
             (&["--first", "scene"], "cannot be used with"),
             (&["--first", "--all"], "cannot be used with"),

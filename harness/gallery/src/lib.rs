@@ -105,7 +105,7 @@ struct Entry {
 /// gallery = "gallery"
 /// ```
 #[derive(Default)]
-#[must_use = "a gallery renders nothing until `.main()`"]
+#[must_use = "a gallery renders its frames when you call `.main()`"]
 pub struct Gallery {
     entries: Vec<Entry>,
 }
@@ -117,9 +117,9 @@ enum GalleryError {
     Empty,
     #[error("`{0}` can't name a frame: use letters, digits, `-`, `_` and `/`")]
     Name(String),
-    #[error("the gallery has two frames `{0}`")]
+    #[error("the gallery has two frames with the name `{0}`")]
     Twice(String),
-    #[error("name a frame, or say --first or --all; the frames are\n{0}")]
+    #[error("no frame is named: name a frame, or use --first or --all; the frames are\n{0}")]
     NoneNamed(String),
     #[error("the gallery has no frame `{name}`{}",
         nearest.as_ref().map_or_else(
@@ -372,7 +372,7 @@ impl Entry {
         // A panic concerns only this frame: the gallery still renders the others. The hook has already printed the
         // message.
         catch_unwind(AssertUnwindSafe(|| make((self.describe)(options)?)))
-            .unwrap_or_else(|_| Err("it panicked, see above".into()))
+            .unwrap_or_else(|_| Err("the frame's code panicked: see the message above".into()))
     }
 
     fn render(&self, options: &RenderOptions) -> Result<Image, Box<dyn Error>> {

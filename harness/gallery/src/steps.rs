@@ -9,7 +9,7 @@ const LOST: f64 = 1.0 / 4096.0;
 
 /// The text in place of a value that doesn't exist: the calculation in this format didn't run the operation, because a
 /// condition had another result.
-const ELSEWHERE: &str = "another way";
+const ELSEWHERE: &str = "not run";
 
 /// An operation of a call.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

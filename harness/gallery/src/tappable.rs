@@ -66,7 +66,7 @@ impl Tappable for Frame<'_> {
         at: (u32, u32),
     ) -> Result<String, Box<dyn Error>> {
         if tapped.name.as_ref().is_some_and(|name| name.contains(['.', '['])) {
-            return Ok("the engine shows whole values only: remove the part".to_owned());
+            return Ok("the engine shows only whole values: remove the component, member or index from the name".to_owned());
         }
         let traced = self.trace(path, at)?;
         let steps = traced.steps;
@@ -82,20 +82,20 @@ impl Tappable for Frame<'_> {
             (Some(step), _) => (*step).clone(),
             (None, 0) => {
                 return Ok(
-                    "the engine shows only operations, and this is a parameter, a call, a constructor, or a value that the result doesn't need"
+                    "the engine shows only results of operations, but this value is a parameter, a call, a constructor, or a value that the result doesn't need"
                         .to_owned(),
                 );
             }
             (None, shown) => {
                 return Ok(format!(
-                    "the pixel computes the value {times} times, and the engine shows the first {shown}: select one of them with --round"
+                    "the pixel computes the value {times} times, but the engine shows only the first {shown} times: select one of these times with --round"
                 ));
             }
         };
         // A step with another number of components isn't the whole value.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
-                "the engine computes {} of the value's components: see `karat trace`",
+                "the engine's step computes {} of the value's components: `karat trace` shows all steps",
                 step.single.len()
             ));
         }
@@ -153,7 +153,11 @@ pub fn tap(
     for tap in taps {
         let places = if tap.is_of_prints() { subject.prints(path)? } else { Vec::new() };
         match (tap.is_of_prints(), places.is_empty()) {
-            (true, true) => return Err("no line prints: write `//karat: print x`".into()),
+            (true, true) => {
+                return Err(
+                    "the shader has no line that prints a value: write `//karat: print x`".into()
+                );
+            }
             (true, false) => all.extend(places.iter().map(|place| tap.of(place))),
             (false, _) => all.push(tap.clone()),
         }
@@ -164,7 +168,7 @@ pub fn tap(
             writeln!(out, "{line}")?;
         }
         if values.is_empty() {
-            writeln!(out, "there is no `let` and no parameter; name another expression")?;
+            writeln!(out, "the shader has no `let` and no parameter: name another expression")?;
         }
     }
     for (tap, tapped) in all.iter().zip(subject.taps(path, &all)?) {
@@ -177,7 +181,7 @@ pub fn tap(
             let driver = value(&tapped, *pixel);
             let engine = match tapped.told[index(&tapped, *pixel)] {
                 true => subject.engine(path, tap, &tapped, *pixel)?,
-                false => "so the engine has no value".to_owned(),
+                false => "so the engine shows no value".to_owned(),
             };
             writeln!(out, "    at ({x}, {y}): {driver} on {path}; {engine}")?;
         }

@@ -62,12 +62,15 @@ pub(crate) fn write_tapped(
         writeln!(out, "    {note}")?;
     }
     if tapped.told.iter().all(|told| !told) {
-        writeln!(out, "    no {} computes the value, so there is no image", tapped.of)?;
+        writeln!(out, "    no {} computes the value, so Karat writes no image", tapped.of)?;
         return Ok(());
     }
     if let Some(part) = part_of(&tapped.shape) {
         let one = format!("{title}{part}");
-        writeln!(out, "    the value can't be an image, but its parts can, such as `{one}`")?;
+        writeln!(
+            out,
+            "    Karat can't write this value as an image: name a component, member or element, such as `{one}`"
+        )?;
         return Ok(());
     }
     let mut named = tapped.name.as_ref().map(|name| format!("{of}::{name}"));
@@ -82,7 +85,7 @@ pub(crate) fn write_tapped(
     if tapped.size.1 == 1 && tapped.of != "pixel" {
         let csv = with_ending(&stem, "csv");
         write_whole(&csv, table(tapped, scalars.len()).as_bytes())?;
-        writeln!(out, "    {}: a row for each {}", shown(&csv), tapped.of)?;
+        writeln!(out, "    {} has a row for each {}", shown(&csv), tapped.of)?;
         return Ok(());
     }
     let [exr, png] = ["exr", "png"].map(|ending| with_ending(&stem, ending));
@@ -90,10 +93,10 @@ pub(crate) fn write_tapped(
     let mapping = mapping(tapped, &scalars);
     write_colours(&png, tapped.size, &colours(tapped, &scalars, &mapping))?;
     let strange = numbers(tapped, &scalars).flatten().any(|x| !x.is_finite());
-    let strange = if strange { "; NaN is magenta, an infinity yellow" } else { "" };
+    let strange = if strange { "; NaN is magenta, and infinities are yellow" } else { "" };
     let rounds =
         numbers(tapped, &scalars).flatten().any(|x| x.is_finite() && x != f64::from(to_f32(x)));
-    let rounds = if rounds { "; the EXR rounds whole numbers beyond 2^24" } else { "" };
+    let rounds = if rounds { "; the EXR file rounds integers beyond 2^24" } else { "" };
     writeln!(out, "    {}  {}: {}{strange}{rounds}", shown(&exr), shown(&png), mapping.told())?;
     Ok(())
 }
@@ -195,7 +198,7 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
             )]
             let mean = finite().map(|(_, word)| scalar.decode(word)).sum::<f64>()
                 / finite().count() as f64;
-            let _ = write!(text, "{} to {}, mean {}", shown(least), shown(most), digits(mean));
+            let _ = write!(text, "from {} to {}, mean {}", shown(least), shown(most), digits(mean));
         }
         _ => text += "no value is finite",
     }
@@ -204,7 +207,7 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
         if let Some((first, _)) = all.peek().copied() {
             let _ = write!(
                 text,
-                "; {what} on {}, first {}",
+                "; {what} on {}, first at {}",
                 counted(all.count(), tapped.of),
                 at(first)
             );
@@ -222,28 +225,30 @@ fn notes(tapped: &Tapped) -> Vec<String> {
     let told = tapped.told.iter().filter(|told| **told).count();
     let mut notes = Vec::new();
     if told < all {
-        let mut parts = vec![format!("{told} of {} compute it", counted(all, tapped.of))];
+        let mut parts = vec![format!("{told} of {} compute the value", counted(all, tapped.of))];
         if undrawn > 0 {
             parts.push(format!("{undrawn} aren't drawn or are discarded"));
         }
         if all - told - undrawn > 0 {
-            parts.push(format!("{} don't reach it", all - told - undrawn));
+            parts.push(format!("{} don't reach the value", all - told - undrawn));
         }
         notes.push(parts.join(", "));
     }
     let most = tapped.times.iter().flatten().max().copied().unwrap_or(0);
     if let Some(round) = tapped.round {
-        notes.push(format!("computed up to {most} times: this is the time {round}"));
+        notes.push(format!(
+            "the value is computed up to {most} times: the numbers above are from time {round}"
+        ));
     } else if most > 1 {
         notes.push(format!(
-            "computed up to {most} times: this is the last time, and --round selects another"
+            "the value is computed up to {most} times: the numbers above are from the last time, and --round selects another time"
         ));
     }
     match tapped.changed {
         None => {}
-        Some(0) => notes.push("the frame has the same colours while the value is shown".to_owned()),
+        Some(0) => notes.push("the frame's colours don't change when Karat reads the value".to_owned()),
         Some(pixels) => notes.push(format!(
-            "the driver compiles another program to show the value: {} of the frame then have another colour",
+            "Karat runs another program to read the value: with this program, {} of the frame have another colour",
             counted(pixels, "pixel")
         )),
     }
@@ -298,15 +303,20 @@ impl Mapping {
     fn told(&self) -> String {
         match self {
             Self::Truth => "white is true".to_owned(),
-            Self::Range([same, other]) if same == other => format!("all are {}", digits(*same)),
-            Self::Range([least, most]) => {
-                format!("black is {}, light yellow {} (magma)", digits(*least), digits(*most))
+            Self::Range([same, other]) if same == other => {
+                format!("all values are {}", digits(*same))
             }
-            Self::Signed(most) => format!("black is 0, red {0}, blue -{0}", digits(*most)),
-            Self::Direction => "directions: red, green and blue are half of 1 + x, y, z".to_owned(),
+            Self::Range([least, most]) => {
+                format!("black is {}, light yellow is {} (magma)", digits(*least), digits(*most))
+            }
+            Self::Signed(most) => format!("black is 0, red is {0}, blue is -{0}", digits(*most)),
+            Self::Direction => {
+                "the value is a direction: red, green and blue are half of 1 + x, 1 + y and 1 + z"
+                    .to_owned()
+            }
             Self::Channels([least, most]) => {
                 let [least, most] = [least, most].map(|end| digits(*end));
-                format!("red, green and blue are its numbers, from {least} to {most}")
+                format!("red, green and blue are the value's numbers, from {least} to {most}")
             }
         }
     }

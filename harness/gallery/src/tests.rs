@@ -61,7 +61,7 @@ fn a_failing_frame_does_not_stop_the_other_frames() {
     for part in [
         "error: frame `missing` can't be rendered: module `flat` has no fragment entry point",
         "error: frame `sky` can't be rendered: the sky can't be used: it is dark\n",
-        "error: frame `panic` can't be rendered: it panicked, see above\n",
+        "error: frame `panic` can't be rendered: the frame's code panicked: see the message above\n",
         "note: frame `grey` has a fixed size and ignores --size\n",
         "warning: frame `hole` has 3 pixels with NaN and 0 with infinities, the first one in \
          column 0, row 0\n",
@@ -109,7 +109,7 @@ fn a_gallery_that_makes_no_sense_is_an_error() {
     let error = |gallery: &Gallery| run(gallery, &["--list"]).0.expect_err("refused");
     assert!(error(&Gallery::new()).contains("the gallery has no frame; add one"));
     let twice = frame(frame(Gallery::new(), "a"), "a");
-    assert_eq!(error(&twice), "the gallery has two frames `a`");
+    assert_eq!(error(&twice), "the gallery has two frames with the name `a`");
     for name in ["", "a b", "/a", "../a", "a//b", "a.exr", "*"] {
         let named = frame(Gallery::new(), name);
         assert!(error(&named).starts_with(&format!("`{name}` can't name a frame")), "{name}");

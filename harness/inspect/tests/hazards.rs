@@ -523,7 +523,7 @@ fn a_report_says_what_was_drawn() {
     let kinds: Vec<Kind> = hazards.found.iter().map(|hazard| hazard.kind).collect();
     assert_eq!(kinds, [Kind::Nan, Kind::Infinite]);
     let drawn =
-        "a unit vector: worldNormal\nfrom -1048576 to 1048576, half of them from -4 to 4: x";
+        "a unit vector: worldNormal\nfrom -1048576 to 1048576, half of the values from -4 to 4: x";
     assert_eq!(hazards.drawn.to_string(), drawn);
 }
 

@@ -38,7 +38,7 @@ async function pixels(canvas, read) {
     const own = /** @type {any} */ (element.ownerDocument.defaultView)[name];
     if (typeof own !== "function") throw new Error(`the page has no function \`${name}\``);
     const { width, height, data } = await own();
-    if (![width, height].every((side) => Number.isInteger(side) && side > 0)) throw new Error(`\`${name}\` returned ${width} x ${height} pixels`);
+    if (![width, height].every((side) => Number.isInteger(side) && side > 0)) throw new Error(`\`${name}\` returned ${width} x ${height} pixels, which isn't a size`);
     const bytes = new Uint8Array(Float32Array.from(data).buffer);
     let text = "";
     // The text is made in pieces, because a call accepts only some ten thousand arguments.
@@ -48,7 +48,7 @@ async function pixels(canvas, read) {
   const bytes = Buffer.from(found.data, "base64");
   const floats = new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
   if (floats.length !== 4 * found.width * found.height || floats.length === 0) {
-    throw new Error(`\`${read}\` returned ${floats.length} floats for ${found.width} x ${found.height} pixels of four`);
+    throw new Error(`\`${read}\` returned ${floats.length} floats for ${found.width} x ${found.height} pixels, but each pixel needs four floats`);
   }
   return ["exr", exr(found.width, found.height, floats)];
 }
@@ -66,7 +66,7 @@ function run(program, words, cwd) {
     child.stdout.setEncoding("utf8").on("data", (text) => (said += text));
     child.stderr.setEncoding("utf8").on("data", (text) => (said += text));
     child.on("error", (error) => reject(new Error(
-      `the program \`${program}\` doesn't run (${error.message}): npm install --save-dev karat`,
+      `the program \`${program}\` doesn't run (${error.message}): install it with npm install --save-dev karat`,
     )));
     child.on("close", (status) => resolve({ status, said: said.trim() }));
   });
@@ -79,11 +79,11 @@ export const expect = base.extend({
    * @param {import("./index.d.ts").MatchOptions} [options]
    */
   async toMatchKarat(received, name, options = {}) {
-    if (typeof name !== "string" || !name || name.length > 100) throw new Error("the name of a golden has 1 to 100 characters");
+    if (typeof name !== "string" || !name || name.length > 100) throw new Error("the name of a golden must have 1 to 100 characters");
     const unknown = Object.keys(options).find((key) => !["goldens", "program", "read"].includes(key));
-    if (unknown) throw new Error(`toMatchKarat has no option \`${unknown}\`: goldens, program, read`);
+    if (unknown) throw new Error(`toMatchKarat has no option \`${unknown}\`: its options are goldens, program and read`);
     // A missing golden differs from everything, so a negated matcher would pass.
-    if (this.isNot) throw new Error("`not.toMatchKarat` would pass for a missing golden: accept another golden");
+    if (this.isNot) throw new Error("`not.toMatchKarat` would also pass if the golden is missing: remove `not`, and accept another golden");
     const info = test.info();
     const root = info.config.configFile ? path.dirname(info.config.configFile) : info.config.rootDir;
     const canvas = "goto" in received ? received.locator("canvas") : received;

@@ -52,7 +52,7 @@ export default function karat(options = {}) {
   // Without vitest, Vite builds or serves, and needs no tests.
   if (!process.env.VITEST) return [];
   const unknown = Object.keys(options).find((key) => !["folders", "paths", "program"].includes(key));
-  if (unknown) throw new Error(`karat-vitest has no option \`${unknown}\`: folders, paths, program`);
+  if (unknown) throw new Error(`karat-vitest has no option \`${unknown}\`: its options are folders, paths and program`);
   /** @type {Karat | undefined} */
   let program;
   /** @type {Promise<string>} */

@@ -159,7 +159,7 @@ export class Karat {
       child.stdout.setEncoding("utf8").on("data", (text) => (out += text));
       child.stderr.setEncoding("utf8").on("data", (text) => (err += text));
       child.on("error", (error) => reject(new Missing(
-        `the program \`${this.program}\` doesn't run (${error.message}): npm install --save-dev karat`,
+        `the program \`${this.program}\` doesn't run (${error.message}): install it with npm install --save-dev karat`,
       )));
       child.on("close", (status) => resolve({ status, out, err }));
     });
@@ -246,7 +246,7 @@ export class Karat {
       const wrong = done.broken.find(own) ?? done.broken[0];
       return wrong ? verdict(wrong, undefined, this.root) : { message: `no test of Karat is called \`${name}\` any more` };
     }
-    if (!resident.verdicts.has(name)) return { message: `\`${name}\` has no verdict` };
+    if (!resident.verdicts.has(name)) return { message: `test \`${name}\` has no verdict` };
     const wrong = resident.verdicts.get(name);
     if (!wrong) return {};
     const frame = name.startsWith("frame ") ? name.slice("frame ".length) : undefined;

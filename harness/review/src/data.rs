@@ -48,7 +48,7 @@ pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Val
     let (facts, verdict) = match &provenance {
         Some(Ok(known)) => (facts::table(None, known), format!("accepted: {}", known.because)),
         Some(Err(error)) => (Vec::new(), error.to_string()),
-        None => (Vec::new(), "the golden has no record of what made it".to_owned()),
+        None => (Vec::new(), "the golden has no provenance".to_owned()),
     };
     let part = |part: &karat::unstable::image::Part| json!({ "name": part.name, "golden": packed::image(&part.image, None), "actual": null });
     received(&json!({

@@ -50,15 +50,15 @@ impl Cause {
 impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::New => "new: no golden yet",
-            Self::Unknown => "the golden has no record of what made it",
+            Self::New => "new: there is no golden yet",
+            Self::Unknown => "the golden has no provenance",
             Self::Shader => "the shader changed",
-            Self::ShaderAndDriver => "the shader changed, and so did the driver",
+            Self::ShaderAndDriver => "the shader and the driver changed",
             Self::Driver => "only the driver changed",
             Self::Processor => "only the processor changed",
-            Self::Declared => "only declared facts changed",
+            Self::Declared => "only the author's facts in the provenance changed",
             Self::Nothing => {
-                "same shader, same driver: the frame isn't deterministic or its inputs changed"
+                "shader and driver are the same: the frame isn't deterministic, or its inputs changed"
             }
         })
     }
@@ -200,15 +200,15 @@ mod tests {
                 p.shader = "cc".to_owned();
                 p.adapter.driver = "Mesa 23".to_owned();
             }),
-            "the shader changed, and so did the driver"
+            "the shader and the driver changed"
         );
         let seeded = |p: &mut Provenance| drop(p.facts.insert("seed".to_owned(), "8".to_owned()));
-        assert_eq!(said(seeded), "only declared facts changed");
+        assert_eq!(said(seeded), "only the author's facts in the provenance changed");
         assert_eq!(
             said(|_| {}),
-            "same shader, same driver: the frame isn't deterministic or its inputs changed"
+            "shader and driver are the same: the frame isn't deterministic, or its inputs changed"
         );
-        assert_eq!(Cause::of(false, None, &golden).to_string(), "new: no golden yet");
+        assert_eq!(Cause::of(false, None, &golden).to_string(), "new: there is no golden yet");
     }
 
     #[test]

@@ -48,11 +48,11 @@ pub(super) fn versions(golden: &Path) -> Vec<Value> {
 
 #[derive(Debug, thiserror::Error)]
 pub(super) enum VersionError {
-    #[error("this isn't a version of the golden")]
+    #[error("the requested commit isn't a version of the golden")]
     Unknown,
-    #[error("commit {0} has no such file")]
+    #[error("commit {0} doesn't have the golden's file")]
     Absent(String),
-    #[error("it can't be unpacked: {0}")]
+    #[error("the golden's file can't be unpacked: {0}")]
     Unpacked(std::io::Error),
     #[error("{0}")]
     Damaged(String),

@@ -261,10 +261,10 @@ impl Door {
         let refused = |what: &str| Err(Answer::text(403, what));
         let ours = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
         let Ok(Some(host)) = request.header("Host") else {
-            return refused("a request needs one Host");
+            return refused("a request needs exactly one `Host` header");
         };
         if !ours.iter().any(|name| name == host) {
-            return refused("this Host isn't the server's");
+            return refused("the request's `Host` header names another server");
         }
         let own = match request.header("Origin") {
             Ok(Some(origin)) => origin == format!("http://{host}"),
@@ -272,12 +272,14 @@ impl Door {
             Err(_) => false,
         };
         if !own {
-            return refused("this Origin isn't the server's");
+            return refused("the request's `Origin` header names another server");
         }
         let token = request.url.split(['/', '?']).nth(1).unwrap_or_default();
         // Comparing hashes takes constant time.
         if blake3::hash(token.as_bytes()) != blake3::hash(self.token.as_bytes()) {
-            return refused(&format!("open the URL that `{printed}` printed"));
+            return refused(&format!(
+                "this URL lacks the review's secret: open the URL that `{printed}` printed"
+            ));
         }
         request.admit();
         let url = request.url.split('?').next().unwrap_or_default();
@@ -315,7 +317,7 @@ impl<'a> Request<'a> {
                 Ok(httparse::Status::Complete(end)) => end,
                 Ok(httparse::Status::Partial) if begun.len() < LONGEST_HEAD => continue,
                 Ok(httparse::Status::Partial) | Err(httparse::Error::TooManyHeaders) => {
-                    return Ok(Err(Answer::text(431, "the head of the request is too long")));
+                    return Ok(Err(Answer::text(431, "the request's headers are too long")));
                 }
                 Err(error) => {
                     return Ok(Err(Answer::text(

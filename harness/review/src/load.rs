@@ -49,13 +49,13 @@ impl Case {
                 != actual_provenance.compared_with =>
             {
                 let changed =
-                    "the golden changed since this frame was rendered: run its test again";
+                    "the golden changed since this frame was rendered: run the frame's test again";
                 (changed.to_owned(), Vec::new())
             }
             (None, Some(finding)) => (finding.verdict.clone(), finding.margins.clone()),
             (None, None) if golden.is_none() => ("there is no golden yet".to_owned(), Vec::new()),
             (None, None) => {
-                ("its file has no description of the difference".to_owned(), Vec::new())
+                ("the pending file has no description of the difference".to_owned(), Vec::new())
             }
         };
         let maps = golden_image.map_or_else(Vec::new, |golden_image| {
@@ -96,7 +96,8 @@ impl Case {
         let verdict = match (&unreadable, &actual_provenance.finding) {
             (Some(error), _) => format!("the golden can't be used: {error}"),
             _ if known != actual_provenance.compared_with => {
-                "the golden changed since these values were made: run their test again".to_owned()
+                "the golden changed since these values were made: run the test of the values again"
+                    .to_owned()
             }
             (None, Some(finding)) => finding.verdict.clone(),
             (None, None) => "there is no golden yet".to_owned(),

@@ -10,7 +10,7 @@ use karat::unstable::metric::Pair;
 pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {
     let errors = Flip::LARGEST_TILE.map(pair).ok().map(|map| Map {
         name: "HDR-FLIP".to_owned(),
-        about: "the difference that an eye sees, at most 1, at the worst exposure".to_owned(),
+        about: "the difference that a person sees at the worst exposure, from 0 to 1".to_owned(),
         image: scalars(pair, |x, y| Some(map.at(x, y))),
         range: [0.0, ErrorMap::scale(map.values())],
     });
@@ -24,7 +24,7 @@ fn worst_exposures(pair: &Pair<'_>) -> Option<Map> {
     let (start, stop) = exposures.range()?.into_inner();
     Some(Map {
         name: "worst exposure in stops".to_owned(),
-        about: "the exposure at which HDR-FLIP sees the largest difference; black if it sees none"
+        about: "the exposure at which HDR-FLIP sees the largest difference; black where it sees no difference"
             .to_owned(),
         image: scalars(pair, |x, y| exposures.at(x, y)),
         // With a single exposure, the whole map would have one colour.

@@ -37,7 +37,7 @@ pub(super) fn by_hash(project: &Path, golden: &Provenance, actual: &Provenance) 
 /// Returns a changed module, with the changed lines if git has the golden's version.
 fn difference(project: &Path, name: &str, old: &str, new: &str) -> Value {
     let Some(commit) = commit_with(project, name, old) else {
-        let note = "git has no version of this module with the golden's hash";
+        let note = "git doesn't have the version of this module that drew the golden";
         return json!({ "name": name, "note": note });
     };
     let files = git::differences(project, &commit, &[git::literal(name)]).unwrap_or_default();
@@ -120,8 +120,9 @@ impl Since {
         let mut listing = vec!["ls-files", "--others", "--exclude-standard", "--"];
         listing.extend(paths.iter().map(String::as_str));
         let new = git::text(&self.root, &listing).ok_or(Untold::Failed)?;
-        let new =
-            new.lines().map(|name| json!({ "name": name, "note": "new, and not in git yet" }));
+        let new = new
+            .lines()
+            .map(|name| json!({ "name": name, "note": "this module is new and isn't in git yet" }));
         changed.extend(new);
         Ok(json!({ "since": self.commit, "all": all, "changed": changed }))
     }

@@ -130,9 +130,9 @@ impl Desk {
             ("POST", "accept", _) => self.decide(request, Self::accept),
             ("POST", "reject", _) => self.decide(request, Self::reject),
             (_, "" | "accept" | "reject", _) | (_, _, Some(_)) => {
-                Answer::text(405, "this request needs another method")
+                Answer::text(405, "this URL doesn't accept the request's HTTP method")
             }
-            _ => Answer::text(404, "there is nothing here"),
+            _ => Answer::text(404, "this URL doesn't exist"),
         }
     }
 
@@ -159,7 +159,7 @@ impl Desk {
             let numbered = locked(&self.numbered);
             numbered.get(number).cloned()
         };
-        let Some(entry) = entry else { return Answer::text(404, "there is no such case") };
+        let Some(entry) = entry else { return Answer::text(404, "the review has no such frame") };
         // The page can't read the status of a script, so a script reports the error.
         let pending = match &entry {
             Entry::Pending(name) => Some(self.find(name)),
@@ -170,7 +170,7 @@ impl Desk {
                 let pending = pending.and_then(Result::ok);
                 match self.review.golden_of(&entry, pending.as_ref()) {
                     Some((golden, now)) => version_script(number, &golden, &now, commit),
-                    None => return Answer::text(404, "there is no such version"),
+                    None => return Answer::text(404, "the golden has no such version"),
                 }
             }
             (None, Some(Ok(pending))) => self.review.script(number, &pending, false),
@@ -189,7 +189,7 @@ impl Desk {
         };
         match entry.and_then(|entry| self.review.asked.answer(&entry, question)) {
             Some(told) => Answer(200, "application/json", told.to_string()),
-            None => Answer::text(404, "there is nothing here"),
+            None => Answer::text(404, "this URL doesn't exist"),
         }
     }
 
@@ -216,7 +216,10 @@ impl Desk {
                 return Answer::text(400, &format!("can't read the decision: {error}"));
             }
             None => {
-                return Answer::text(413, "a decision must be short, and must state its length");
+                return Answer::text(
+                    413,
+                    "a decision must be short, and needs a `Content-Length` header",
+                );
             }
         };
         let decision: Decision = match serde_json::from_str(&body) {

@@ -422,7 +422,7 @@ mod tests {
         assert_eq!(format!("{two:?}"), "[Part(one of 2)]");
         let words = ["ball", "2.0f"].map(str::to_owned);
         let ball = over("x", &vector, &words).expect("a radius");
-        assert_eq!(format!("{ball:?}"), "[Part(a vector of a length up to 2)]");
+        assert_eq!(format!("{ball:?}"), "[Part(a vector with a length of at most 2)]");
         assert_eq!(of(&matrix, "\"-1..1\""), Ok(4));
         let members = vec![("n".to_owned(), vector.clone()), ("k".to_owned(), count)];
         let own = Shape::Struct { name: "S".to_owned(), members };

@@ -68,8 +68,9 @@ fn compressions_that_are_not_read_are_named() {
     for (file, name) in
         [("htj2k32", "HTJ2K32"), ("htj2k256", "HTJ2K256"), ("lj2k", "LJ2K"), ("zstd", "ZSTD")]
     {
-        let expected =
-            format!("it is compressed by {name}, which Karat can't read: convert it to ZIP");
+        let expected = format!(
+            "the file is compressed by {name}, which Karat can't read: convert the file to ZIP"
+        );
         assert_eq!(refusal(file), expected);
     }
 }
@@ -92,7 +93,10 @@ fn colours_are_found_and_alpha_is_one_where_it_is_missing() {
     assert_eq!(read("layered"), patterned());
     assert_eq!(read("unnamed_first"), patterned());
     // With X and Z beside it, the channel Y isn't a grey image.
-    assert_eq!(refusal("normals"), "it has neither the channels R, G and B nor Y, but X, Y, Z");
+    assert_eq!(
+        refusal("normals"),
+        "the file has neither the channels R, G and B nor the channel Y; its channels are X, Y, Z"
+    );
 }
 
 #[test]
@@ -106,7 +110,7 @@ fn the_data_window_is_the_image_whatever_the_order_and_the_tiles() {
 
 #[test]
 fn deep_data_is_refused() {
-    assert_eq!(refusal("deep"), "it has deep data, which Karat can't read");
+    assert_eq!(refusal("deep"), "the file has deep data, which Karat can't read");
 }
 
 #[test]

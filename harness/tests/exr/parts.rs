@@ -49,18 +49,18 @@ fn names_are_checked_before_anything_is_written() {
     };
     assert_eq!(
         refused(&["a", "b", "a"]),
-        "`a` can't name a part of an image: another part has this name"
+        "an image's part can't have the name `a`: another part has this name"
     );
     assert_eq!(
         refused(&["a", "b c"]),
-        "`b c` can't name a part of an image: use letters, digits, `-`, `_` and `.`"
+        "an image's part can't have the name `b c`: use letters, digits, `-`, `_` and `.`"
     );
     assert_eq!(
         refused(&["a", ""]),
-        "`` can't name a part of an image: each of several parts needs a name"
+        "an image's part can't have the name ``: in an image with several parts, each part needs a name"
     );
     let long = "x".repeat(256);
-    assert!(refused(&[&long]).ends_with("it is longer than 255 letters"));
+    assert!(refused(&[&long]).ends_with("the name is longer than 255 characters"));
     assert!(!path.exists());
     let long = ExrFile {
         parts: vec![Part::new("x".repeat(255), Precision::Half, image(1.0))],
@@ -76,10 +76,13 @@ fn unreadable_images_are_not_written() {
     let path = folder.path().join("golden.exr");
     let write = |parts| ExrFile { parts, metadata: None }.write(&path);
     let error = write(Vec::new()).expect_err("no parts").to_string();
-    assert!(error.ends_with("there are no parts"), "{error}");
+    assert!(error.ends_with("the image has no parts"), "{error}");
     let wide = Image::new(16_385, 1, vec![[0.0; 4]; 16_385]);
     let error = wide.write_exr(&path, Precision::Half, None).expect_err("too wide").to_string();
-    assert!(error.ends_with("16385 x 1 pixels, but Karat reads sides of 1 to 16384"), "{error}");
+    assert!(
+        error.ends_with("16385 x 1 pixels, but each side must have 1 to 16384 pixels"),
+        "{error}"
+    );
     let none = Image::new(0, 4, Vec::new());
     assert!(none.write_exr(&path, Precision::Half, None).is_err());
     assert!(!path.exists());

@@ -111,7 +111,7 @@ fn a_gamma_chunk_counts_unless_there_is_an_srgb_chunk() {
     let none = encode(ColorType::Grayscale, BitDepth::Eight, 1, &[51], |encoder| {
         encoder.set_source_gamma(png::ScaledFloat::new(0.001));
     });
-    let expected = "`a.exr` isn't a readable PNG image: its gAMA chunk says 0.001";
+    let expected = "`a.exr` isn't a readable PNG image: the file's gAMA chunk has the value 0.001, but Karat reads only 0.01 to 100";
     assert_eq!(message(&none, Image::read), expected);
 }
 
@@ -152,12 +152,12 @@ fn limits_hold_for_png_too() {
     };
     assert_eq!(
         reason(&bytes),
-        "its header announces 1024 MB of pixels, but Karat reads at most 512 MB"
+        "the file's header announces 1024 MB of pixels, but Karat reads at most 512 MB"
     );
     let wide = encode(ColorType::Grayscale, BitDepth::One, 16_385, &[0; 2049], plain);
     assert_eq!(
         reason(&wide),
-        "its header announces 16385 x 1 pixels, but Karat reads sides of 1 to 16384"
+        "the file's header announces 16385 x 1 pixels, but each side must have 1 to 16384 pixels"
     );
     // The header declares many pixels, and none follow. The checksum of the header is right.
     let mut many = encode(ColorType::Rgba, BitDepth::Sixteen, 5000, &[0; 40_000], plain);
@@ -173,7 +173,7 @@ fn limits_hold_for_png_too() {
     many[29..33].copy_from_slice(&(!checksum).to_be_bytes());
     assert_eq!(
         reason(&many),
-        "its header announces 200000000 bytes of pixels, but the file has 33 bytes"
+        "the file's header announces 200000000 bytes of pixels, but the file has 33 bytes"
     );
 }
 

@@ -14,7 +14,7 @@ use crate::{Code, EntryPoint, Stage, Target, Translation, layout, tool};
 #[non_exhaustive]
 pub enum CompileError {
     /// This machine has no compiler for the language.
-    #[error("`{name}` compiles {target}, but this machine can't use it: {reason} ({remedy})")]
+    #[error("`{name}` compiles {target}, but Karat can't use this compiler: {reason} ({remedy})")]
     NoCompiler {
         /// The language.
         target: Target,
@@ -54,7 +54,7 @@ pub enum CompileError {
         message: String,
     },
     /// The compiler's SPIR-V is invalid.
-    #[error("`{command}` makes invalid SPIR-V of naga's {target}: {message}")]
+    #[error("`{command}` compiles naga's {target} to invalid SPIR-V: {message}")]
     Invalid {
         /// The language.
         target: Target,

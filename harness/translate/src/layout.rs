@@ -58,7 +58,7 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
         let of_name: Vec<&Members> = made.iter().filter(|m| names(m) == names(wanted)).collect();
         if of_name.is_empty() {
             return Some(format!(
-                "its SPIR-V has no structure with the members `{}`, so that Karat can't compare \
+                "the compiler's SPIR-V has no structure with the members `{}`, so Karat can't compare \
                  their offsets",
                 names(wanted).join("`, `")
             ));
@@ -70,7 +70,7 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
         let wrong = members.into_iter().find(|((_, wanted), (_, made))| wanted != made);
         if let Some(((name, wanted), (_, made))) = wrong {
             return Some(format!(
-                "it puts the member `{name}` at byte {made}, but naga's HLSL and Direct3D expect it at byte \
+                "the compiler puts the member `{name}` at byte {made}, but naga's HLSL and Direct3D expect it at byte \
                  {wanted}"
             ));
         }

@@ -13,13 +13,13 @@ use crate::{Bindings, Code, Target, Translation, write};
 #[non_exhaustive]
 pub enum TranslateError {
     /// naga can't parse the shader.
-    #[error("naga doesn't read the shader: {0}")]
+    #[error("naga can't read the shader: {0}")]
     Unread(String),
     /// naga's validator rejects the shader.
     #[error("naga finds the shader invalid: {0}")]
     Invalid(String),
     /// naga can't write a construct of the shader in this language.
-    #[error("naga doesn't write it as {target}: {message}")]
+    #[error("naga can't write the shader as {target}: {message}")]
     Unsupported {
         /// The language.
         target: Target,

@@ -75,7 +75,7 @@ impl FromStr for Target {
         let known = Self::ALL.into_iter().find(|target| target.name() == name);
         known.ok_or_else(|| {
             let names = Self::ALL.map(Self::name).join(", ");
-            format!("naga doesn't write `{name}`: it writes {names}")
+            format!("naga doesn't write the language `{name}`: naga writes {names}")
         })
     }
 }

@@ -66,7 +66,7 @@ static BUILT_IN: Known = Known {
     targets: &[Target::Wgsl],
     asked: &[],
     says: "",
-    remedy: "it is a part of karat",
+    remedy: "naga is a part of karat",
     several: &[],
     arguments: |_, _, _| Vec::new(),
 };
@@ -77,7 +77,7 @@ static KNOWN: [Known; 6] = [
         targets: &[Target::Spirv],
         asked: &["--version"],
         says: "SPIRV-Tools",
-        remedy: "Debian, Fedora and Homebrew: spirv-tools; or Vulkan's SDK",
+        remedy: "install the package spirv-tools (Debian, Fedora, Homebrew) or Vulkan's SDK",
         several: &[],
         arguments: |_, _, file| words(&["--target-env", "vulkan1.1", file]),
     },
@@ -86,7 +86,7 @@ static KNOWN: [Known; 6] = [
         targets: &[Target::Spirv],
         asked: &["--help"],
         says: "SPIRV-Cross",
-        remedy: "Debian and Homebrew: spirv-cross; or Vulkan's SDK",
+        remedy: "install the package spirv-cross (Debian, Homebrew) or Vulkan's SDK",
         several: &[],
         arguments: |_, entry_point, file| {
             let (stage, name) = (entry_point.stage.short(), &*entry_point.name);
@@ -98,7 +98,7 @@ static KNOWN: [Known; 6] = [
         targets: &[Target::Glsl, Target::GlslEs, Target::Hlsl],
         asked: &["--version"],
         says: "Glslang Version",
-        remedy: "Debian: glslang-tools; Fedora and Homebrew: glslang; or Vulkan's SDK",
+        remedy: "install the package glslang-tools (Debian), glslang (Fedora, Homebrew), or Vulkan's SDK",
         several: &[Target::Glsl, Target::GlslEs],
         arguments: |target, entry_point, file| {
             let stage = entry_point.stage.short();
@@ -113,7 +113,7 @@ static KNOWN: [Known; 6] = [
         targets: &[Target::Hlsl, Target::Hlsl6],
         asked: &["--version"],
         says: "dxcompiler",
-        remedy: "its releases are on GitHub: microsoft/DirectXShaderCompiler; or Vulkan's SDK",
+        remedy: "install a release of microsoft/DirectXShaderCompiler from GitHub, or Vulkan's SDK",
         several: &[],
         arguments: |target, entry_point, file| {
             let stage = compile::profile(entry_point);
@@ -138,7 +138,7 @@ static KNOWN: [Known; 6] = [
         targets: &[Target::Wgsl],
         asked: &["--help"],
         says: "--format",
-        remedy: "it is built from Dawn's sources: dawn.googlesource.com",
+        remedy: "build Tint from Dawn's sources: dawn.googlesource.com",
         several: &[],
         arguments: |_, _, file| words(&["--format", "wgsl", "-o", "out.wgsl", file]),
     },
@@ -147,7 +147,7 @@ static KNOWN: [Known; 6] = [
         targets: &[Target::Msl],
         asked: &["metal", "--version"],
         says: "metal",
-        remedy: "it is part of Xcode, which exists only for macOS",
+        remedy: "install Xcode, which exists only for macOS",
         several: &[],
         arguments: |_, _, file| {
             words(&["-sdk", "macosx", "metal", "-std=macos-metal2.4", "-o", "out.air", "-c", file])
@@ -314,12 +314,12 @@ impl Tool {
         const OF_HLSL: [(&str, &str); 2] = [
             (
                 "array constructor needs one argument per array element",
-                "it doesn't know the zero value of an array, `(uint[64])0`",
+                "glslang doesn't support the zero value of an array, `(uint[64])0`",
             ),
             // WGSL has no recursion, so naga's output has none.
             (
                 "Recursion detected",
-                "it mistakes a function that a constant calls for a recursive one",
+                "glslang reports recursion for a function that isn't recursive, because a constant calls the function",
             ),
         ];
         let asked = self.name() == compile::GLSLANG && target == Target::Hlsl;
@@ -358,13 +358,14 @@ impl Known {
             let said = ran.map(|ran| ran.output).unwrap_or_default();
             if said.contains(self.says) {
                 let line = said.lines().find(|line| line.contains(self.says)).unwrap_or_default();
-                let version = if self.asked == ["--help"] { "it says none" } else { line.trim() };
+                let version =
+                    if self.asked == ["--help"] { "it prints no version" } else { line.trim() };
                 let version = version.to_owned();
                 return Ok(Tool { known: self, program: Some(program), version });
             }
             other = Some(format!("`{}` is another program of this name", program.display()));
         }
-        Err(missing(other.unwrap_or_else(|| "it isn't in PATH".to_owned())))
+        Err(missing(other.unwrap_or_else(|| "the program isn't in PATH".to_owned())))
     }
 }
 
@@ -421,6 +422,6 @@ mod tests {
         let found = known("spirv-val").find(&folders).expect("this `spirv-val` is accepted");
         assert_eq!(found.version, "SPIRV-Tools v2099.1 unknown hash");
         let error = known("xcrun").find(&folders).expect_err("no `xcrun` is in the folder");
-        assert_eq!(error.reason, "it isn't in PATH");
+        assert_eq!(error.reason, "the program isn't in PATH");
     }
 }

@@ -49,7 +49,7 @@ const RESTRICT: BoundsCheckPolicies = BoundsCheckPolicies {
 };
 
 /// The words for [`RESTRICT`] in reports.
-const RESTRICTED: &str = "bounds checks restrict";
+const RESTRICTED: &str = "restricts indices";
 
 pub(crate) fn write(
     shader: &Shader,

@@ -576,9 +576,9 @@ mod fakes {
         let other = answer(1, "fn half(x: f32) -> f32 { return 0.5 * (x); }\n");
         let empty = answer(9, VALID);
         for (fault, own, part) in [
-            ("it dies", died, "it ended (exit status: 3): Bus error"),
-            ("it hangs", says(&[]), "it didn't answer within 1 s"),
-            ("it hangs at once", "cat >/dev/null\n".to_owned(), "it didn't answer within"),
+            ("it dies", died, "the program ended (exit status: 3): Bus error"),
+            ("it hangs", says(&[]), "the program didn't answer within 1 s"),
+            ("it hangs at once", "cat >/dev/null\n".to_owned(), "the program didn't answer within"),
             ("garbage", says(&["Segmentation fault"]), "can't be read: Segmentation fault"),
             ("half an answer", says(&["{\"id\":1,"]), "can't be read: {\"id\":1,"),
             ("another text", says(&[&other, &last]), "Tint answered about another text"),
@@ -725,7 +725,7 @@ fn a_help_that_hangs_is_given_up() {
         let mut command = command(folder.path(), &["check", "--shaders", "m.wgsl"]);
         let ran = output(command.env("KARAT_TINT", &program).env("KARAT_TIMEOUT", "5"));
         assert!(began.elapsed() < std::time::Duration::from_secs(120), "{ran:?}");
-        assert!(ran.out.contains("it didn't answer within 10 s"), "{ran:?}");
+        assert!(ran.out.contains("the program didn't answer within 10 s"), "{ran:?}");
         assert!(ran.out.contains("1 package valid; Tint wasn't asked"), "{ran:?}");
     }
 }

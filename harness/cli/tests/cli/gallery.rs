@@ -232,7 +232,8 @@ fn a_project_renders_its_own_frames() {
     project.render("", &["falt", "--out", "none"]).gives(2, "", message);
     let message = "error: the gallery has no frame `x*`; its frames are flat, dark/sky\n";
     project.render("", &["flat", "x*", "--out", "none"]).gives(2, "", message);
-    let message = "error: name a frame, or say --first or --all; the frames are\n";
+    let message =
+        "error: no frame is named: name a frame, or use --first or --all; the frames are\n";
     project.render("", &[]).gives(2, "", &format!("{message}{list}"));
     let foreign = if cfg!(target_os = "macos") { "dx12" } else { "metal" };
     project
@@ -247,7 +248,9 @@ fn a_project_renders_its_own_frames() {
     let gallery = gallery.with_extension(std::env::consts::EXE_EXTENSION);
     project.run(&gallery, "", &["--list"]).gives(0, list, "");
     project.run(&gallery, "", &["--help"]).says(0, "--environment <FILE>");
-    project.run(&gallery, "", &["--size", "640"]).says(2, "write digits, as in 640x360");
+    project
+        .run(&gallery, "", &["--size", "640"])
+        .says(2, "write width x height in pixels, as in 640x360");
     let ran = project.run(&gallery, "frames", &["flat"]);
     let folder = project.folder.path().canonicalize().expect("it is there");
     let folder = folder.join("target/karat/frames");

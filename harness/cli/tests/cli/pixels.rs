@@ -62,13 +62,13 @@ fn tap_shows_values_of_a_frame_as_pictures_and_numbers() {
     let out = ran.good();
     for part in [
         // The smallest value is at the last column's centre: 1 - 15/16.
-        "near  shaders/m.wgsl:2:16 in `m::falloff`: f32\n    0.0625 at (7, 0) to 0.9375 at (0, 0), mean 0.5\n",
-        "disc.m-falloff-near.png: black is 0.0625, light yellow 0.9375 (magma)",
-        "disc.m-shade-n.png: directions: red, green and blue are half of 1 + x, y, z",
-        "16 of 32 pixels compute it, 16 don't reach it",
-        "; NaN is magenta, an infinity yellow",
-        "red 0.141406, blue -0.141406",
-        "NaN on 16 pixels, first (0, 0)",
+        "near  shaders/m.wgsl:2:16 in `m::falloff`: f32\n    from 0.0625 at (7, 0) to 0.9375 at (0, 0), mean 0.5\n",
+        "disc.m-falloff-near.png: black is 0.0625, light yellow is 0.9375 (magma)",
+        "disc.m-shade-n.png: the value is a direction: red, green and blue are half of 1 + x, 1 + y and 1 + z",
+        "16 of 32 pixels compute the value, 16 don't reach the value",
+        "; NaN is magenta, and infinities are yellow",
+        "red is 0.141406, blue is -0.141406",
+        "NaN on 16 pixels, first at (0, 0)",
         "disc.m-shade-is_right.png: white is true",
     ] {
         assert!(out.contains(part), "no `{part}` in:\n{out}");
@@ -103,11 +103,16 @@ fn tap_shows_values_of_a_frame_as_pictures_and_numbers() {
     }
     let parameter = on_vulkan(folder.path(), &["tap", "disc", "uv", "--at=0,0"]);
     assert!(
-        parameter.out.contains("the engine shows only operations, and this is a parameter,"),
+        parameter.out.contains(
+            "the engine shows only results of operations, but this value is a parameter,"
+        ),
         "{parameter:?}"
     );
     let beside = on_vulkan(folder.path(), &["tap", "disc", "near", "--beside"]).good();
-    assert!(beside.contains("the frame has the same colours while the value is shown"), "{beside}");
+    assert!(
+        beside.contains("the frame's colours don't change when Karat reads the value"),
+        "{beside}"
+    );
 }
 
 /// A pass has a value for each invocation. Karat shows a table, or a picture if the dispatch has rows.
@@ -143,11 +148,11 @@ fn grid(@builtin(global_invocation_id) id: vec3u) {
         assert!(root.contains(&format!("at (1, 0): 4 on {on}; 4 in the engine\n")), "{root}");
         assert!(root.contains(&format!("at (3, 0): not computed on {on}; so ")), "{root}");
         assert!(root.contains("2 at (0, 0) to 6 at (2, 0), mean 4"), "{root}");
-        assert!(root.contains("3 of 4 invocations compute it"), "{root}");
+        assert!(root.contains("3 of 4 invocations compute the value"), "{root}");
         let table = std::fs::read_to_string(folder.path().join("out/root.m-root-own.csv"));
         assert_eq!(table.expect("a table"), "invocation,times,value\n0,1,2\n1,1,4\n2,1,6\n3,0,\n");
         let grid = karat(folder.path(), &["tap", "m::grid", "place", &out, path]).good();
-        assert!(grid.contains("m-grid.m-grid-place.png: black is 0, light yellow 7"), "{grid}");
+        assert!(grid.contains("m-grid.m-grid-place.png: black is 0, light yellow is 7"), "{grid}");
     }
     let listed = karat(folder.path(), &["tap", "grid", "--path=cpu"]).good();
     assert!(listed.contains("m::grid::place: u32 = id.y * 4u + id.x"), "{listed}");
@@ -201,7 +206,7 @@ fn an_unknown_value_or_place_is_an_error() {
         (&["tap", "disc", "near", "--at", "8"], "`8` isn't a pixel"),
         (&["tap", "disc", "near", "--size", "4x4"], "remove `--size`"),
         (&["trace", "disc", "8,0"], "8 x 4 pixels, counted from (0, 0) at the upper left"),
-        (&["trace", "disc", "1"], "`1` isn't a pixel: write its column and its row"),
+        (&["trace", "disc", "1"], "`1` isn't a pixel: write the pixel's column and row"),
         (&["trace", "disc", "1,1", "--against", "HEAD"], "HEAD"),
     ] {
         let ran = on_vulkan(folder.path(), words);

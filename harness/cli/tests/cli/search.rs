@@ -321,7 +321,7 @@ fn links_in_circles_and_pipes_hang_no_command() {
         let made = Command::new("mkfifo").arg(path.join(name)).status().expect("mkfifo runs");
         assert!(made.success());
     };
-    let told = "it is a pipe, a socket or a device, not a file";
+    let told = "the path names a pipe, a socket or a device, not a file";
     pipe("p.test.toml");
     for arguments in [
         &["test", ".", "--paths", "cpu"][..],

@@ -105,7 +105,7 @@ fn declared_tests_have_places_of_their_own() {
         (
             format!("{f}finite = true\nover = {{ x = \"1..0\" }}\n"),
             "4:1",
-            "starts at 1 and ends at 0",
+            "starts at 1, above its end 0",
         ),
         (
             format!("{f}finite = true\nover = {{ x = \"0,,1\" }}\n"),

@@ -58,10 +58,10 @@ fn all_cases_are_listed_and_keys_move_between_them() {
         ("diffuse", "only the driver changed"),
         (
             "furnace",
-            "same shader, same driver: the frame isn't deterministic or its inputs changed",
+            "shader and driver are the same: the frame isn't deterministic, or its inputs changed",
         ),
         ("scene", "the shader changed"),
-        ("rooms/layered", "new: no golden yet"),
+        ("rooms/layered", "new: there is no golden yet"),
     ];
     for (position, (name, cause)) in causes.into_iter().enumerate() {
         if position > 0 {

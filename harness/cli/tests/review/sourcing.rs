@@ -218,7 +218,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
     assert_eq!(
         shown(&project).lines().filter(|line| !line.is_empty()).collect::<Vec<_>>(),
         [
-            "Modules that changed since the golden, by their hashes.",
+            "The hashes show that these modules changed since the golden:",
             "noise::value: the frame no longer uses this module",
             light,
             "@@ -1 +1 @@",
@@ -239,7 +239,9 @@ fn modules_that_changed_are_known_by_their_hashes() {
     );
     assert!(told.contains("-const SUN = 2.0;"), "{told}");
     assert!(
-        told.contains("other.wgsl: git has no version of this module with the golden's hash"),
+        told.contains(
+            "other.wgsl: git doesn't have the version of this module that drew the golden"
+        ),
         "{told}"
     );
     // A checkout with other line ends isn't an edit.
@@ -251,7 +253,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
     // All modules are equal, so something else changed the linked program.
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[0]) }));
     let told = shown(&project);
-    assert!(told.contains("No module changed since the golden, by their hashes."), "{told}");
+    assert!(told.contains("The hashes show that no module changed since the golden."), "{told}");
     assert!(told.contains("features, overrides or Karat changed"), "{told}");
     // An old golden has no hashes. The page shows the changes that git knows.
     put(json!({}), json!({ light: hash(lights[2]) }));
@@ -318,8 +320,8 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
 
     // The server only accepts versions that git has listed.
     for (place, status, text) in [
-        ("data/0-HEAD.js", 200, "this isn't a version of the golden"),
-        ("data/0---output=x.js", 200, "this isn't a version of the golden"),
+        ("data/0-HEAD.js", 200, "the requested commit isn't a version of the golden"),
+        ("data/0---output=x.js", 200, "the requested commit isn't a version of the golden"),
         ("data/9-0.js", 404, ""),
     ] {
         let answer = server.get(place);
@@ -402,7 +404,7 @@ fn declared_facts_that_changed_are_in_the_header() {
     actual.pixels_mut()[0][0] = 5.0;
     project.put_pending("tiny", &actual, |facts| facts["facts"]["seed"] = "<8>".into());
     let (_server, mut browser, tab) = open(&project, &[]);
-    assert_eq!(browser.text(&tab, "#cause"), "only declared facts changed");
+    assert_eq!(browser.text(&tab, "#cause"), "only the author's facts in the provenance changed");
     assert_eq!(browser.text(&tab, "#declared"), "seed: none → <8>");
 }
 

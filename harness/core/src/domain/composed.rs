@@ -92,7 +92,9 @@ where
                     let own: Vec<Shape> = members.into_iter().map(|(_, shape)| shape).collect();
                     format!("{name} has ({})", list(&own))
                 }
-                shape => format!("a {shape} has {} numbers of its type", shape.lanes().len()),
+                shape => {
+                    format!("a {shape} needs {} numbers of its component type", shape.lanes().len())
+                }
             };
             return Some(Emptiness::of("composition", &format!("has ({given}), but {wanted}")));
         }
@@ -169,7 +171,7 @@ mod tests {
         let told = |emptiness: Option<Emptiness>| emptiness.expect("it doesn't fit").fault;
         assert_eq!(
             told((unit(), unit()).compose::<Vec3>().emptiness()),
-            "has (f32, f32), but a vec3<f32> has 3 numbers of its type"
+            "has (f32, f32), but a vec3<f32> needs 3 numbers of its component type"
         );
         let swapped = (0.0..=1.0_f32, UnitRgb, Integers(1..=4_u32)).compose::<Layer>();
         assert_eq!(

@@ -345,7 +345,7 @@ impl Part {
     /// use karat::unstable::domain::Part;
     ///
     /// let disk = Part::sphere(2, 0.5, true).expect("two components");
-    /// assert_eq!(disk.described(), "a vector of a length up to 0.5");
+    /// assert_eq!(disk.described(), "a vector with a length of at most 0.5");
     /// ```
     pub fn sphere(size: u8, radius: f32, filled: bool) -> Option<Self> {
         fn of<V: Shareable>(radius: f32, filled: bool) -> Part
@@ -354,7 +354,9 @@ impl Part {
         {
             let sphere = Sphere::<V>::of_radius(radius);
             match filled {
-                true => Part::of(sphere.filled(), format!("a vector of a length up to {radius}")),
+                true => {
+                    Part::of(sphere.filled(), format!("a vector with a length of at most {radius}"))
+                }
                 false => Part::of(sphere, format!("a vector of length {radius}")),
             }
         }
@@ -400,7 +402,7 @@ impl Part {
         const FEW: u8 = 8;
         /// A typical number of samples per pixel, or of taps of a filter. Loops rarely need more iterations.
         const MOST: u8 = 64;
-        let described = format!("from 1 to {MOST}, half of them at most {FEW}");
+        let described = format!("from 1 to {MOST}, half of the values at most {FEW}");
         let (most, few) = (u32::from(MOST), u32::from(FEW));
         Some(match scalar {
             Scalar::U32 => {

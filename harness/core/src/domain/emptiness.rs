@@ -6,7 +6,7 @@
 /// use karat::Domain;
 ///
 /// let emptiness = Domain::emptiness(&(1.0..=0.0)).expect("it has no value");
-/// assert_eq!((emptiness.what, emptiness.fault.as_str()), ("range", "starts at 1 and ends at 0"));
+/// assert_eq!((emptiness.what, emptiness.fault.as_str()), ("range", "starts at 1, above its end 0"));
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -15,7 +15,7 @@ pub struct Emptiness {
     pub part: Option<usize>,
     /// The name of the empty domain, such as `range`.
     pub what: &'static str,
-    /// The cause, such as `starts at 1 and ends at 0`.
+    /// The cause, such as `starts at 1, above its end 0`.
     pub fault: String,
 }
 
@@ -65,7 +65,7 @@ mod tests {
             (part, format!("{what} {fault}"))
         };
         for (range, fault) in [
-            (1.0..=0.0, "range starts at 1 and ends at 0"),
+            (1.0..=0.0, "range starts at 1, above its end 0"),
             (f32::NAN..=1.0, "range starts at NaN"),
             (0.0..=f32::INFINITY, "range ends at inf"),
             (f32::NEG_INFINITY..=f32::NAN, "range starts at -inf"),
@@ -77,11 +77,12 @@ mod tests {
         let mapped = (Just(0.0_f32), 2.0..=1.0_f32).map(|(x, y)| x + y);
         assert_eq!(why(mapped.emptiness()).0, None, "a mapped tuple has no parts");
         let grid = Grid::logarithmic(-1.0..=1.0, 9);
-        let through = "grid is logarithmic and goes from -1 to 1, through 0";
+        let through =
+            "grid is logarithmic, so its ends -1 and 1 must both be above 0 or both below 0";
         assert_eq!(why(grid.emptiness()).1, through);
         assert_eq!(why(Grid::linear(0.0..=1.0, 0).emptiness()).1, "grid has no points");
         let (low, high) = (3_i32, 2);
-        assert_eq!(why(Integers(low..=high).emptiness()).1, "range starts at 3 and ends at 2");
+        assert_eq!(why(Integers(low..=high).emptiness()).1, "range starts at 3, above its end 2");
         assert!((UnitVector, 0.0..=1.0_f32).emptiness().is_none());
     }
 }

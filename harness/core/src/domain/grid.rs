@@ -72,7 +72,7 @@ impl Domain for Grid {
             return Some(Emptiness::of("grid", &fault));
         }
         (self.spacing == Spacing::Logarithmic && no_ratio).then(|| {
-            let fault = format!("is logarithmic and goes from {first} to {last}, through 0");
+            let fault = format!("is logarithmic, so its ends {first} and {last} must both be above 0 or both below 0");
             Emptiness::of("grid", &fault)
         })
     }

@@ -56,7 +56,7 @@ impl Domain for RangeInclusive<f32> {
 
     fn emptiness(&self) -> Option<Emptiness> {
         let (low, high) = (*self.start(), *self.end());
-        let reversed = || (low > high).then(|| format!("starts at {low} and ends at {high}"));
+        let reversed = || (low > high).then(|| format!("starts at {low}, above its end {high}"));
         infinite(low, high).or_else(reversed).map(|fault| Emptiness::of("range", &fault))
     }
 
@@ -132,7 +132,7 @@ macro_rules! integer {
 
             fn emptiness(&self) -> Option<Emptiness> {
                 let (low, high) = (self.0.start(), self.0.end());
-                let fault = || format!("starts at {low} and ends at {high}");
+                let fault = || format!("starts at {low}, above its end {high}");
                 (low > high).then(|| Emptiness::of("range", &fault()))
             }
 

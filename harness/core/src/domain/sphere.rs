@@ -72,7 +72,15 @@ impl<V> Sphere<V> {
 
     fn fault(&self) -> Option<Emptiness> {
         let is_length = self.radius.is_finite() && self.radius >= 0.0;
-        (!is_length).then(|| Emptiness::of("sphere", &format!("has the radius {}", self.radius)))
+        (!is_length).then(|| {
+            Emptiness::of(
+                "sphere",
+                &format!(
+                    "has the radius {}, which isn't a finite number of at least 0",
+                    self.radius
+                ),
+            )
+        })
     }
 
     fn scaled(&self, direction: &[f64], height: f64) -> Vec<f32> {
@@ -261,7 +269,10 @@ mod tests {
         for radius in [-1.0, f32::NAN, f32::INFINITY] {
             let domain = Sphere::<Vec3>::of_radius(radius);
             let emptiness = Domain::emptiness(&domain).expect("no vector has that length");
-            assert_eq!(emptiness.fault, format!("has the radius {radius}"));
+            assert_eq!(
+                emptiness.fault,
+                format!("has the radius {radius}, which isn't a finite number of at least 0")
+            );
             assert!(domain.draw(&mut Source::new(1, 0)).is_none() && domain.edges().is_empty());
         }
         assert_eq!(Sphere::<Vec3>::of_radius(0.0).draw(&mut Source::new(1, 0)), Some(Vec3::ZERO));

@@ -26,7 +26,7 @@ const BEGINNINGS: [(&[u8], &str); 10] = [
     (b"DDS ", "a DDS texture"),
     (b"\xabKTX", "a KTX texture"),
     (b"GIF8", "a GIF image"),
-    (b"RIFF", "a RIFF file, as WebP images are"),
+    (b"RIFF", "a RIFF file, perhaps a WebP image"),
 ];
 pub(super) const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 
@@ -59,7 +59,7 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     }
     let length = announced.max(bytes.len() as u64);
     if length > LARGEST_DECODED {
-        let reason = format!("it is longer than {} MB", LARGEST_DECODED >> 20);
+        let reason = format!("the file is longer than {} MB", LARGEST_DECODED >> 20);
         return Err(failed(Error::new(ErrorKind::FileTooLarge, reason)));
     }
     if bytes.starts_with(b"version https://git-lfs") {

@@ -70,7 +70,7 @@ pub enum ImageError {
         found: &'static str,
     },
     /// A part of an image can't have this name.
-    #[error("`{name}` can't name a part of an image: {reason}")]
+    #[error("an image's part can't have the name `{name}`: {reason}")]
     PartName {
         /// The name of the part.
         name: String,

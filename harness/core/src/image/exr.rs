@@ -296,7 +296,10 @@ fn first(file: &FileHeader) -> Option<(usize, Selection)> {
 fn colourless(file: &FileHeader) -> String {
     let names = file.parts.iter().flat_map(|part| &part.channels);
     let names: Vec<_> = names.map(|channel| shown(&channel.name)).take(8).collect();
-    format!("it has neither the channels R, G and B nor Y, but {}", names.join(", "))
+    format!(
+        "the file has neither the channels R, G and B nor the channel Y; its channels are {}",
+        names.join(", ")
+    )
 }
 
 fn decode(
@@ -407,15 +410,15 @@ mod tests {
             changed[edges + 4..edges + 8].copy_from_slice(&bottom.to_le_bytes());
             decode(&changed).expect_err("another size")
         };
-        let sides = "its header announces 16385 x 12 pixels, but Karat reads sides of 1 to 16384";
+        let sides = "the file's header announces 16385 x 12 pixels, but each side must have 1 to 16384 pixels";
         assert_eq!(announcing(16_384, 11), sides);
-        let sides =
-            "its header announces -2147483647 x 12 pixels, but Karat reads sides of 1 to 16384";
+        let sides = "the file's header announces -2147483647 x 12 pixels, but each side must have 1 to 16384 pixels";
         assert_eq!(announcing(i32::MIN, 11), sides);
-        let memory = "its header announces 4096 MB of pixels, but Karat reads at most 512 MB";
+        let memory =
+            "the file's header announces 4096 MB of pixels, but Karat reads at most 512 MB";
         assert_eq!(announcing(16_383, 16_383), memory);
         let ratio = format!(
-            "its header announces 83886080 bytes of pixels, but the file has {} bytes",
+            "the file's header announces 83886080 bytes of pixels, but the file has {} bytes",
             bytes.len()
         );
         assert_eq!(announcing(16_383, 639), ratio);

@@ -89,7 +89,7 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = path
         .file_name()
-        .ok_or_else(|| Error::new(ErrorKind::InvalidInput, "it doesn't name a file"))?;
+        .ok_or_else(|| Error::new(ErrorKind::InvalidInput, "the path has no file name"))?;
     loop {
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let mut beside = name.to_owned();

@@ -68,7 +68,7 @@ pub enum FlipFailure {
     Negative(u32, u32),
     /// A value differs, and it is too bright or too dark for all exposures that FLIP can use.
     #[error(
-        "{light:e} at ({x}, {y}) is more than 128 stops outside of the golden's exposures: \
+        "the value {light:e} of pixel ({x}, {y}) is more than 128 stops outside of the golden's exposures: \
          clamp the value in the shader, or compare only by the gate"
     )]
     Exposures {

@@ -267,7 +267,7 @@ impl fmt::Debug for Mask {
 #[non_exhaustive]
 pub enum MaskError {
     /// The mask has a NaN or an infinity.
-    #[error("the mask isn't a finite number at ({x}, {y})")]
+    #[error("the mask has a NaN or an infinity at ({x}, {y})")]
     NonFinite {
         /// The column of the pixel.
         x: usize,
@@ -275,10 +275,10 @@ pub enum MaskError {
         y: usize,
     },
     /// The mask excludes all pixels.
-    #[error("the mask leaves no pixel to compare")]
+    #[error("the mask excludes all pixels")]
     Nothing,
     /// The mask has another size than the frame.
-    #[error("the mask has {} x {} pixels, but the frame {} x {}", mask.0, mask.1, frame.0, frame.1)]
+    #[error("the mask has {} x {} pixels, but the frame has {} x {}", mask.0, mask.1, frame.0, frame.1)]
     Size {
         /// Width and height of the mask.
         mask: (u32, u32),
@@ -286,7 +286,9 @@ pub enum MaskError {
         frame: (u32, u32),
     },
     /// A rectangle is empty, or outside of the frame.
-    #[error("the rectangle {rect} isn't a part of a frame of {width} x {height}")]
+    #[error(
+        "the mask's rectangle {rect} is empty or extends beyond the frame of {width} x {height} pixels"
+    )]
     Outside {
         /// The rectangle.
         rect: Rect,

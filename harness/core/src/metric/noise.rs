@@ -137,7 +137,7 @@ impl Noise<'_> {
             let (width, height) = (image.width(), image.height());
             if (width, height) != size {
                 return Some(format!(
-                    "the variance of the {name} is {width} x {height}, which isn't the size of the frame"
+                    "the variance image of the {name} has {width} x {height} pixels, but the frame has another size"
                 ));
             }
             let sound = |pixel: &[f32; 4]| pixel[..3].iter().all(|v| *v >= 0.0 && v.is_finite());
@@ -279,7 +279,8 @@ impl Metric for Noise<'_> {
             off
         };
         if let Some((x, y)) = alpha_is_off {
-            let note = Some(format!("alpha differs at ({x}, {y}), and alpha has no noise"));
+            let note =
+                Some(format!("alpha differs at ({x}, {y}), but the noise may change only colours"));
             return Measured { note, ..Measured::of(f64::INFINITY) };
         }
         let tiles = self.tiles(pair);
@@ -297,10 +298,11 @@ impl Metric for Noise<'_> {
         };
         let mean = z / critical;
         if scatter > mean {
-            let note = Some("single pixels differ by more than their noise".to_owned());
+            let note = Some("single pixels differ by more than their noise allows".to_owned());
             return Measured { place: Some(scattered), note, ..Measured::of(scatter) };
         }
-        let note = format!("z {z:.2}, noise alone has {critical:.2} in one frame of 100");
+        let note =
+            format!("z is {z:.2}; with noise alone, z exceeds {critical:.2} in one frame of 100");
         Measured { place: (z > 0.0).then_some(place), note: Some(note), ..Measured::of(mean) }
     }
 }

@@ -48,7 +48,7 @@ pub struct Pair<'a> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PairError {
     /// The images have different sizes.
-    #[error("its size is {} x {}, but the golden's size is {} x {}", actual.0, actual.1, golden.0, golden.1)]
+    #[error("the frame's size is {} x {}, but the golden's size is {} x {}", actual.0, actual.1, golden.0, golden.1)]
     Size {
         /// Width and height of the golden.
         golden: (u32, u32),

@@ -62,7 +62,7 @@ pub enum CubatureError<E> {
     #[error(transparent)]
     Evaluation(E),
     /// Two quadrature rules differ too much, even on small parts.
-    #[error("two quadrature rules still disagree after {nodes} nodes")]
+    #[error("the integral is unknown: two quadrature rules still disagree after {nodes} nodes")]
     Diverges {
         /// The number of evaluated nodes.
         nodes: usize,

@@ -109,7 +109,7 @@ impl Mean {
         for (what, value) in [
             ("the mean", moments.mean),
             ("the standard error", error),
-            ("what is expected", expected),
+            ("the expected mean", expected),
         ] {
             if !value.is_finite() {
                 return Err(NoVerdict::NotANumber { what, value });

@@ -22,7 +22,7 @@ use super::{Scalar, Shape};
     message = "`{Self}` can't be the result of a reference",
     label = "a reference computes in f64",
     note = "use f64 for `f32`, glam's DVec and DMat types for vectors and matrices; i32, u32, bool \
-            and their vectors stay as they are"
+            and their vectors keep their types"
 )]
 pub trait Mirror: Clone + std::fmt::Debug + Send + 'static {
     /// The WGSL type whose values Karat compares with this type's values.

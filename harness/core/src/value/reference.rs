@@ -14,10 +14,10 @@ use crate::value::{Arguments, Mirror, Shape, Shareable};
 /// sum.agrees_with(|x: f64, n: u32| x + f64::from(n), Ulp(1.0));
 /// ```
 #[diagnostic::on_unimplemented(
-    message = "this reference doesn't take the arguments that the domain draws",
-    label = "expected a function of the `f64` mirrors of `{A}`",
-    note = "a domain of `(Vec3, f32)` needs `fn(DVec3, f64) -> _`; closures need their parameter \
-            types written out"
+    message = "the parameters of this reference don't match the domain's values",
+    label = "expected a function whose parameters are the `f64` types for `{A}`",
+    note = "a domain of `(Vec3, f32)` needs `fn(DVec3, f64) -> _`; write out the types of a \
+            closure's parameters"
 )]
 pub trait Reference<A: Arguments>: Sync {
     /// The WGSL type of the result.

@@ -26,7 +26,7 @@ use super::{Mirror, Scalar, Shape};
     message = "`{Self}` can't be passed to a WGSL function",
     label = "not a WGSL value",
     note = "use f32, i32, u32, bool, half::f16, glam's f32 vectors and matrices, arrays of them, \
-            or declare a structure with `karat::shareable!`. Vectors of another glam need a feature of karat, \
+            or declare a structure with `karat::shareable!`. Vectors of another version of glam need a feature of karat, \
             such as `glam-029`"
 )]
 pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
@@ -372,7 +372,7 @@ macro_rules! shareable {
             $($(#[$field_meta])* pub $field: $type),+
         }
 
-        #[doc = concat!("[`", stringify!($name), "`] in `f64`: what references receive and return.")]
+        #[doc = concat!("[`", stringify!($name), "`] in `f64`: the type that references receive and return.")]
         #[derive(Clone, Copy, Debug, PartialEq)]
         $vis struct $mirror {
             $($(#[$field_meta])* pub $field: <$type as $crate::value::Shareable>::Mirror),+

@@ -275,7 +275,9 @@ impl<'m> Lower<'m> {
             }
             Statement::ControlBarrier(barrier) | Statement::MemoryBarrier(barrier) => {
                 if !self.shared {
-                    return Err(self.refuse("a barrier in a function, where cases can't wait"));
+                    return Err(self.refuse(
+                        "a barrier in a function, because cases don't wait for each other",
+                    ));
                 }
                 self.enter_statement(scope, span);
                 self.emit(Op::Barrier(barrier), &[], &[])?;
@@ -296,7 +298,7 @@ impl<'m> Lower<'m> {
                 if !self.shared =>
             {
                 return Err(self
-                    .refuse("a subgroup operation in a function, where cases aren't a subgroup"));
+                    .refuse("a subgroup operation in a function, because cases form no subgroup"));
             }
             Statement::SubgroupBallot { result, predicate } => {
                 self.enter_statement(scope, span);
@@ -322,7 +324,7 @@ impl<'m> Lower<'m> {
     fn depth(&self, is: impl Fn(Frame) -> bool) -> Lowered<u32> {
         match self.open.iter().rev().position(|open| is(open.frame)) {
             Some(depth) => Ok(depth as u32),
-            None => Err(self.refuse("a jump without a target")),
+            None => Err(self.refuse("a jump outside of a loop, a `switch` and a function")),
         }
     }
 

@@ -36,8 +36,10 @@ impl<'m> Lower<'m> {
     ) -> Lowered<Rc<[Reg]>> {
         match self.value(scope, handle)? {
             Value::Flat(registers) => Ok(registers),
-            Value::Place(_) => Err(self.refuse("a pointer as a value")),
-            Value::Texture(..) | Value::Sampler(_) => Err(self.refuse("a resource as a value")),
+            Value::Place(_) => Err(self.refuse("a pointer where a value is needed")),
+            Value::Texture(..) | Value::Sampler(_) => {
+                Err(self.refuse("a texture or sampler where a value is needed"))
+            }
         }
     }
 
@@ -48,7 +50,7 @@ impl<'m> Lower<'m> {
     ) -> Lowered<Rc<Place>> {
         match self.value(scope, handle)? {
             Value::Place(place) => Ok(place),
-            _ => Err(self.refuse("a pointer that is a value")),
+            _ => Err(self.refuse("a value where a pointer is needed")),
         }
     }
 
@@ -101,7 +103,9 @@ impl<'m> Lower<'m> {
                 Some(value) => Ok(value.clone()),
                 None => {
                     let name = self.module.overrides[handle].name.clone().expect("WGSL names it");
-                    Err(self.refuse(format!("the override `{name}`, which has no value")))
+                    Err(self.refuse(format!(
+                        "the override `{name}`, because the override has no value"
+                    )))
                 }
             },
             Expression::ZeroValue(ty) => {
@@ -114,7 +118,7 @@ impl<'m> Lower<'m> {
                     registers.extend_from_slice(&self.flat(scope, component)?);
                     if registers.len() as u64 > crate::scalar::MOST_SCALARS {
                         back!();
-                        return Err(self.refuse("a value of too many scalars"));
+                        return Err(self.refuse("a value with too many scalars"));
                     }
                 }
                 flat(registers)
@@ -129,7 +133,7 @@ impl<'m> Lower<'m> {
             }
             Expression::FunctionArgument(index) => match scope.arguments.get(index as usize) {
                 Some(value) => Ok(value.clone()),
-                None => Err(self.refuse("an argument that doesn't exist")),
+                None => Err(self.refuse("an argument that the function doesn't have")),
             },
             Expression::LocalVariable(variable) => match scope.locals.get(&variable) {
                 Some(place) => Ok(Value::Place(place.clone())),
@@ -137,7 +141,7 @@ impl<'m> Lower<'m> {
             },
             Expression::GlobalVariable(variable) => match self.globals.get(&variable) {
                 Some(value) => Ok(value.clone()),
-                None => Err(self.refuse("a variable that isn't used")),
+                None => Err(self.refuse("a global variable that the entry point doesn't use")),
             },
             Expression::AccessIndex { base, index } => match self.value(scope, base)? {
                 Value::Place(place) if place.has_no_length() => {
@@ -154,7 +158,7 @@ impl<'m> Lower<'m> {
                     let inner = self.type_of(scope, base);
                     self.component(&registers, &inner, index)
                 }
-                _ => Err(self.refuse("an index into a resource")),
+                _ => Err(self.refuse("an index into a texture or a sampler")),
             },
             Expression::Access { base, index } => {
                 let signed = self.signed(scope, index);
@@ -169,7 +173,7 @@ impl<'m> Lower<'m> {
                         let inner = self.type_of(scope, base);
                         self.element(&registers, &inner, index, signed)
                     }
-                    _ => Err(self.refuse("an index into a resource")),
+                    _ => Err(self.refuse("an index into a texture or a sampler")),
                 }
             }
             Expression::Load { pointer } => {
@@ -224,7 +228,7 @@ impl<'m> Lower<'m> {
             | Expression::SubgroupBallotResult
             | Expression::SubgroupOperationResult { .. }
             | Expression::WorkGroupUniformLoadResult { .. } => {
-                Err(self.refuse("a result before its statement"))
+                Err(self.refuse("a result that is used before it is computed"))
             }
             Expression::RayQueryVertexPositions { .. }
             | Expression::RayQueryProceedResult
@@ -248,7 +252,7 @@ impl<'m> Lower<'m> {
             Literal::U64(_) => return Err(self.refuse("type u64")),
             Literal::I64(_) => return Err(self.refuse("type i64")),
             Literal::AbstractInt(_) | Literal::AbstractFloat(_) => {
-                return Err(self.refuse("an abstract number at run time"));
+                return Err(self.refuse("a number of abstract type at run time"));
             }
         })
     }

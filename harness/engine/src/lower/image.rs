@@ -47,7 +47,7 @@ impl<'m> Lower<'m> {
             TypeInner::Image { dim, arrayed, class } => {
                 Ok(Image { slot, dimension: dim, arrayed, class })
             }
-            _ => Err(self.refuse("a texture of another type")),
+            _ => Err(self.refuse("a texture of an unknown type")),
         }
     }
 
@@ -171,7 +171,7 @@ impl<'m> Lower<'m> {
                 };
                 (texture, u32::MAX, kind)
             }
-            _ => return Err(self.refuse("an operation on a texture")),
+            _ => return Err(self.refuse("this operation on a texture")),
         };
         (self.site, self.span) = (site, span);
         let scalars = self.scalars(&self.type_of(scope, handle))?;
@@ -214,16 +214,16 @@ impl<'m> Lower<'m> {
     ) -> Lowered<()> {
         self.span = span;
         let Statement::ImageStore { image, coordinate, array_index, value } = *statement else {
-            return Err(self.refuse("a statement on a texture"));
+            return Err(self.refuse("this statement on a texture"));
         };
         let texture = self.texture(scope, image)?;
         let ImageClass::Storage { format, .. } = texture.class else {
             return Err(self.refuse("writes to a texture that isn't a storage texture"));
         };
         if !self.shared {
-            return Err(
-                self.refuse("a function that writes a texture, because cases would share it")
-            );
+            return Err(self.refuse(
+                "a function that writes a texture, because all cases would share the texture",
+            ));
         }
         if !is_storable(format) {
             return Err(self.refuse(format!("writes to textures of format {format:?}")));

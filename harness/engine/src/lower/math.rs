@@ -77,21 +77,21 @@ impl<'m> Lower<'m> {
                 use Geometry as G;
                 match geometry([G::Normalize2, G::Normalize3, G::Normalize4]) {
                     Some(rule) => self.float_ops(rule, &args[0], half),
-                    None => Err(self.refuse("normalize of a scalar")),
+                    None => Err(self.refuse("`normalize` of a scalar")),
                 }
             }
             M::Reflect => {
                 use Geometry as G;
                 match geometry([G::Reflect2, G::Reflect3, G::Reflect4]) {
                     Some(rule) => self.float_ops(rule, &all(args), half),
-                    None => Err(self.refuse("reflect of a scalar")),
+                    None => Err(self.refuse("`reflect` of a scalar")),
                 }
             }
             M::Refract => {
                 use Geometry as G;
                 match geometry([G::Refract2, G::Refract3, G::Refract4]) {
                     Some(rule) => self.float_ops(rule, &all(args), half),
-                    None => Err(self.refuse("refract of a scalar")),
+                    None => Err(self.refuse("`refract` of a scalar")),
                 }
             }
             M::FaceForward => {
@@ -183,7 +183,9 @@ impl<'m> Lower<'m> {
                 }
                 Ok(values)
             }
-            other => Err(self.refuse(format!("the builtin {other:?} on {scalar:?}"))),
+            other => {
+                Err(self.refuse(format!("the builtin function {other:?} for the type {scalar:?}")))
+            }
         }
     }
 

@@ -205,7 +205,7 @@ impl<'m> Lower<'m> {
         let buffer = &mut self.code.buffers[slot as usize];
         if !self.shared {
             let what = format!(
-                "a function that writes the buffer `{}`, because cases would share it",
+                "a function that writes the buffer `{}`, because all cases would share the buffer",
                 buffer.name
             );
             return Err(self.refuse(what));
@@ -276,7 +276,7 @@ impl<'m> Lower<'m> {
 
     pub(super) fn array_length(&mut self, place: &Place) -> Lowered<Value> {
         let Root::Buffer(buffer) = place.root else {
-            return Err(self.refuse("the length of an array in a variable"));
+            return Err(self.refuse("`arrayLength` of an array that isn't in a buffer"));
         };
         let stride = stride_bytes(&place.inner);
         let count = Count::Runtime { offset: place.bytes, stride };
@@ -298,7 +298,7 @@ impl<'m> Lower<'m> {
     ) -> Lowered<()> {
         let place = self.place(scope, pointer)?;
         let (Root::Buffer(buffer), TypeInner::Atomic(scalar)) = (place.root, &place.inner) else {
-            return Err(self.refuse("an atomic operation outside a buffer"));
+            return Err(self.refuse("an atomic operation on a variable that isn't in a buffer"));
         };
         let scalar = self.scalar(*scalar)?;
         if scalar.file() != File::Int {

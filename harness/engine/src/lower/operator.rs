@@ -80,9 +80,8 @@ impl<'m> Lower<'m> {
             TypeInner::Scalar(scalar)
             | TypeInner::Vector { scalar, .. }
             | TypeInner::Matrix { scalar, .. } => self.scalar(scalar),
-            ref other => {
-                Err(self.refuse(format!("an operator on a {}", crate::scalar::kind(other))))
-            }
+            ref other => Err(self
+                .refuse(format!("an operator on a value of type {}", crate::scalar::kind(other)))),
         }
     }
 
@@ -110,7 +109,7 @@ impl<'m> Lower<'m> {
                 (UnaryOperator::BitwiseNot, Scalar::U32) => {
                     self.integer(Integer::NotU, &[register])?
                 }
-                _ => return Err(self.refuse(format!("operator {op:?} on {scalar:?}"))),
+                _ => return Err(self.refuse(format!("the operator {op:?} on {scalar:?}"))),
             });
         }
         Ok(Value::Flat(values.into()))
@@ -235,7 +234,7 @@ impl<'m> Lower<'m> {
                     B::Multiply => Basic::Multiply,
                     B::Divide => Basic::Divide,
                     B::Modulo => Basic::Remainder,
-                    _ => return Err(self.refuse(format!("operator {op:?} on floats"))),
+                    _ => return Err(self.refuse(format!("the operator {op:?} on floats"))),
                 };
                 self.basic(rule, &[a, b], half)
             }
@@ -251,7 +250,7 @@ impl<'m> Lower<'m> {
                     B::InclusiveOr => (Integer::OrI, Integer::OrU),
                     B::ShiftLeft => (Integer::ShiftLeftI, Integer::ShiftLeftU),
                     B::ShiftRight => (Integer::ShiftRightI, Integer::ShiftRightU),
-                    _ => return Err(self.refuse(format!("operator {op:?} on integers"))),
+                    _ => return Err(self.refuse(format!("the operator {op:?} on integers"))),
                 };
                 self.integer(if scalar.signed() { signed } else { unsigned }, &[a, b])
             }
@@ -262,7 +261,7 @@ impl<'m> Lower<'m> {
                 let differ = self.boolean(Op::Differ, &[a, b])?;
                 self.boolean(Op::Not, &[differ])
             }
-            _ => Err(self.refuse(format!("operator {op:?} on booleans"))),
+            _ => Err(self.refuse(format!("the operator {op:?} on booleans"))),
         }
     }
 
@@ -394,7 +393,7 @@ impl<'m> Lower<'m> {
         let to = self.scalar_of(&result)?;
         let registers = self.flat(scope, operand)?;
         if convert.is_none() && (from == Scalar::F16 || to == Scalar::F16) && from != to {
-            return Err(self.refuse("a bitcast of half precision"));
+            return Err(self.refuse("a bitcast between `f16` and another type"));
         }
         let mut values = Vec::new();
         for &register in registers.iter() {

@@ -282,7 +282,7 @@ fn half_precision_rounds_each_operation() {
         fn f(x: f16, y: f16) -> f32 { return f32(mix(x, y, 0.5h)); }";
     let (program, options) = (program(blend, "f"), Options::default());
     let stop = program.call::<Intervals>(1, &row, &Resources::new(), &options, &()).unwrap_err();
-    assert!(matches!(stop, Stop::NoRule { what: "this operation in half precision", .. }));
+    assert!(matches!(stop, Stop::NoRule { what: "this operation on `f16` values", .. }));
 }
 
 #[test]

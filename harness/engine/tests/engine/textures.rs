@@ -296,7 +296,7 @@ fn storage_textures_are_written_as_their_format_rounds() {
     let stop = program
         .dispatch::<Intervals>([1, 1, 1], &mut resources, &Options::default(), &())
         .unwrap_err();
-    assert!(stop.to_string().contains("texture that is written"), "{stop}");
+    assert!(stop.to_string().contains("texture that the shader writes"), "{stop}");
 }
 
 #[test]
@@ -310,7 +310,7 @@ fn a_texture_with_another_type_of_texels_is_an_error() {
     let stop = program.call::<F32>(1, &[0], &resources, &Options::default(), &()).unwrap_err();
     assert_eq!(
         stop.to_string(),
-        "no texture of its dimension and kind of texels `t` in group 0, binding 0"
+        "no texture with the dimension and texel type of `t` is bound to group 0, binding 0"
     );
 }
 

@@ -48,9 +48,9 @@ const origin = (() => {
     if (!known) return [];
     if (known.unknown) return [said(`The changed modules are unknown: ${known.unknown}.`)];
     if (known.hashed) {
-      const why = known.otherwise ? " The linked program did: features, overrides or Karat changed." : "";
-      if (!known.changed.length) return [said(`No module changed since the golden, by their hashes.${why}`)];
-      return [said("Modules that changed since the golden, by their hashes."), ...known.changed.map(difference)];
+      const why = known.otherwise ? " The linked program changed, because features, overrides or Karat changed." : "";
+      if (!known.changed.length) return [said(`The hashes show that no module changed since the golden.${why}`)];
+      return [said("The hashes show that these modules changed since the golden:"), ...known.changed.map(difference)];
     }
     const whose = known.all ? "of this repository " : "";
     if (!known.changed.length) return [said(`No module ${whose}changed since the golden's commit ${known.since}.`)];

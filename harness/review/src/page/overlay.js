@@ -134,7 +134,7 @@
     if (current.status === "golden" && !part().version) return ["golden", "side"].includes(state.view) ? "" : "Nothing is pending for this golden.";
     if (state.view === "difference" && !golden) return "There is no golden to compare with.";
     if (state.view === "difference" && sizes) {
-      return `The sizes differ: golden ${golden.width} × ${golden.height}, actual ${actual.width} × ${actual.height}. The common part is shown, from the top left corner.`;
+      return `The sizes differ: golden ${golden.width} × ${golden.height}, actual ${actual.width} × ${actual.height}. The page shows only the part that both images have, from the top left corner.`;
     }
     if (state.view === "map" && !current.data.maps.length) return "This case has no maps.";
     return "";

@@ -156,7 +156,7 @@ fn frame_tolerances_can_be_nested() {
     }
     let error = project.check("vulkan", &edge, None, Some(&Mask::only(&[])));
     let error = error.expect_err("nothing is compared").to_string();
-    assert_eq!(error, "frame `room/ramp` can't be compared: the mask leaves no pixel to compare");
+    assert_eq!(error, "frame `room/ramp` can't be compared: the mask excludes all pixels");
 }
 
 /// Only the profile itself uses its own golden. Karat accepts such a golden only if the profile needs it.

@@ -50,8 +50,8 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
         entry_points: vec!["main".to_owned()],
         bindings,
         options: format!(
-            "{version}, {}, workgroup memory set to zero, y flipped",
-            if is_es { "indices unchecked" } else { "texel indices restricted, others unchecked" }
+            "{version}; naga {}, sets workgroup memory to zero and flips y",
+            if is_es { "checks no indices" } else { "restricts only texel indices" }
         ),
     })
 }
@@ -60,7 +60,12 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
 fn one<'j>(job: &Job<'j>) -> Result<&'j EntryPoint, String> {
     match (job.entry_point, &*job.module.entry_points) {
         (Some(entry_point), _) | (None, [entry_point]) => Ok(entry_point),
-        (None, []) => Err("GLSL needs an entry point, and the shader has none".to_owned()),
-        (None, _) => Err("a GLSL translation has one entry point: name it".to_owned()),
+        (None, []) => {
+            Err("GLSL needs an entry point, but the shader has no entry point".to_owned())
+        }
+        (None, _) => {
+            Err("a GLSL translation has only one entry point: name an entry point of the shader"
+                .to_owned())
+        }
     }
 }

@@ -57,8 +57,8 @@ pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written,
         entry_points: names,
         bindings,
         options: format!(
-            "HLSL for shader model {}, bounds checks restrict, workgroup memory set to zero, loops \
-             bounded",
+            "HLSL for shader model {}; naga restricts indices, sets workgroup memory to zero and bounds \
+             loops",
             shader_model.to_str().replace('_', ".")
         ),
     })

@@ -31,7 +31,7 @@ pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {
         entry_points: names,
         bindings: Bindings::kept(job.module),
         options: format!(
-            "MSL {}.{}, {RESTRICTED}, workgroup memory set to zero, loops bounded, bindings generated",
+            "MSL {}.{}; naga {RESTRICTED}, sets workgroup memory to zero, bounds loops and generates bindings",
             VERSION.0, VERSION.1
         ),
     })

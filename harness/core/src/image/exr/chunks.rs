@@ -38,7 +38,9 @@ pub(super) fn decode(
             .filter(|offset| *offset > file.tables)
             .and_then(|offset| bytes.get(offset..))
             .map(|rest| Bytes { rest })
-            .ok_or_else(|| of("its table of chunks points to nowhere".to_owned()))?;
+            .ok_or_else(|| {
+                of("the file's chunk table has an offset outside of the file".to_owned())
+            })?;
         let data = found(&mut chunk, file.numbered.then_some(index), place, block.bytes(part))
             .map_err(of)?;
         each(block, &decompress(part, &header, data, block).map_err(of)?);
@@ -88,7 +90,7 @@ fn found<'a>(
     place: Place,
     longest: usize,
 ) -> Result<&'a [u8], String> {
-    let mut number = || chunk.i32().map_err(|_| "it ends in the middle of a chunk");
+    let mut number = || chunk.i32().map_err(|_| "the file ends in the middle of a chunk");
     let numbered = match part {
         None => true,
         Some(part) => i32::try_from(part) == Ok(number()?),
@@ -103,7 +105,8 @@ fn found<'a>(
     let length = number()?;
     if !numbered || !here {
         return Err(
-            "its chunk table has an entry that points to a wrong chunk, or to no chunk".to_owned()
+            "the file's chunk table has an entry that points to a wrong chunk, or to no chunk"
+                .to_owned(),
         );
     }
     usize::try_from(length)
@@ -111,7 +114,9 @@ fn found<'a>(
         .filter(|length| (1..=longest).contains(length))
         .and_then(|length| chunk.take(length).ok())
         .ok_or_else(|| {
-            format!("it announces {length} bytes in a chunk, for {longest} bytes of pixels")
+            format!(
+                "the file has a chunk of {length} bytes, but the chunk can have only 1 to {longest} bytes"
+            )
         })
 }
 
@@ -149,7 +154,8 @@ fn decompress(
     block: Block,
 ) -> Result<Vec<u8>, String> {
     let codec = name(part.compression);
-    let failed = |reason: &str| format!("its pixels can't be decompressed by {codec}: {reason}");
+    let failed =
+        |reason: &str| format!("the file's pixels can't be decompressed by {codec}: {reason}");
     // A block of the full length is stored uncompressed.
     if data.len() < block.bytes(part) {
         match part.compression {
@@ -183,7 +189,7 @@ fn unwrapped(message: &str) -> &str {
     let inside = message.split_once("(invalid: ").and_then(|(_, inside)| inside.strip_suffix(')'));
     match inside.unwrap_or(message) {
         "compressed data" | "compression data" => "the data are damaged",
-        "decompressed data" => "their length is wrong",
+        "decompressed data" => "the decompressed data have a wrong length",
         reason => reason,
     }
 }

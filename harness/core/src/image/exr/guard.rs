@@ -21,7 +21,7 @@ pub(super) fn check_dwa(data: &[u8], part: &PartHeader, block: Block) -> Result<
     ];
     for (index, most) in most {
         if counter(index).is_none_or(|count| count > most) {
-            return Err("a length is too large".to_owned());
+            return Err("a length in the chunk is too large".to_owned());
         }
     }
     Ok(())
@@ -41,10 +41,11 @@ pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<
             // A shift of 13 or more marks a square in which all values are equal.
             let uniform = rest.get(2).is_some_and(|byte| byte >> 2 >= 13);
             let length = length.unwrap_or(if uniform { 3 } else { 14 });
-            let (taken, left) = rest.split_at_checked(length).ok_or("it has too little data")?;
+            let (taken, left) =
+                rest.split_at_checked(length).ok_or("the chunk has too little data")?;
             rest = left;
             if taken.try_into().is_ok_and(leads_below_zero) && channel.sample == Sample::Half {
-                return Err("its differences overflow".to_owned());
+                return Err("the chunk's differences overflow".to_owned());
             }
         }
     }

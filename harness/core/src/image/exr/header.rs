@@ -95,15 +95,15 @@ impl FileHeader {
         let flags = version & !0xff;
         if version & 0xff != 2 {
             return Err(format!(
-                "it has version {}, but Karat reads only version 2",
+                "the file has version {}, but Karat reads only version 2",
                 version & 0xff
             ));
         }
         if flags & !(TILED | LONG_NAMES | DEEP | MULTI_PART) != 0 {
-            return Err(format!("its version field has unknown flags: {flags:#x}"));
+            return Err(format!("the file's version field has unknown flags: {flags:#x}"));
         }
         if flags & DEEP != 0 {
-            return Err("it has deep data, which Karat can't read".to_owned());
+            return Err("the file has deep data, which Karat can't read".to_owned());
         }
         let numbered = flags & MULTI_PART != 0;
         let mut parts = Vec::new();
@@ -129,19 +129,19 @@ impl FileHeader {
         }
         if decoded > LARGEST_DECODED {
             return Err(format!(
-                "its header announces {} MB of pixels, but Karat reads at most {} MB",
+                "the file's header announces {} MB of pixels, but Karat reads at most {} MB",
                 decoded >> 20,
                 LARGEST_DECODED >> 20
             ));
         }
         if stored > (length as u64).saturating_mul(LARGEST_RATIO) {
             return Err(format!(
-                "its header announces {stored} bytes of pixels, but the file has {length} bytes"
+                "the file's header announces {stored} bytes of pixels, but the file has {length} bytes"
             ));
         }
         if entries > rest / 8 {
             return Err(format!(
-                "its header announces {entries} chunks, but the file is too short for them"
+                "the file's header announces {entries} chunks, but the file is too short for them"
             ));
         }
         Ok(())
@@ -166,7 +166,7 @@ impl PartHeader {
         while !rest.ends()? {
             let (name, kind) = (rest.name()?, rest.name()?);
             let length = usize::try_from(rest.i32()?).map_err(|_| {
-                format!("its attribute `{}` has a negative length", shown(&text(name)))
+                format!("the file's attribute `{}` has a negative length", shown(&text(name)))
             })?;
             let mut value = Bytes { rest: rest.take(length)? };
             match (name, kind) {
@@ -199,7 +199,7 @@ impl PartHeader {
 
 impl Attributes {
     fn part(self, tiled: bool) -> Result<PartHeader, String> {
-        let missing = |name: &str| format!("it has no attribute `{name}`");
+        let missing = |name: &str| format!("the file's header lacks the attribute `{name}`");
         let channels = self.channels.ok_or_else(|| missing("channels"))?;
         let compression = self.compression.ok_or_else(|| missing("compression"))?;
         let [left, top, right, bottom] = self.window.ok_or_else(|| missing("dataWindow"))?;
@@ -208,17 +208,19 @@ impl Attributes {
         let sound = |side: i64| u32::try_from(side).ok().filter(|s| (1..=LONGEST_SIDE).contains(s));
         let (Some(width), Some(height)) = (sound(width), sound(height)) else {
             return Err(format!(
-                "its header announces {width} x {height} pixels, but Karat reads sides of 1 to \
-                 {LONGEST_SIDE}"
+                "the file's header announces {width} x {height} pixels, but each side must have 1 to \
+                 {LONGEST_SIDE} pixels"
             ));
         };
         let tiled = match self.kind.as_deref() {
             Some("tiledimage") => true,
             Some("scanlineimage") => false,
             Some("deepscanline" | "deeptile") => {
-                return Err("it has deep data, which Karat can't read".to_owned());
+                return Err("the file has deep data, which Karat can't read".to_owned());
             }
-            Some(kind) => return Err(format!("it has a part of unknown type `{}`", shown(kind))),
+            Some(kind) => {
+                return Err(format!("the file has a part of unknown type `{}`", shown(kind)));
+            }
             None => tiled,
         };
         let (blocks, chunks) = if tiled {
@@ -250,10 +252,10 @@ fn channels(value: &mut Bytes<'_>) -> Result<Vec<Channel>, String> {
     let mut channels: Vec<Channel> = Vec::new();
     while !value.ends()? {
         if channels.len() == MOST_CHANNELS {
-            return Err(format!("it has a part of more than {MOST_CHANNELS} channels"));
+            return Err(format!("the file has a part of more than {MOST_CHANNELS} channels"));
         }
         let name = text(value.name()?);
-        let of = |problem: String| format!("its channel `{}` {problem}", shown(&name));
+        let of = |problem: String| format!("the file's channel `{}` {problem}", shown(&name));
         let sample = match value.i32()? {
             0 => Sample::Uint,
             1 => Sample::Half,
@@ -262,15 +264,17 @@ fn channels(value: &mut Bytes<'_>) -> Result<Vec<Channel>, String> {
         };
         let linear = value.take(4)?[0] != 0;
         if (value.i32()?, value.i32()?) != (1, 1) {
-            return Err(of("has fewer pixels than the image, which Karat can't read".to_owned()));
+            return Err(of(
+                "has fewer pixels than the image; Karat can't read such channels".to_owned()
+            ));
         }
         if channels.iter().any(|channel| channel.name == name) {
-            return Err(of("is there twice".to_owned()));
+            return Err(of("exists twice".to_owned()));
         }
         channels.push(Channel { name, sample, linear });
     }
     if channels.is_empty() {
-        return Err("it has a part without channels".to_owned());
+        return Err("the file has a part without channels".to_owned());
     }
     Ok(channels)
 }
@@ -291,9 +295,13 @@ fn compression(code: u8) -> Result<Compression, String> {
         11 => "HTJ2K32",
         12 => "LJ2K",
         13 => "ZSTD",
-        other => return Err(format!("its compression is of unknown type {other}")),
+        other => {
+            return Err(format!("the file is compressed by an unknown method, number {other}"));
+        }
     };
-    Err(format!("it is compressed by {name}, which Karat can't read: convert it to ZIP"))
+    Err(format!(
+        "the file is compressed by {name}, which Karat can't read: convert the file to ZIP"
+    ))
 }
 
 struct Tiles {
@@ -313,13 +321,17 @@ impl Tiles {
     fn parse(value: &mut Bytes<'_>) -> Result<Self, String> {
         let (width, height, mode) = (value.u32()?, value.u32()?, value.u8()?);
         if width == 0 || height == 0 {
-            return Err(format!("it has tiles of {width} x {height} pixels"));
+            return Err(format!(
+                "the file's tiles have {width} x {height} pixels, but each side must be at least 1"
+            ));
         }
         let levels = match mode & 0xf {
             0 => Levels::One,
             1 => Levels::Mip,
             2 => Levels::Rip,
-            other => return Err(format!("its levels are of unknown type {other}")),
+            other => {
+                return Err(format!("the file's tiles have levels of the unknown type {other}"));
+            }
         };
         Ok(Self { width, height, levels, round_up: mode >> 4 != 0 })
     }

@@ -56,11 +56,11 @@ fn check_names(layers: &[Layer<'_>]) -> Result<(), ImageError> {
     let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     for (index, Layer { name, .. }) in layers.iter().enumerate() {
         let reason = if name.is_empty() && layers.len() > 1 {
-            "each of several parts needs a name"
+            "in an image with several parts, each part needs a name"
         } else if !name.chars().all(sound) {
             "use letters, digits, `-`, `_` and `.`"
         } else if name.len() > 255 {
-            "it is longer than 255 letters"
+            "the name is longer than 255 characters"
         } else if layers[..index].iter().any(|layer| layer.name == *name) {
             "another part has this name"
         } else {
@@ -74,14 +74,14 @@ fn check_names(layers: &[Layer<'_>]) -> Result<(), ImageError> {
 fn check_sizes(layers: &[Layer<'_>]) -> std::io::Result<()> {
     let invalid = |reason| Error::new(ErrorKind::InvalidInput, reason);
     if layers.is_empty() {
-        return Err(invalid("there are no parts".to_owned()));
+        return Err(invalid("the image has no parts".to_owned()));
     }
     let sides = 1..=LONGEST_SIDE;
     for Layer { image, .. } in layers {
         if !sides.contains(&image.width) || !sides.contains(&image.height) {
             let (width, height) = (image.width, image.height);
             return Err(invalid(format!(
-                "it has {width} x {height} pixels, but Karat reads sides of 1 to {LONGEST_SIDE}"
+                "the image has {width} x {height} pixels, but each side must have 1 to {LONGEST_SIDE} pixels"
             )));
         }
     }

@@ -23,7 +23,7 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
         Samples::Colours => Linear::of(reader.info())?,
         Samples::Data => Linear::Power(1.0),
     };
-    let length = reader.output_buffer_size().ok_or("its pixels don't fit in memory")?;
+    let length = reader.output_buffer_size().ok_or("the file's pixels don't fit in memory")?;
     let mut samples = vec![0; length];
     let frame = reader.next_frame(&mut samples).map_err(|error| error.to_string())?;
     // Reads to the end of the file. A file that was cut off after its pixels is damaged, too.
@@ -40,7 +40,7 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
     };
     let expected = frame.width as usize * frame.height as usize;
     if pixels.len() != expected {
-        return Err(format!("it has {} pixels instead of {expected}", pixels.len()));
+        return Err(format!("the file has {} pixels instead of {expected}", pixels.len()));
     }
     Ok(Image::new(frame.width, frame.height, pixels))
 }
@@ -50,14 +50,14 @@ fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     let Info { width, height, .. } = *info;
     if width.max(height) > LONGEST_SIDE {
         return Err(format!(
-            "its header announces {width} x {height} pixels, but Karat reads sides of 1 to {LONGEST_SIDE}"
+            "the file's header announces {width} x {height} pixels, but each side must have 1 to {LONGEST_SIDE} pixels"
         ));
     }
     let area = u64::from(width) * u64::from(height);
     let decoded = area * size_of::<[f32; 4]>() as u64;
     if decoded > LARGEST_DECODED {
         return Err(format!(
-            "its header announces {} MB of pixels, but Karat reads at most {} MB",
+            "the file's header announces {} MB of pixels, but Karat reads at most {} MB",
             decoded >> 20,
             LARGEST_DECODED >> 20
         ));
@@ -65,7 +65,7 @@ fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     let stored = area * info.bits_per_pixel() as u64 / 8;
     if stored > (length as u64).saturating_mul(LARGEST_RATIO) {
         return Err(format!(
-            "its header announces {stored} bytes of pixels, but the file has {length} bytes"
+            "the file's header announces {stored} bytes of pixels, but the file has {length} bytes"
         ));
     }
     Ok(())
@@ -117,7 +117,9 @@ impl Linear {
                 let gamma = f64::from(gamma.into_scaled()) / 100_000.0;
                 // With an exponent outside of this range, almost all 8-bit samples would become 0 or 1.
                 if !(0.01..=100.0).contains(&gamma) {
-                    return Err(format!("its gAMA chunk says {gamma}"));
+                    return Err(format!(
+                        "the file's gAMA chunk has the value {gamma}, but Karat reads only 0.01 to 100"
+                    ));
                 }
                 Ok(Self::Power(1.0 / gamma))
             }

@@ -135,7 +135,7 @@ fn pixels_that_changed_places_are_seen() {
         let found = measured(&(golden, variance.clone()), &(actual, variance.clone()));
         assert!(found.value > 10.0, "{found:?}");
         let note = found.note.expect("the failure has a reason");
-        assert_eq!(note, "single pixels differ by more than their noise");
+        assert_eq!(note, "single pixels differ by more than their noise allows");
     }
 }
 

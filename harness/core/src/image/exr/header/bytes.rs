@@ -7,7 +7,7 @@ pub(in crate::image::exr) struct Bytes<'a> {
 impl<'a> Bytes<'a> {
     pub(in crate::image::exr) fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
         let (taken, rest) =
-            self.rest.split_at_checked(count).ok_or("it ends in the middle of its header")?;
+            self.rest.split_at_checked(count).ok_or("the file ends in the middle of its header")?;
         self.rest = rest;
         Ok(taken)
     }
@@ -41,7 +41,8 @@ impl<'a> Bytes<'a> {
     pub(super) fn name(&mut self) -> Result<&'a [u8], String> {
         // The format allows names of 255 bytes.
         let end = self.rest.iter().take(256).position(|byte| *byte == 0);
-        let name = self.take(end.ok_or("it has a name that doesn't end")?)?;
+        let name = self
+            .take(end.ok_or("the file has a name that is longer than 255 bytes or has no end")?)?;
         self.take(1)?;
         Ok(name)
     }
