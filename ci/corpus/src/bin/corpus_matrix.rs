@@ -232,6 +232,14 @@ impl Sum {
     }
 }
 
+/// Removes the folder in which cargo keeps crates. This folder differs between machines.
+fn without_registry(line: &str) -> String {
+    let Some((before, after)) = line.split_once("/registry/src/") else { return line.to_owned() };
+    let begin = before.rfind(['(', '`', ' ']).map_or(0, |at| at + 1);
+    let (_, file) = after.split_once('/').unwrap_or(("", after));
+    format!("{}{file}", &before[..begin])
+}
+
 /// The column and the first line of the problem. Numbers become `#`, so that equal problems of several rows have one
 /// text.
 fn reason(column: &str, stop: &Stop) -> String {
@@ -245,6 +253,7 @@ fn reason(column: &str, stop: &Stop) -> String {
         }
         _ => first_line(text),
     };
+    let line = without_registry(&line);
     let plain: String = line.chars().map(|c| if c.is_ascii_digit() { '#' } else { c }).collect();
     let mut short = plain.replace('|', "\\|");
     while short.contains("##") {
