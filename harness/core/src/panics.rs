@@ -163,10 +163,8 @@ mod tests {
     #[test]
     fn a_panic_of_a_naga_writer_names_its_output_language() {
         let at = |place: &str| Panicked { message: "no".to_owned(), place: place.to_owned() };
-        let glsl = short(
-            "/home/me/.cargo/registry/src/mirror-1/naga-30.0.1/src/back/glsl/writer.rs",
-            7,
-        );
+        let glsl =
+            short("/home/me/.cargo/registry/src/mirror-1/naga-30.0.1/src/back/glsl/writer.rs", 7);
         assert_eq!(glsl, "naga-30.0.1/src/back/glsl/writer.rs:7");
         assert_eq!(
             at(&glsl).to_string(),
