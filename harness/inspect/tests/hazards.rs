@@ -715,7 +715,10 @@ fn inputs_are_declared_and_hazards_accepted() {
     write("karat.toml", &accepted("maths::other"));
     match look() {
         Err(HazardError::Declaration(text)) => {
-            assert!(text.contains("but there is none: delete it"), "{text}")
+            assert!(
+                text.contains("but Karat finds no such hazard: delete the declaration"),
+                "{text}"
+            )
         }
         other => panic!("{other:?}"),
     }

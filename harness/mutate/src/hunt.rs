@@ -23,7 +23,7 @@ use crate::maker::{self, Mutant, Rule};
 ///
 /// The tests run in this process, on the path in the settings. Each test runs in a thread with the test's name.
 #[derive(Clone, Debug)]
-#[must_use = "nothing is tried until `.run()`"]
+#[must_use = "the hunt tries no mutant until you call `.run()`"]
 pub struct Request {
     package: Package,
     only: Vec<String>,

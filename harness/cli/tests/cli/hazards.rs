@@ -128,7 +128,7 @@ fn an_input_may_be_declared_for_one_of_several_packages() {
     let out = karat(folder.path(), &inputs).good();
     assert!(out.contains("shaders: 0 faults") && out.contains("other: 0 faults"), "{out}");
     let error = karat(folder.path(), &[&inputs[..], &["--input", "gian=0..1"]].concat()).error();
-    assert!(error.contains("the input `gian` is declared, and no checked function"), "{error}");
+    assert!(error.contains("the input `gian` is declared, but no checked function"), "{error}");
 }
 
 #[test]
@@ -226,7 +226,7 @@ fn an_accepted_hazard_must_exist() {
             "pow(1.0-v_dot_h, 5.0)",
             "did you mean `pow(1.0 - v_dot_h, 5.0)`?",
         ),
-        ("[\"fresnel::schlick\"]", "sqrt(x)", "delete it"),
+        ("[\"fresnel::schlick\"]", "sqrt(x)", "delete the declaration"),
     ] {
         let error = accept(functions, text).error();
         assert!(error.contains(hint), "{error}");

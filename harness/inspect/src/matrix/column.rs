@@ -87,7 +87,7 @@ impl Column {
     pub(super) fn without_path(self) -> String {
         match self.by_tint {
             true => "Tint only checks WGSL, and doesn't run it".to_owned(),
-            false => format!("no path here runs {}", self.target),
+            false => format!("no path on this machine runs {}", self.target),
         }
     }
 
