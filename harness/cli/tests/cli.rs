@@ -378,7 +378,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ("note,x\n#ff8000,1\n", "`in.csv` line 2 begins with `#`"),
         ("1\n\n1e99\n", "`in.csv` line 3, column `x`: `1e99` is too large for f32"),
         ("1,2\n", "`in.csv` line 1 has 2 columns, but a case has 1: x"),
-        ("value\n1\n", "`in.csv` has no column `x`; it has value"),
+        ("value\n1\n", "`in.csv` has no column `x`; its columns are value"),
         ("", "`in.csv` has no cases"),
         ("x\n", "`in.csv` has no cases"),
         ("# nothing\n", "`in.csv` has no cases"),
@@ -390,7 +390,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
     for (head, message) in [
         (
             "a.x,a.y,a.w,b",
-            "`in.csv` has no column `a.z` (did you mean `a.w`?); it has a.x,a.y,a.w,b",
+            "`in.csv` has no column `a.z` (did you mean `a.w`?); its columns are a.x,a.y,a.w,b",
         ),
         (
             "a.x,a.y,b,b",
