@@ -535,10 +535,12 @@ impl Request {
             }
             Pair::Same => Compared::of(name, Change::Untouched),
             Pair::Broken(Some(was), Some(is)) if was == is => {
-                unjudged(format!("on both sides: {is}"))
+                unjudged(format!("before and after the edit: {is}"))
             }
-            Pair::Broken(_, Some(is)) => unjudged(format!("after: {is}")),
-            Pair::Broken(was, None) => unjudged(format!("before: {}", was.unwrap_or_default())),
+            Pair::Broken(_, Some(is)) => unjudged(format!("after the edit: {is}")),
+            Pair::Broken(was, None) => {
+                unjudged(format!("before the edit: {}", was.unwrap_or_default()))
+            }
             Pair::Hidden(open) => unjudged(format!(
                 "the function has {} features, and Karat sees no difference with none, one, two or all of the features on: turn on the features of the edit with --feature",
                 open.len()
@@ -720,8 +722,8 @@ impl Request {
             (Err(error), Err(_)) => {
                 return unjudged(&format!("the function was edited, but {error}"));
             }
-            (Err(error), _) => return unjudged(&format!("before: {error}")),
-            (_, Err(error)) => return unjudged(&format!("after: {error}")),
+            (Err(error), _) => return unjudged(&format!("before the edit: {error}")),
+            (_, Err(error)) => return unjudged(&format!("after the edit: {error}")),
         };
         // An edit may add derivatives or remove them.
         let (before, after) = match (before.takes_derivatives(), after.takes_derivatives()) {
@@ -1803,9 +1805,9 @@ mod tests {
         let (bad, good) = ("fn f( {", "fn g(x: f32) -> f32 { return x; }");
         let edited = good.replace("return x", "return 2.0 * x");
         for (old, new, side) in [
-            (bad, "fn g( {", "on both sides: "),
-            (bad, "fn f() {}", "before: "),
-            ("fn f() {}", bad, "after: "),
+            (bad, "fn g( {", "before and after the edit: "),
+            (bad, "fn f() {}", "before the edit: "),
+            ("fn f() {}", bad, "after the edit: "),
         ] {
             let all = Request::new(package(old, good), package(new, &edited))
                 .run()
@@ -2033,7 +2035,7 @@ mod tests {
         };
         let sound = "fn f(x: f32) -> f32 { return x; }\n#ifdef SHADOWS\nfn g() -> f32 { return 1.0; }\n#endif\n";
         let told = of(sound, &sound.replace("1.0; }", "1.0;"));
-        assert!(told.contains("m: ") && told.contains("after: with SHADOWS: "), "{told}");
+        assert!(told.contains("m: ") && told.contains("after the edit: with SHADOWS: "), "{told}");
         // In an invalid module, Karat can't compare the interface with the host.
         let invalid = "@id(3) override size: u32 = 4u;\nfn broken() -> f32 { return missing; }\n";
         for (from, to) in [("4u", "8u"), ("@id(3)", "@id(4)")] {

@@ -490,12 +490,12 @@ impl Request {
         }
         let (_, own) = scope(name);
         let none = match own.split_once('(') {
-            Some(("length", _)) => "no runtime-sized array that a function uses",
-            Some(("workgroups", _)) => "no checked compute pass",
+            Some(("length", _)) => "no function uses a runtime-sized array with this name",
+            Some(("workgroups", _)) => "no checked compute pass has this name",
             _ => "",
         };
         if !none.is_empty() {
-            let why = format!("`{name}` is declared, but it belongs to {none}{place}");
+            let why = format!("`{name}` is declared, but {none}{place}");
             return Err(HazardError::Declaration(why));
         }
         let known = used.iter().copied().chain(looked.keys().map(String::as_str));

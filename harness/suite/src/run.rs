@@ -340,7 +340,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     // With a constant argument, each derivative is 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
-            return Err("the function takes derivatives, which an integral can't test: its directions don't vary".into());
+            return Err("the function takes derivatives, which are all 0 in an integral".into());
         }
         _ => probed.with_varying(),
     };

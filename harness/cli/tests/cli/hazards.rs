@@ -113,7 +113,7 @@ fn a_bool_may_have_a_name_that_suggests_a_number() {
     let out = karat(folder.path(), &["hazards"]).good();
     assert!(out.contains("0 faults and 0 requirements in 1 function\n"), "{out}");
     let error = karat(folder.path(), &["hazards", "--input", "albedo=0..1"]).error();
-    assert!(error.contains("no bool lies there"), "{error}");
+    assert!(error.contains("no bool is in this range"), "{error}");
 }
 
 /// With several packages, `--input` applies to the package that has the input. An input that no package has is an

@@ -31,8 +31,10 @@ impl Request {
 
     fn run_passes(&self, name: &str, compared: &mut Compared) -> Result<Change, String> {
         let ranges = self.ranges()?;
-        let (of_old, of_new) =
-            (|error| format!("before: {error}"), |error| format!("after: {error}"));
+        let (of_old, of_new) = (
+            |error| format!("before the edit: {error}"),
+            |error| format!("after the edit: {error}"),
+        );
         let of = |side: &Package| Program::of_pass(side, name, &ranges.overrides_of(side, name));
         let (was, old_bindings, _) = of(&self.before).map_err(of_old)?;
         let (is, new_bindings, _) = of(&self.after).map_err(of_new)?;
