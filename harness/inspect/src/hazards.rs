@@ -791,7 +791,7 @@ impl Hazard {
         }
         if !self.kinds.is_empty() {
             let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
-            write!(f, "; for other inputs {}", kinds.join(", "))?;
+            write!(f, "; other inputs show another hazard: {}", kinds.join(", "))?;
         }
         // The number of workgroups has no name in the shader.
         let named = |name: &String| match name.contains(' ') {

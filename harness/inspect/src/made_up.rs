@@ -783,7 +783,7 @@ impl Drawn {
         for (key, names) in self.by {
             for name in names {
                 let is_known = others.by.get(&key).is_some_and(|known| known.contains(&name));
-                let wider = || format!("{key}, a quarter of them with any value");
+                let wider = || format!("{key}, but a quarter of the samples have any value");
                 let key = if is_known { key.clone() } else { wider() };
                 all.by.entry(key).or_default().insert(name);
             }

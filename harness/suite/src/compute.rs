@@ -787,9 +787,10 @@ fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
         None => "no more elements".to_owned(),
     };
     let (at, actual) = match wrong.first() {
-        Some(at) => {
-            (*at, format!("{}, once too often", element.format(&is[at * width..][..width])))
-        }
+        Some(at) => (
+            *at,
+            format!("{}, which occurs once too often", element.format(&is[at * width..][..width])),
+        ),
         None => (is.len() / width, "nothing".to_owned()),
     };
     let failures = wrong.len().max(usize::from(missing.is_some()));

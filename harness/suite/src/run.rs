@@ -510,7 +510,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Integral(Integral { over, equals: is, at_most, slack, rings }) => {
             if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
-                return Err("an integral needs a last parameter of type vec3f".into());
+                return Err(
+                    "an integral needs a function with a last parameter of type vec3f".into()
+                );
             }
             if *rings == Some(0) {
                 return Err("an integral with 0 rings has no directions: write at least 1".into());
@@ -649,7 +651,7 @@ fn bound(
         let Some(binding) = bindings.iter().find(is_it) else {
             let message = match bindings {
                 [] => format!(
-                    "the function reads no variable, so it can't use `{name}`: remove the key"
+                    "the function reads no variable, so a test can't set `{name}`: remove `{name}`"
                 ),
                 _ => no_such("variable", name, known()),
             };

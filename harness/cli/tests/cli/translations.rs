@@ -1072,7 +1072,7 @@ mod planted {
                 "x",
                 "`agree` isn't a status; the statuses are translated",
             ),
-            ("maths::blend", "vulkan", "agrees", " ", "the declaration has no reason"),
+            ("maths::blend", "vulkan", "agrees", " ", "the declaration needs a `reason`"),
         ] {
             declare(rows, column, status, reason);
             let ran = run_with_glslang(&folder, "", "", &[]);

@@ -326,10 +326,16 @@ impl Difference {
             // A structure with only an array counts as the array.
             let (is, was) = (shape.lanes(), old_shape.lanes());
             if is.len() != was.len() {
-                return Err(format!("`{short}` has {} numbers, and had {}", is.len(), was.len()));
+                return Err(format!(
+                    "`{short}` has {} numbers after the edit, and had {} before",
+                    is.len(),
+                    was.len()
+                ));
             }
             if is != was {
-                return Err(format!("`{short}` is {shape} after the edit, and was {old_shape}"));
+                return Err(format!(
+                    "`{short}` is {shape} after the edit, and was {old_shape} before"
+                ));
             }
             let (scalars, names) = (shape.lanes(), shape.lane_names());
             let mut first: Option<(Clarity, WordChange)> = None;

@@ -117,8 +117,13 @@ pub(super) fn attributes(before: &[(String, String)], after: &[(String, String)]
     let new = |one: &&(String, String)| !has(before, one) && !named(before, &one.0);
     let gone = |one: &&(String, String)| !has(after, one) && !named(after, &one.0);
     let mut all: Vec<String> = after.iter().filter_map(moved).collect();
-    all.extend(after.iter().filter(new).map(|(path, is)| format!("`{path}`, {is}, is new")));
-    all.extend(before.iter().filter(gone).map(|(path, is)| format!("`{path}`, {is}, is gone")));
+    all.extend(after.iter().filter(new).map(|(path, is)| format!("`{path}` with {is} is new")));
+    all.extend(
+        before
+            .iter()
+            .filter(gone)
+            .map(|(path, is)| format!("`{path}` with {is} is no longer used")),
+    );
     all
 }
 

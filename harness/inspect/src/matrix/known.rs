@@ -35,7 +35,7 @@ impl Known {
             MatrixError::Known { row, column, why }
         };
         if self.reason.trim().is_empty() {
-            return Err(wrong("the declaration has no reason".to_owned()));
+            return Err(wrong("the declaration needs a `reason`".to_owned()));
         }
         if rows.clone().all(|row| row != self.row) {
             let near = nearest(&self.row, &mut rows);

@@ -268,7 +268,7 @@ pub enum Missed {
     NoRow,
     /// All rows were only translated, and neither validated nor run.
     #[error(
-        "none of the {rows} rows was judged: no validator of these languages is installed, and no path ran \
+        "none of the {rows} rows was judged: no validator of the matrix's languages is installed, and no path ran \
              the rows; `karat doctor` lists what is missing and how to get it"
     )]
     NothingJudged {
@@ -288,7 +288,7 @@ pub enum Missed {
         of: usize,
     },
     /// Rows reach a status, although declarations exclude this.
-    #[error("on `{column}` these rows reach `{status}`, although declarations exclude that; delete \
+    #[error("on `{column}` these rows reach `{status}`, although declarations exclude this status; delete \
              their declarations: {}", rows.join(", "))]
     Passing {
         /// The column.
