@@ -394,7 +394,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ),
         (
             "a.x,a.y,b,b",
-            "`in.csv` has two columns `b`, and Karat can't know which one you mean: rename or remove one",
+            "`in.csv` has two columns `b`, and Karat can't know which column you mean: rename or remove one column",
         ),
     ] {
         write(project.path(), "in.csv", &format!("{head}\n1,2,3,4\n"));

@@ -172,7 +172,7 @@ pub enum MutateError {
     /// The program `preprocess` prints the modules from their files, so the program would never read mutants, which
     /// exist only in memory.
     #[error(
-        "the program `preprocess` in karat.toml prints these modules from their files, so it can't read mutants, which \
+        "the program `preprocess` in karat.toml prints modules from their files, so the program can't read mutants, which \
          exist only in memory: run `karat mutate` on a folder with the program's output"
     )]
     Printed,

@@ -115,7 +115,9 @@ impl Declared {
                 ));
             }
             (None, _, Some(_), _) | (None, _, _, Some(_)) => {
-                return Err(wrong("`mesh` and `vertices` need a `vertex` function: name one"));
+                return Err(wrong(
+                    "`mesh` and `vertices` need a `vertex` function: name the function",
+                ));
             }
             (None, None, ..) => {
                 return Err(wrong("a draw needs a `fragment` or a `vertex` function"));
@@ -125,7 +127,9 @@ impl Declared {
                 Draw::depth(vertex, self.read(program, vertex, folder)?)
             }
             (Some(_), None, ..) => {
-                return Err(wrong("a draw without a `fragment` function needs a `mesh`: name one"));
+                return Err(wrong(
+                    "a draw without a `fragment` function needs a `mesh`: name a mesh",
+                ));
             }
             (Some(vertex), Some(fragment), Some(_), None) => {
                 Draw::mesh(vertex, fragment, self.read(program, vertex, folder)?)
@@ -134,14 +138,14 @@ impl Declared {
             (Some(vertex), Some(fragment), None, Some(count)) => {
                 if count == 0 || count % 3 != 0 {
                     return Err(wrong(&format!(
-                        "the number of vertices must be a multiple of 3, but is {count}"
+                        "the number of vertices must be a positive multiple of 3, but is {count}"
                     )));
                 }
                 Draw::vertices(vertex, fragment, count)
             }
         };
         if self.indices.is_some() && self.mesh.is_none() {
-            return Err(wrong("`indices` need a `mesh`: name one"));
+            return Err(wrong("`indices` need a `mesh`: name a mesh"));
         }
         if let Some(instances) = self.instances {
             if instances == 0 {
@@ -198,7 +202,7 @@ impl Declared {
         };
         if indices.is_empty() || indices.len() % 3 != 0 {
             return Err(wrong(format!(
-                "the mesh's number of triangle corners must be a multiple of 3, but is {}",
+                "the mesh's number of triangle corners must be a positive multiple of 3, but is {}",
                 indices.len()
             )));
         }

@@ -26,7 +26,7 @@ impl Places {
         let twice = |(at, column): &(usize, &&str)| head[..*at].contains(column);
         if let Some((_, column)) = head.iter().enumerate().find(twice) {
             return Err(format!(
-                "has two columns `{column}`, and Karat can't know which one you mean: rename or remove one"
+                "has two columns `{column}`, and Karat can't know which column you mean: rename or remove one column"
             ));
         }
         let wanted = || arguments.iter().chain(expected).copied();

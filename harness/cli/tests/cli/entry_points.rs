@@ -786,7 +786,7 @@ depth_write = false
     for (from, to, part) in [
         ("two.csv", "tow.csv", "draws: can't read"),
         ("cull = \"none\"", "cull = \"non\"", "did you mean `none`?"),
-        ("vertices = 3", "vertices = 4", "must be a multiple of 3, but is 4"),
+        ("vertices = 3", "vertices = 4", "must be a positive multiple of 3, but is 4"),
         (
             "vertex = \"corner\"",
             "vertex = \"vs\"",
@@ -815,7 +815,11 @@ depth_write = false
             "mesh = \"two.csv\"\nindices = [0, 1, 7]",
             "the index 7 is too large",
         ),
-        ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1]", "must be a multiple of 3"),
+        (
+            "mesh = \"two.csv\"",
+            "mesh = \"two.csv\"\nindices = [0, 1]",
+            "must be a positive multiple of 3",
+        ),
         ("vertices = 3", "vertices = 3\ninstances = 0", "0 instances draw nothing"),
         ("vertices = 3", "indices = [0, 1, 2]", "`indices` need a `mesh`"),
         ("blend = \"add\"", "blend = \"plus\"", "there is no blending `plus`"),
