@@ -635,7 +635,7 @@ impl Assertion {
                 let content = self.content(compute)?;
                 if !content.shape.lanes().iter().any(|scalar| scalar.is_float()) {
                     return Err(format!(
-                        "`finite` holds for every {}, so the assertion can't fail",
+                        "every value of type {} is finite, so the assertion can't fail",
                         content.shape
                     )
                     .into());

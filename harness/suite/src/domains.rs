@@ -194,7 +194,9 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
                 let near = nearest(text, names);
                 let near =
                     near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-                return Err(format!("`{text}` isn't a domain of a number, such as `0..1`{near}"));
+                return Err(format!(
+                    "`{text}` isn't a domain of a number: write a range such as `0..1`{near}"
+                ));
             };
             let end = |text: &str| {
                 let text = text.strip_prefix('=').unwrap_or(text).trim();
