@@ -318,7 +318,7 @@ fn mutants_are_tried(karat: &FilePath, project: &Project) {
     assert_eq!(remembered(project), before);
     // Without a mutant to try, `karat mutate` builds nothing.
     let none = project.run(karat, &["mutate", "--only", "nosuch"]);
-    none.says(2, &["there is no mutant of `nosuch`"]);
+    none.says(2, &["the package has no mutant of `nosuch`"]);
     assert!(!none.err.contains("builds the tests"), "{}", none.err);
     // If a test already fails without a mutant, mutants have no verdict.
     project.write("shaders/brdf.wgsl", &BRDF.replace(FAULT.0, FAULT.1));

@@ -219,7 +219,10 @@ fn honest_programs_conform() {
         for (name, answer) in &answers {
             match unasked.contains(&&**name) {
                 true => {
-                    assert_eq!(answer["why"], "the greeting has no `frames`", "{path}: {name}")
+                    assert_eq!(
+                        answer["why"], "the program's greeting doesn't name the ability `frames`",
+                        "{path}: {name}"
+                    )
                 }
                 false => assert_eq!(answer["answer"], "right", "{path}: {name}"),
             }
@@ -238,9 +241,13 @@ fn lies_do_not_conform() {
         ("shifted", "untouched", "word 0 is 0xdead0003, not 0xdead0000; 8 of 8 differ"),
         ("wrong", "long", "1 of 262144 differ"),
         ("short", "grid", "the executor returned outputs of [71] words, but the job needs [72]"),
-        ("few", "outputs", r#"its reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
-        ("late", "outputs", r#"its reply is {"done":[["#),
-        ("refuses", "refusal", r#"after a refused job, a valid job gets {"refused":{"message":"#),
+        ("few", "outputs", r#"the program's reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
+        ("late", "outputs", r#"the program's reply is {"done":[["#),
+        (
+            "refuses",
+            "refusal",
+            r#"after a refused job, the program's reply to a valid job is {"refused":{"message":"#,
+        ),
         ("dies", "function", "the program ended (exit status: 3): out of memory"),
     ] {
         let answers = conformed("cpu", fault);

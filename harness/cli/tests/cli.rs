@@ -381,7 +381,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ("note,x\n#ff8000,1\n", "`in.csv` line 2 begins with `#`"),
         ("1\n\n1e99\n", "`in.csv` line 3, column `x`: `1e99` is too large for f32"),
         ("1,2\n", "`in.csv` line 1 has 2 columns, but a case needs 1: x"),
-        ("value\n1\n", "`in.csv` has no column `x`; it has value"),
+        ("value\n1\n", "`in.csv` has no column `x`; its columns are value"),
         ("", "the table `in.csv` has no cases"),
         ("x\n", "the table `in.csv` has no cases"),
         ("# nothing\n", "the table `in.csv` has no cases"),
@@ -393,11 +393,11 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
     for (head, message) in [
         (
             "a.x,a.y,a.w,b",
-            "`in.csv` has no column `a.z` (did you mean `a.w`?); it has a.x,a.y,a.w,b",
+            "`in.csv` has no column `a.z` (did you mean `a.w`?); its columns are a.x,a.y,a.w,b",
         ),
         (
             "a.x,a.y,b,b",
-            "`in.csv` has two columns `b`, and Karat can't know which one you mean: rename or remove one",
+            "`in.csv` has two columns `b`, and Karat can't know which column you mean: rename or remove one column",
         ),
     ] {
         write(project.path(), "in.csv", &format!("{head}\n1,2,3,4\n"));

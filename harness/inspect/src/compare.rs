@@ -71,7 +71,7 @@ const CASES: usize = 4096;
 /// # Ok::<(), karat::package::PackageError>(())
 /// ```
 #[derive(Clone, Debug)]
-#[must_use = "nothing is compared until `.run()`"]
+#[must_use = "the request compares nothing until you call `.run()`"]
 pub struct Request {
     before: Package,
     after: Package,
@@ -535,12 +535,14 @@ impl Request {
             }
             Pair::Same => Compared::of(name, Change::Untouched),
             Pair::Broken(Some(was), Some(is)) if was == is => {
-                unjudged(format!("on both sides: {is}"))
+                unjudged(format!("before and after the edit: {is}"))
             }
-            Pair::Broken(_, Some(is)) => unjudged(format!("after: {is}")),
-            Pair::Broken(was, None) => unjudged(format!("before: {}", was.unwrap_or_default())),
+            Pair::Broken(_, Some(is)) => unjudged(format!("after the edit: {is}")),
+            Pair::Broken(was, None) => {
+                unjudged(format!("before the edit: {}", was.unwrap_or_default()))
+            }
             Pair::Hidden(open) => unjudged(format!(
-                "no function differs with none, one, two or all of its {} features on: set the edit's features with --feature",
+                "the function has {} features, and Karat sees no difference with none, one, two or all of the features on: turn on the features of the edit with --feature",
                 open.len()
             )),
         }
@@ -612,8 +614,9 @@ impl Request {
         }
         let mut one = one.expect("there is one setting, at least");
         if let (Change::Same { .. }, Some((path, lanes))) = (&one.change, stateful.large) {
-            let reason =
-                format!("the same, except for `{path}`: {lanes} numbers are too many to compare");
+            let reason = format!(
+                "the results are the same, but the {lanes} numbers of `{path}` are too many to compare"
+            );
             one.change = Change::Unjudged { reason };
         }
         one.interface.splice(0..0, host);
@@ -719,8 +722,8 @@ impl Request {
             (Err(error), Err(_)) => {
                 return unjudged(&format!("the function was edited, but {error}"));
             }
-            (Err(error), _) => return unjudged(&format!("before: {error}")),
-            (_, Err(error)) => return unjudged(&format!("after: {error}")),
+            (Err(error), _) => return unjudged(&format!("before the edit: {error}")),
+            (_, Err(error)) => return unjudged(&format!("after the edit: {error}")),
         };
         // An edit may add derivatives or remove them.
         let (before, after) = match (before.takes_derivatives(), after.takes_derivatives()) {
@@ -890,7 +893,11 @@ fn with_place(error: &str) -> String {
     let place = error.lines().find_map(|line| line.trim_start().strip_prefix("┌─ "));
     let place = place.map_or_else(String::new, |place| format!(" ({})", place.trim()));
     let line = first_line(error);
-    let hint = if line.ends_with("has no value") { ": --feature NAME=VALUE sets it" } else { "" };
+    let hint = if line.ends_with("has no value") {
+        ": set the value with --feature NAME=VALUE"
+    } else {
+        ""
+    };
     format!("{line}{place}{hint}")
 }
 
@@ -983,7 +990,7 @@ impl Both {
         let [before, after] = &self.sides;
         let place = after.outside_beside(before).into_iter().next().filter(|_| self.strays)?;
         let headline = format!(
-            "`{function}` has an index outside of an array or a texture, and its results depend on the value there"
+            "`{function}` uses an index outside of an array or a texture, and the results depend on the value at this index"
         );
         let does = "uses an index outside of the array or texture".to_owned();
         let (place, invocation) = (place.to_string(), "a call".to_owned());
@@ -1140,8 +1147,8 @@ mod tests {
         };
         let [read, written] = ["read", "read_write"].map(of);
         for (was, is, told) in [
-            (&read, &written, "`d` is read_write, and was read"),
-            (&written, &read, "`d` is read, and was read_write"),
+            (&read, &written, "`d` is read_write, and was read before the edit"),
+            (&written, &read, "`d` is read, and was read_write before the edit"),
         ] {
             let one = compared(was, is);
             assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
@@ -1222,8 +1229,8 @@ mod tests {
         let before = of(&[("in.a", "@location(0)"), ("in.b", "@location(1)"), ("in.c", "flat")]);
         let after = of(&[("in.new", "flat"), ("in.b", "@location(2)"), ("in.a", "@location(3)")]);
         let told = [
-            "`in.b` is @location(2), and was @location(1)",
-            "`in.a` is @location(3), and was @location(0)",
+            "`in.b` is @location(2), and was @location(1) before the edit",
+            "`in.a` is @location(3), and was @location(0) before the edit",
         ];
         assert_eq!(attributes(&before, &after), told);
         assert_eq!(attributes(&before, &before), [""; 0]);
@@ -1285,7 +1292,7 @@ mod tests {
         for (name, change) in &edited {
             let Change::Unjudged { reason } = change else { panic!("{name}: {change:?}") };
             let why = if name == "nothing" {
-                "it writes nothing that remains after the pass"
+                "the pass writes no buffer or texture that Karat could compare"
             } else {
                 "the function was edited, but "
             };
@@ -1366,7 +1373,9 @@ mod tests {
         let moved = interface(buffer, "binding(4)", "binding(5)");
         assert_eq!(
             moved,
-            ["`d` is bound at @group(0) @binding(5), and was at @group(0) @binding(4)"]
+            [
+                "`d` is bound at @group(0) @binding(5), and was bound at @group(0) @binding(4) before the edit"
+            ]
         );
         let textures = "@group(0) @binding(0) var a: texture_2d<f32>;\n\
                         @group(0) @binding(1) var b: texture_2d<f32>;\n\
@@ -1379,7 +1388,10 @@ mod tests {
         let moved = interface(aligned, "y: f32", "@align(16) y: f32");
         assert_eq!(
             moved,
-            ["`p` takes 32 bytes now, and took 8 before", "`p.y` is at byte 16, and was at 4"]
+            [
+                "`p` needs 32 bytes now, and needed 8 bytes before the edit",
+                "`p.y` is at byte 16, and was at byte 4 before the edit"
+            ]
         );
         let space = interface(buffer, "var<storage>", "var<storage, read_write>");
         assert_eq!(space.len(), 1, "{space:?}");
@@ -1501,8 +1513,8 @@ mod tests {
         // If too few inputs ran, there is no verdict "same". A change among them still counts.
         let one = compared(&text("900u", "x * f32(j)"), &text("900u", "f32(j) * x"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
-        assert!(reason.starts_with("not compared completely: "), "{reason}");
-        assert!(reason.contains(" inputs of 4096 give the same results"), "{reason}");
+        assert!(reason.starts_with("Karat compared only "), "{reason}");
+        assert!(reason.contains(" inputs of 4096, and found the same results"), "{reason}");
         let changed = compared(&text("900u", "x * f32(j)"), &text("900u", "x + f32(j)"));
         assert!(matches!(changed.change, Change::Changed { .. }) && changed.cut > 0, "{changed:?}");
         // If a loop no longer ends after the edit, the comparison reports it.
@@ -1510,7 +1522,7 @@ mod tests {
         let Change::Unjudged { reason } = &endless.change else { panic!("{endless:?}") };
         assert_eq!(
             reason,
-            "after the edit, one of its loops has too many rounds to compare, or doesn't end"
+            "after the edit, one of the function's loops runs too many iterations to compare, or doesn't end"
         );
     }
 
@@ -1662,8 +1674,8 @@ mod tests {
             "{one:?}"
         );
         let more = text.replace("n: vec3f }", "n: vec3f, @location(2) k: f32 }");
-        assert_eq!(compared(text, &more).interface, ["`i.k`, @location(2), is new"]);
-        assert_eq!(compared(&more, text).interface, ["`i.k`, @location(2), is gone"]);
+        assert_eq!(compared(text, &more).interface, ["`i.k` with @location(2) is new"]);
+        assert_eq!(compared(&more, text).interface, ["`i.k` with @location(2) is no longer used"]);
         let other = compared(text, &text.replace("n: vec3f }", "n: vec4f }"));
         assert!(matches!(other.change, Change::Signature { .. }), "{other:?}");
         let vs = "@vertex fn vs(@location(0) p: vec3f) -> @builtin(position) vec4f { return vec4f(p, 1.0); }";
@@ -1764,7 +1776,7 @@ mod tests {
         let told = |from: &str, to: &str| compared(text, &text.replace(from, to)).interface;
         assert_eq!(
             told("@id(3)", "@id(4)"),
-            ["the override `A` is @id(4) f32 = 1.0, and was @id(3) f32 = 1.0"]
+            ["the override `A` is @id(4) f32 = 1.0, and was @id(3) f32 = 1.0 before the edit"]
         );
         assert_eq!(told("= 1.0", "= 2.0").len(), 1);
         assert_eq!(told("@id(3) override", "const").len(), 1, "the override no longer exists");
@@ -1793,9 +1805,9 @@ mod tests {
         let (bad, good) = ("fn f( {", "fn g(x: f32) -> f32 { return x; }");
         let edited = good.replace("return x", "return 2.0 * x");
         for (old, new, side) in [
-            (bad, "fn g( {", "on both sides: "),
-            (bad, "fn f() {}", "before: "),
-            ("fn f() {}", bad, "after: "),
+            (bad, "fn g( {", "before and after the edit: "),
+            (bad, "fn f() {}", "before the edit: "),
+            ("fn f() {}", bad, "after the edit: "),
         ] {
             let all = Request::new(package(old, good), package(new, &edited))
                 .run()
@@ -1973,7 +1985,7 @@ mod tests {
         let large = "var<private> a: array<f32, 5000>;\nfn put(i: u32, x: f32) -> f32 { a[i % 5000u] = x; return x; }";
         let one = compared(large, &large.replace("i %", "(i + 9u) %"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
-        assert!(reason.contains("`a`: 5000 numbers are too many"), "{reason}");
+        assert!(reason.contains("the 5000 numbers of `a` are too many"), "{reason}");
         // If two variables have the same name, the comparison uses their paths.
         let modules = |a: &str| {
             let b = "var<private> s: u32;\nfn g() -> u32 { s = s + 1u; return s; }";
@@ -2023,7 +2035,7 @@ mod tests {
         };
         let sound = "fn f(x: f32) -> f32 { return x; }\n#ifdef SHADOWS\nfn g() -> f32 { return 1.0; }\n#endif\n";
         let told = of(sound, &sound.replace("1.0; }", "1.0;"));
-        assert!(told.contains("m: ") && told.contains("after: with SHADOWS: "), "{told}");
+        assert!(told.contains("m: ") && told.contains("after the edit: with SHADOWS: "), "{told}");
         // In an invalid module, Karat can't compare the interface with the host.
         let invalid = "@id(3) override size: u32 = 4u;\nfn broken() -> f32 { return missing; }\n";
         for (from, to) in [("4u", "8u"), ("@id(3)", "@id(4)")] {

@@ -101,7 +101,10 @@ pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, Pa
     for (name, needs, rule, ask) in &QUESTIONS {
         let lacks = needs.filter(|ability| !executor.can(*ability)).map(|ability| {
             let name = serde_json::to_value(ability).expect("an ability serializes to JSON");
-            format!("the greeting has no `{}`", name.as_str().unwrap_or_default())
+            format!(
+                "the program's greeting doesn't name the ability `{}`",
+                name.as_str().unwrap_or_default()
+            )
         });
         let over = (hung >= MOST_HUNG).then(|| format!("the program hung {hung} times"));
         let (answer, why) = match lacks.or(over) {
@@ -129,11 +132,16 @@ type Question =
     (&'static str, Option<Ability>, &'static str, fn(&dyn Executor) -> Result<(), Stop>);
 
 const QUESTIONS: [Question; 21] = [
-    ("bits", None, "bits come back unchanged, also of NaN, -0 and subnormal numbers", bits),
+    (
+        "bits",
+        None,
+        "all bits come back unchanged, even the bits of NaN, -0 and subnormal numbers",
+        bits,
+    ),
     (
         "untouched",
         None,
-        "a buffer begins with the job's words, and words that no shader writes keep their values",
+        "a buffer has the job's values at first, and elements that no shader writes keep their values",
         untouched,
     ),
     (
@@ -143,7 +151,12 @@ const QUESTIONS: [Question; 21] = [
         outputs,
     ),
     ("grid", None, "`workgroups` counts workgroups in each direction", grid),
-    ("workgroup", None, "workgroup memory begins as zeros, and barriers order it", workgroup),
+    (
+        "workgroup",
+        None,
+        "workgroup memory is zero at first, and barriers order its reads and writes",
+        workgroup,
+    ),
     ("atomics", None, "atomic operations of all workgroups use the same buffer", atomics),
     ("passes", None, "passes run one after the other, over the same resources", passes),
     (
@@ -154,11 +167,11 @@ const QUESTIONS: [Question; 21] = [
     ),
     ("overrides", None, "overrides are found by their `@id`, or by their names", overrides),
     ("long", None, "lines of several megabytes are read and written completely", long),
-    ("function", None, "a function's kernel runs for each case", function),
+    ("function", None, "the kernel that calls a function runs once for each case", function),
     (
         "refusal",
         None,
-        "an invalid shader is `refused`, with its pass and a message; the next job runs",
+        "a job with an invalid shader is `refused`, with a message and the pass's number; the next job runs",
         refusal,
     ),
     (
@@ -172,7 +185,7 @@ const QUESTIONS: [Question; 21] = [
     (
         "stored",
         Some(Ability::Textures),
-        "a storage texture comes back with four words for each texel",
+        "a storage texture comes back as four 32-bit numbers for each texel",
         stored,
     ),
     ("halves", Some(Ability::F16), "`enable f16;` runs", halves),
@@ -180,7 +193,7 @@ const QUESTIONS: [Question; 21] = [
     (
         "immediates",
         Some(Ability::Immediates),
-        "the resource with a null `at` goes into `var<immediate>`",
+        "a resource with the key `at` = null becomes the value of `var<immediate>`",
         immediates,
     ),
     (
@@ -189,7 +202,12 @@ const QUESTIONS: [Question; 21] = [
         "an image has its top row first, and pixels without a fragment are transparent black",
         pixels,
     ),
-    ("nearest", Some(Ability::Frames), "the nearer one of two draws is visible", nearest),
+    (
+        "nearest",
+        Some(Ability::Frames),
+        "if two draws cover a pixel, the nearer draw is visible",
+        nearest,
+    ),
 ];
 
 /// Passes over a buffer `out`, with the values that they must write.
@@ -236,7 +254,11 @@ impl<'a> Passes<'a> {
 
 fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
     if words.len() != expected.len() {
-        return Err(format!("{} {what}s came back, not {}", words.len(), expected.len()));
+        return Err(format!(
+            "the program returned {} {what}s, not {}",
+            words.len(),
+            expected.len()
+        ));
     }
     let differing: Vec<usize> = (0..words.len()).filter(|at| words[*at] != expected[*at]).collect();
     let Some(at) = differing.first() else { return Ok(()) };
@@ -394,7 +416,7 @@ fn outputs(executor: &dyn Executor) -> Result<(), Stop> {
     match executor.run(&job).map_err(|error| error.to_string())? {
         reply if reply == wanted => Ok(()),
         reply => Err(format!(
-            "with outputs 2 and 0, its reply is {}, not {}",
+            "the job asks for the outputs 2 and 0, and the program's reply is {}, not {}",
             shown(&reply),
             shown(&wanted)
         )
@@ -425,7 +447,11 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
     }
     match ask(&[valid])? {
         Reply::Done(words) if words == [[1]] => Ok(()),
-        reply => Err(format!("after a refused job, a valid job gets {}", shown(&reply)).into()),
+        reply => Err(format!(
+            "after a refused job, the program's reply to a valid job is {}",
+            shown(&reply)
+        )
+        .into()),
     }
 }
 

@@ -226,8 +226,8 @@ pub enum HazardError {
     },
     /// The range of an input is declared, but no function has this input.
     #[error(
-        "the input `{name}` is declared, and no checked function has such an argument or reads \
-         such a member{}{place}", nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
+        "the input `{name}` is declared, but no checked function has an argument or reads a \
+         member with this name{}{place}", nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
     )]
     UnknownInput {
         /// The input's name.
@@ -358,8 +358,9 @@ impl Request {
                 let own =
                     if callers.calls(&item.name) { inputs.clone() } else { inputs.with_names() };
                 let look = || self.look(item, &own);
-                let seen = panics::caught(look)
-                    .unwrap_or_else(|panicked| Err(format!("Karat panics at it: {panicked}")));
+                let seen = panics::caught(look).unwrap_or_else(|panicked| {
+                    Err(format!("Karat panics while it checks the function: {panicked}"))
+                });
                 // The lock stays until the report, so that the counts are reported in order.
                 let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
                 *done += 1;
@@ -489,12 +490,12 @@ impl Request {
         }
         let (_, own) = scope(name);
         let none = match own.split_once('(') {
-            Some(("length", _)) => "no runtime-sized array that a function uses",
-            Some(("workgroups", _)) => "no checked compute pass",
+            Some(("length", _)) => "no function uses a runtime-sized array with this name",
+            Some(("workgroups", _)) => "no checked compute pass has this name",
             _ => "",
         };
         if !none.is_empty() {
-            let why = format!("`{name}` is declared, but it belongs to {none}{place}");
+            let why = format!("`{name}` is declared, but {none}{place}");
             return Err(HazardError::Declaration(why));
         }
         let known = used.iter().copied().chain(looked.keys().map(String::as_str));
@@ -535,7 +536,7 @@ impl Request {
         }
         if form.alone {
             return Err(
-                "it writes memory that other calls can read: Karat looks for hazards in functions \
+                "the function writes memory that other calls can read: Karat looks for hazards in functions \
                         that only return a value"
                     .to_owned(),
             );
@@ -747,10 +748,10 @@ impl Acceptance for AcceptedHazard {
         let hint = match (spaced, near) {
             (Some(text), _) => format!("did you mean `{text}`?"),
             (None, Some(near)) if texts.is_empty() => format!("did you mean `{near}`?"),
-            _ => "delete it".to_owned(),
+            _ => "delete the declaration".to_owned(),
         };
         Err(HazardError::Declaration(format!(
-            "`karat.toml` accepts a hazard of `{idle}`{of}, but there is none: {hint}"
+            "`karat.toml` accepts a hazard of `{idle}`{of}, but Karat finds no such hazard: {hint}"
         )))
     }
 }
@@ -790,7 +791,7 @@ impl Hazard {
         }
         if !self.kinds.is_empty() {
             let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
-            write!(f, "; for other inputs {}", kinds.join(", "))?;
+            write!(f, "; other inputs show another hazard: {}", kinds.join(", "))?;
         }
         // The number of workgroups has no name in the shader.
         let named = |name: &String| match name.contains(' ') {
@@ -804,7 +805,7 @@ impl Hazard {
                 Some("needs other inputs".to_owned())
             }
             (Class::Requirement, []) => {
-                Some("needs other inputs: Karat tried to change one input at a time, and no change averts it".to_owned())
+                Some("needs other inputs: Karat changed one input at a time, and no change avoids the hazard".to_owned())
             }
             (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,

@@ -68,7 +68,9 @@ impl Ranges {
     /// If an end isn't finite, or `least` is above `most`. The error is a sentence.
     pub fn declare(&mut self, name: &str, least: f64, most: f64) -> Result<(), String> {
         if !(least <= most && least.is_finite() && most.is_finite()) {
-            return Err(format!("the input `{name}` is declared from {least} to {most}: no range"));
+            return Err(format!(
+                "the input `{name}` is declared from {least} to {most}, which isn't a range"
+            ));
         }
         self.declared.insert(name.to_owned(), Declaration::Range(least, most));
         Ok(())
@@ -349,7 +351,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
     };
     if let Some(Declaration::Elements { .. }) = declared {
         return Err(format!(
-            "`{path}` is declared by its elements, but its type is {shape}: write `[least, most]`"
+            "the elements of `{path}` are declared, but its type is {shape}: write `[least, most]`"
         ));
     }
     if let Some(Declaration::Named(kind)) = declared {
@@ -384,7 +386,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             let words = all.iter().map(|x| Some(vec![exact(scalar, *x)?]));
             let words = words.collect::<Option<Vec<_>>>().ok_or_else(|| {
                 let scalar = Shape::Scalar(scalar);
-                format!("`{path}` is declared as one of {all:?}, but some of these aren't {scalar}")
+                format!("`{path}` is declared as one of {all:?}, but some of these numbers aren't {scalar}")
             })?;
             return Ok(one(Part::listed(vec![scalar], words), vec![scalar]));
         }
@@ -410,7 +412,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             (None, Some(Declaration::Range(least, most))) => {
                 let scalar = Shape::Scalar(scalar);
                 return Err(format!(
-                    "`{path}` is declared from {least} to {most}, and no {scalar} lies there"
+                    "`{path}` is declared from {least} to {most}, but no {scalar} is in this range"
                 ));
             }
             // A name that suggests a number doesn't constrain a boolean, such as `is_diffuse`.
@@ -781,7 +783,7 @@ impl Drawn {
         for (key, names) in self.by {
             for name in names {
                 let is_known = others.by.get(&key).is_some_and(|known| known.contains(&name));
-                let wider = || format!("{key}, a quarter of them with any value");
+                let wider = || format!("{key}, but a quarter of the samples have any value");
                 let key = if is_known { key.clone() } else { wider() };
                 all.by.entry(key).or_default().insert(name);
             }

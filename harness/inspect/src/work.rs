@@ -111,4 +111,5 @@ pub(crate) fn rows(
 }
 
 /// The reason why a function has no verdict.
-pub(crate) const ENDS_FOR_NONE: &str = "for each of its inputs, a loop has more than 4096 rounds";
+pub(crate) const ENDS_FOR_NONE: &str =
+    "for each input, a loop of the function runs more than 4096 iterations";

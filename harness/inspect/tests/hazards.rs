@@ -501,7 +501,7 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
     assert_eq!(declared(0.0, 49.0).expect("checked").found, []);
     let error = declared(0.25, 0.75).expect_err("no whole number lies there").to_string();
     assert!(
-        error.contains("`count` is declared from 0.25 to 0.75, and no u32 lies there"),
+        error.contains("`count` is declared from 0.25 to 0.75, but no u32 is in this range"),
         "{error}"
     );
     for text in [
@@ -715,7 +715,10 @@ fn inputs_are_declared_and_hazards_accepted() {
     write("karat.toml", &accepted("maths::other"));
     match look() {
         Err(HazardError::Declaration(text)) => {
-            assert!(text.contains("but there is none: delete it"), "{text}")
+            assert!(
+                text.contains("but Karat finds no such hazard: delete the declaration"),
+                "{text}"
+            )
         }
         other => panic!("{other:?}"),
     }
@@ -1588,7 +1591,7 @@ fn declared_inputs_of_the_host_are_used() {
             "different elements, but there are only 11 numbers",
         ),
         ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer has the name `summ`"),
-        ("[inputs]\nk = { one_of = [0.5] }", "some of these aren't u32"),
+        ("[inputs]\nk = { one_of = [0.5] }", "some of these numbers aren't u32"),
         ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", but its type is u32"),
         ("[inputs]\nk = \"unit vector\"", "the input `k` must be a number"),
         ("[overrides]\nSIZES = 4", "uses an override `SIZES`"),

@@ -61,7 +61,7 @@ fn faults_of_passes_are_seen_in_what_they_leave() {
     );
     assert_eq!(
         smaller[0].interface,
-        ["`blur_x` is @workgroup_size(4, 4, 1), and was @workgroup_size(8, 8, 1)"]
+        ["`blur_x` is @workgroup_size(4, 4, 1), and was @workgroup_size(8, 8, 1) before the edit"]
     );
 }
 
@@ -84,8 +84,11 @@ fn changes_of_an_interface_are_reported() {
         let one = all.iter().find(|one| one.function == name);
         one.unwrap_or_else(|| panic!("no `{name}` in {all:#?}")).interface.join("\n")
     };
-    assert_eq!(told("fs_main"), "`in.uv` is @location(3), and was @location(2)");
-    assert_eq!(told("vs_main"), "`result.uv` is @location(3), and was @location(2)");
+    assert_eq!(told("fs_main"), "`in.uv` is @location(3), and was @location(2) before the edit");
+    assert_eq!(
+        told("vs_main"),
+        "`result.uv` is @location(3), and was @location(2) before the edit"
+    );
     let all = edited("@fragment\nfn fs_main", "@compute @workgroup_size(1)\nfn fs_main");
     assert!(
         matches!(all[0].change, Change::Signature { .. } | Change::Unjudged { .. }),

@@ -23,7 +23,7 @@ use crate::maker::{self, Mutant, Rule};
 ///
 /// The tests run in this process, on the path in the settings. Each test runs in a thread with the test's name.
 #[derive(Clone, Debug)]
-#[must_use = "nothing is tried until `.run()`"]
+#[must_use = "the hunt tries no mutant until you call `.run()`"]
 pub struct Request {
     package: Package,
     only: Vec<String>,
@@ -172,7 +172,7 @@ pub enum MutateError {
     /// The program `preprocess` prints the modules from their files, so the program would never read mutants, which
     /// exist only in memory.
     #[error(
-        "the program `preprocess` in karat.toml prints these modules from their files, so it can't read mutants, which \
+        "the program `preprocess` in karat.toml prints modules from their files, so the program can't read mutants, which \
          exist only in memory: run `karat mutate` on a folder with the program's output"
     )]
     Printed,
@@ -183,14 +183,14 @@ pub enum MutateError {
     #[error("{0}")]
     NoTest(String),
     /// The request selects no mutant.
-    #[error("there is no mutant{of}, so there is nothing to test")]
+    #[error("the package has no mutant{of}, so Karat runs no tests")]
     NoMutant {
         /// The selection that has no mutant.
         of: String,
     },
     /// Tests fail on the original shaders.
     #[error(
-        "{} without a mutant, and would kill every mutant: fix them first\n\n{}",
+        "{} on the original shaders, and would kill every mutant: fix these tests first\n\n{}",
         if wrong.len() == 1 { "1 test fails".to_owned() } else { format!("{} tests fail", wrong.len()) },
         wrong.iter().map(|(test, wrong)| format!("---- {test} ----\n{wrong}")).collect::<Vec<_>>().join("\n\n")
     )]
@@ -410,10 +410,10 @@ impl Request {
             let what = match fate {
                 _ if !accepted.contains_key(id) => return None,
                 Fate::Accepted { .. } => return None,
-                Fate::Killed { test } => format!("`{test}` kills it"),
-                _ => "the mutant isn't in the score anyway".to_owned(),
+                Fate::Killed { test } => format!("`{test}` kills the mutant"),
+                _ => "the mutant doesn't count in the score anyway".to_owned(),
             };
-            Some(format!("karat.toml accepts the mutant {id}, but {what}: remove its id"))
+            Some(format!("karat.toml accepts the mutant {id}, but {what}: remove this id"))
         };
         let complaints = tried.iter().filter_map(complaint).collect();
         Ok(Hunted { tried, of, tests: judges.len(), left_out, invalid, complaints })
@@ -425,14 +425,14 @@ impl Request {
         let file = self.package.root().join("karat.toml");
         for AcceptedMutants { ids, reason } in accepted_mutants(&self.package)? {
             if ids.is_empty() {
-                let nothing = format!("`{}`: a `[[mutant]]` has no `ids`", shown(&file));
+                let nothing = format!("`{}`: a `[[mutant]]` needs the key `ids`", shown(&file));
                 return Err(MutateError::Accepted(nothing));
             }
             for id in ids {
                 let wrong = if reason.trim().is_empty() {
                     "is accepted without a reason"
                 } else if all.iter().all(|one| one.id != id) {
-                    "is accepted, but there is no such mutant: `karat mutate --list` prints all mutants"
+                    "is accepted, but the package has no mutant with this id: `karat mutate --list` prints all mutants"
                 } else if accepted.insert(id.clone(), reason.clone()).is_some() {
                     "is accepted twice"
                 } else {
@@ -478,12 +478,12 @@ impl Request {
         if judges.is_empty() && others.is_none_or(|others| others.count() == 0) {
             let why = match (&self.filter, frames.len()) {
                 (Some(filter), 0) => format!("no test has `{filter}` in its name"),
-                (_, 0) => "there is no test: `karat init` writes a first one".to_owned(),
+                (_, 0) => "the package has no test: `karat init` writes a first test".to_owned(),
                 (_, frames) => format!(
-                    "the only tests are frames ({frames}), which need a driver: --paths vulkan draws them"
+                    "the only tests are frames ({frames}), which need a driver: add --paths vulkan"
                 ),
             };
-            return Err(MutateError::NoTest(format!("{why}, so no test could kill a mutant")));
+            return Err(MutateError::NoTest(format!("no test could kill a mutant: {why}")));
         }
         Ok((judges, frames.len()))
     }
@@ -593,7 +593,7 @@ impl Request {
 
 impl Fate {
     fn without_sampler() -> Self {
-        Self::Unknown { reason: "no test that ran has this sampler".to_owned() }
+        Self::Unknown { reason: "no test that ran uses this sampler".to_owned() }
     }
 }
 

@@ -80,12 +80,12 @@ pub enum Equality {
 impl fmt::Display for Equality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Operations => f.write_str("it executes the same operations"),
+            Self::Operations => f.write_str("the mutant executes the same operations"),
             Self::Intervals => f.write_str(
-                "the guard never acts: interval arithmetic proves its value within the bound",
+                "the guard does nothing: interval arithmetic proves the guarded value within the bound",
             ),
-            Self::Inputs(0 | 1) => f.write_str("it has no inputs, and returns the same value"),
-            Self::Inputs(count) => write!(f, "it returns the same for all {count} inputs"),
+            Self::Inputs(0 | 1) => f.write_str("the mutant has no inputs, and returns the same value"),
+            Self::Inputs(count) => write!(f, "the mutant returns the same results for all {count} inputs"),
         }
     }
 }
@@ -151,7 +151,8 @@ fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>)
             Change::Unjudged { reason } => unknown = unknown.or(Some(reason.clone())),
             Change::Signature { .. } | Change::Added | Change::Removed => {
                 unknown = unknown.or(Some(
-                    "the mutant changes the types of its parameters or its result".to_owned(),
+                    "the mutant changes the type of a parameter or of the function's result"
+                        .to_owned(),
                 ));
             }
             _ => {}

@@ -475,14 +475,16 @@ fn an_accepted_mutant_must_exist_and_have_a_reason() {
     accept(&format!("\"{lived}\", \"{killed}\""), "both");
     let complaints = hunted(folder.path()).complaints;
     assert!(
-        complaints.len() == 1 && complaints[0].contains("`calc::half equals` kills it"),
+        complaints.len() == 1 && complaints[0].contains("`calc::half equals` kills the mutant"),
         "{complaints:?}"
     );
     let wrong = |ids: String, reason: &str| {
         accept(&ids, reason);
         request(folder.path()).run(&|_, _, _| {}).expect_err("the acceptance is wrong").to_string()
     };
-    assert!(wrong("\"00000000\"".to_owned(), "why").contains("there is no such mutant"));
+    assert!(
+        wrong("\"00000000\"".to_owned(), "why").contains("the package has no mutant with this id")
+    );
     assert!(wrong(String::new(), "why").contains("has no `ids`"));
     assert!(wrong(format!("\"{lived}\""), " ").contains("without a reason"));
     assert!(wrong(format!("\"{lived}\", \"{lived}\""), "why").contains("twice"));

@@ -183,7 +183,7 @@ pub(crate) fn idle_key(
     let there: Vec<&str> = takers.iter().filter(is_there).copied().collect();
     let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
     let error = format!(
-        "`{key}` does nothing here: {} can't have this key. Remove it, or add an assertion that takes it: {}",
+        "`{key}` does nothing here: {} can't have this key. Remove the key, or add an assertion that uses the key: {}",
         own.join(", "),
         there.join(", ")
     );

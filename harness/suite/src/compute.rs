@@ -83,7 +83,7 @@ impl TryFrom<Value> for Workgroups {
     fn try_from(value: Value) -> Result<Self, String> {
         let wrong = || {
             format!(
-                "{value} isn't a number of workgroups: write 4, or [4, 2, 1], each from 1 to 65535"
+                "{value} isn't a number of workgroups: write 4 or [4, 2, 1], with numbers from 1 to 65535"
             )
         };
         let number = |value: &Value| value.as_integer().and_then(|count| u32::try_from(count).ok());
@@ -167,9 +167,11 @@ fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
         | HazardKind::Saturated
         | HazardKind::EdgesReversed => Ok(()),
         HazardKind::LostDigits | HazardKind::Unbounded | HazardKind::Endless => {
-            wrong("Karat doesn't check passes for this kind")
+            wrong("Karat doesn't check passes for hazards of this kind")
         }
-        _ => wrong("Karat checks each [[compute]] for this kind anyway: leave it out"),
+        _ => {
+            wrong("Karat checks each [[compute]] for hazards of this kind anyway: remove the kind")
+        }
     }
 }
 
@@ -233,7 +235,7 @@ impl Declared {
         match (&self.entry, self.workgroups, &*self.passes) {
             (Some(entry), Some(Workgroups(groups)), []) => Ok(vec![(path(entry), groups)]),
             (Some(entry), None, []) => {
-                Err(format!("`{entry}` has no `workgroups`: add workgroups = 1, or [2, 2, 1]"))
+                Err(format!("`{entry}` needs `workgroups`: add workgroups = 1, or [2, 2, 1]"))
             }
             (None, None, [_, ..]) => {
                 Ok(self.passes.iter().map(|one| (path(&one.entry), one.workgroups.0)).collect())
@@ -494,10 +496,10 @@ impl Assertion {
             let after = compute.clone().after(&variable);
             let named = |kind: &HazardKind| kind.name();
             let text = match kinds {
-                None => "inside, each float is finite, and integers are divided and converted in their range".to_owned(),
+                None => "inside the pass, each float is finite, and integers are divided and converted in their range".to_owned(),
                 Some(kinds) => {
                     let named: Vec<&str> = kinds.iter().map(named).collect();
-                    format!("inside, none of: {}", named.join(", "))
+                    format!("inside the pass, none of: {}", named.join(", "))
                 }
             };
             return concluded(untyped::settled(&after, &text, broken));
@@ -529,7 +531,8 @@ impl Assertion {
             What::AgreesWith(entry) => {
                 let entry = self.of_module(entry);
                 if self.last() == entry {
-                    let itself = format!("`{entry}` is compared with itself");
+                    let itself =
+                        format!("`{entry}` can't be its own reference: name another entry point");
                     return Err(Misdeclared::of("agrees_with")(itself).into());
                 }
                 let reference = self.compute(package, Some(&entry))?;
@@ -577,7 +580,7 @@ impl Assertion {
                     (values(&before(input)?).iter().sum::<f64>(), self.tolerance()?);
                 let content = self.content(compute)?;
                 let scalar = one_kind(&content, "sum_of")?;
-                let text = format!("its numbers add up to those of `{input}`: {sum}, {within}");
+                let text = format!("its numbers have the same sum as `{input}`: {sum}, {within}");
                 let breaks = |lanes: &[u32]| {
                     let own = lanes.iter().map(|word| scalar.decode(*word)).sum::<f64>();
                     let passes = within.measure_sum(0, own, sum).passes();
@@ -596,7 +599,7 @@ impl Assertion {
                     .into());
                 }
                 let element = content.element().clone();
-                let text = format!("its elements are those of `{input}`, in any order");
+                let text = format!("its elements are the elements of `{input}`, in any order");
                 let breaks = |lanes: &[u32]| not_permuted(&element, &input_content.lanes, lanes);
                 concluded(untyped::satisfies(&after, &text, false, &breaks))
             }
@@ -632,7 +635,7 @@ impl Assertion {
                 let content = self.content(compute)?;
                 if !content.shape.lanes().iter().any(|scalar| scalar.is_float()) {
                     return Err(format!(
-                        "`finite` holds for every {}, so the assertion can't fail",
+                        "every value of type {} is finite, so the assertion can't fail",
                         content.shape
                     )
                     .into());
@@ -749,7 +752,9 @@ fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     let scalars = content.shape.lanes();
     match scalars.first() {
         Some(first) if scalars.iter().all(|scalar| scalar == first) => Ok(*first),
-        _ => Err(format!("`{key}` needs numbers of one type, but this is {}", content.shape)),
+        _ => {
+            Err(format!("`{key}` needs numbers of one type, but the resource is {}", content.shape))
+        }
     }
 }
 
@@ -782,9 +787,10 @@ fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
         None => "no more elements".to_owned(),
     };
     let (at, actual) = match wrong.first() {
-        Some(at) => {
-            (*at, format!("{}, once too often", element.format(&is[at * width..][..width])))
-        }
+        Some(at) => (
+            *at,
+            format!("{}, which occurs once too often", element.format(&is[at * width..][..width])),
+        ),
         None => (is.len() / width, "nothing".to_owned()),
     };
     let failures = wrong.len().max(usize::from(missing.is_some()));

@@ -203,7 +203,7 @@ impl TryFrom<Value> for Relative {
             }
             _ => None,
         };
-        let wanted = "a frame's tolerance is the largest relative difference of a pixel that passes: 1e-3, or \
+        let wanted = "a frame's tolerance is the largest relative difference that a pixel may have: write 1e-3, or \
                       \"rel 1e-3\"";
         number.map(Self).ok_or(wanted)
     }
@@ -399,7 +399,7 @@ impl Frame {
             }
             (None, None, all) => Ok(all.to_vec()),
             _ => Err(
-                "each of `draws` names its own functions: remove `vertex` and `fragment` beside it"
+                "each entry of `draws` names its functions: remove the frame's `vertex` and `fragment`"
                     .to_owned(),
             ),
         }
@@ -537,7 +537,7 @@ pub(crate) fn read(
         && parsed.compute.is_empty()
         && wrong.is_empty()
     {
-        let empty = "declares no test: write [[test]], [[frame]] or [[compute]]";
+        let empty = "the file declares no test: write [[test]], [[frame]] or [[compute]]";
         return Err(Diagnostic::new(empty).at(at(0..0), ""));
     }
     let module = module_of(file, root);
@@ -589,7 +589,7 @@ pub(crate) fn read(
         frame.keys = frame_keys.next().unwrap_or_default();
         if goldens.contains(&frame.golden_file()) {
             let twice = format!(
-                "another frame has the name `{}`, and both would use the same golden",
+                "another frame has the name `{}`, so the two frames would use the same golden: rename one frame",
                 frame.name
             );
             wrong.push(Diagnostic::new(twice).at(span, ""));
@@ -608,7 +608,7 @@ pub(crate) fn read(
             let is_same = |test: &Test| test.name == name && matches!(test.kind, Kind::Compute(_));
             if tests.iter().any(is_same) {
                 let twice = format!(
-                    "another `[[compute]]` has a test `{name}`: add a `name` to one of them"
+                    "another `[[compute]]` also has a test `{name}`: add a `name` to one `[[compute]]`"
                 );
                 wrong.push(Diagnostic::new(twice).at(span.clone(), ""));
                 continue;
@@ -725,7 +725,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
         && test.integral.is_none()
     {
         return Err(Misdeclared::of("over")(format!(
-            "`{argument}` in `over` does nothing: the limit sets its value. Leave it out"
+            "`{argument}` in `over` does nothing, because the limit sets this argument: remove `{argument}`"
         )));
     }
     all.extend(limit);
@@ -733,13 +733,13 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
         match (&integral.equals, &integral.at_most) {
             (Some(_), None) if integral.slack.is_some() => {
                 return Err(Misdeclared::of("integral.slack")(
-                    "`slack` does nothing beside `equals`, which has a `tolerance`: remove it"
+                    "`slack` does nothing beside `equals`, which uses `tolerance`: remove `slack`"
                         .to_owned(),
                 ));
             }
             (Some(_), None) | (None, Some(_)) => all.push(What::Integral(integral.clone())),
             _ => {
-                let either = "an integral has either `equals` or `at_most`".to_owned();
+                let either = "an integral needs either `equals` or `at_most`".to_owned();
                 return Err(Misdeclared::of("integral")(either));
             }
         }
@@ -759,7 +759,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
 fn limit(table: &BTreeMap<String, Value>) -> Result<What, String> {
     // `is` is the old name of `equals`.
     const OWN: [&str; 3] = ["through", "equals", "is"];
-    let form = "a limit reads { alpha = 0, through = [0.1, 0.01], equals = 1 }";
+    let form = "write a limit as { alpha = 0, through = [0.1, 0.01], equals = 1 }";
     let mut arguments = table.iter().filter(|(name, _)| !OWN.contains(&name.as_str()));
     let (Some((argument, toward)), None) = (arguments.next(), arguments.next()) else {
         let unknown = || table.keys().filter(|key| !OWN.contains(&key.as_str()));
@@ -875,7 +875,7 @@ mod tests {
                 "[[test]]\nfunction = \"f\"\nintegral = { over = \"sphere\" }\n",
                 "either `equals` or",
             ),
-            ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
+            ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "write a limit as"),
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "the list must have two"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "but has 1"),
@@ -890,10 +890,7 @@ mod tests {
             ),
             ("[[test]]\nfunction = \"f\"\nin_range = \"0...1\"\n", "write [0, 1], or \"0..<1\""),
             ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` isn't a range"),
-            (
-                "[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n",
-                "must be a number, but this is",
-            ),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n", "must be a number, but is"),
             (
                 "[[test]]\nfunction = \"f\"\nin_range = [0, 1]\ntolerance = \"4 ulp\"\n",
                 "brdf.test.toml:4:1",

@@ -33,10 +33,10 @@ pub(crate) fn parts(
         && !matches!(shape, Shape::Struct { .. })
     {
         if table.len() > 1 {
-            return Err(wrong("`one_of` takes no other key beside it".to_owned()));
+            return Err(wrong("`one_of` must be the only key: remove the other keys".to_owned()));
         }
         let Value::Array(list) = list else {
-            return Err(wrong("`one_of` is a list of values".to_owned()));
+            return Err(wrong("`one_of` must be a list of values".to_owned()));
         };
         let rows = list.iter().map(|value| lanes(shape, value)).collect::<Result<Vec<_>, _>>();
         return Ok(vec![Part::listed(shape.lanes(), rows.map_err(wrong)?)]);
@@ -48,7 +48,7 @@ pub(crate) fn parts(
         Shape::Struct { members, .. } => {
             let Value::Table(table) = value else {
                 return Err(wrong(
-                    "the domain of a struct is a table of its members' domains".to_owned(),
+                    "the domain of a struct must be a table of its members' domains".to_owned(),
                 ));
             };
             let known = || members.iter().map(|(name, _)| &**name);
@@ -154,7 +154,7 @@ fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
             };
             let Some(least) = least else {
                 return Err(format!(
-                    "`{text}`: write `hemisphere above 0.01`, a cosine from 0 to 1"
+                    "`{text}` isn't a domain: write `hemisphere above 0.01`, with a cosine from 0 to 1"
                 ));
             };
             (Some(Part::hemisphere_above(least)).filter(|_| size == 3), "vec3")
@@ -165,7 +165,7 @@ fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
                 _ => None,
             };
             let Some(radius) = radius else {
-                return Err(format!("`{text}`: write `{name} 2`, of the radius 2"));
+                return Err(format!("`{text}` isn't a domain: write `{name} 2` for the radius 2"));
             };
             (Part::sphere(size, radius, *name == "ball"), "vec2, vec3 or vec4")
         }
@@ -194,14 +194,16 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
                 let near = nearest(text, names);
                 let near =
                     near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-                return Err(format!("`{text}` isn't a domain of a number, such as `0..1`{near}"));
+                return Err(format!(
+                    "`{text}` isn't a domain of a number: write a range such as `0..1`{near}"
+                ));
             };
             let end = |text: &str| {
                 let text = text.strip_prefix('=').unwrap_or(text).trim();
                 if text.starts_with('.') {
                     // Rejects `0...1`, which isn't `0..` followed by the fraction `.1`.
                     return Err(format!(
-                        "`{text}` isn't a number: a range has two dots, and a fraction begins with 0: `0.5`"
+                        "`{text}` isn't a number: write a range with two dots, and a fraction with 0 first, as in `0.5`"
                     ));
                 }
                 text.parse::<f64>().map_err(|_| match text.starts_with('<') {
@@ -273,7 +275,7 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
             let width = element.lanes().len();
             if list.len() != *length as usize * width {
                 return Err(format!(
-                    "{length} elements of {element} have {} components, the list has {}",
+                    "{length} elements of {element} have {} components, but the list has {}",
                     *length as usize * width,
                     list.len()
                 ));
@@ -302,7 +304,7 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
             if flat.len() != scalars.len() {
                 let count = scalars.len();
                 return Err(format!(
-                    "a {shape} has {count} components, the list has {}",
+                    "a {shape} has {count} components, but the list has {}",
                     flat.len()
                 ));
             }
@@ -328,7 +330,7 @@ pub(crate) fn no_such<'a>(
         Some(near) => format!("there is no {what} `{unknown}`; did you mean `{near}`?"),
         None => {
             let known: Vec<_> = known.into_iter().map(|name| format!("`{name}`")).collect();
-            format!("there is no {what} `{unknown}`, only {}", known.join(", "))
+            format!("there is no {what} `{unknown}`; the known names are {}", known.join(", "))
         }
     }
 }
@@ -345,7 +347,7 @@ pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Pa
     };
     let numbers: Option<Vec<Value>> = words.iter().map(number).collect();
     let value = match (words, numbers) {
-        ([], _) => return Err("`@over` is empty: `@over(0, 1)`".to_owned()),
+        ([], _) => return Err("`@over` is empty: write a range, as in `@over(0, 1)`".to_owned()),
         ([one], None) => Value::String(one.clone()),
         ([name, least], None) if name == "hemisphere" => {
             Value::String(format!("hemisphere above {}", least.trim_end_matches(['f', 'h'])))
@@ -356,7 +358,11 @@ pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Pa
         ([name, list @ ..], None) if name == "one_of" => {
             let list = list.iter().map(number).collect::<Option<Vec<_>>>();
             let list = list.filter(|list| !list.is_empty() && matches!(shape, Shape::Scalar(_)));
-            Value::Array(list.ok_or("`@over(one_of, -1, 1)` is for a single number")?)
+            Value::Array(
+                list.ok_or(
+                    "`@over(one_of, -1, 1)` needs numbers, and a parameter that is a number",
+                )?,
+            )
         }
         (_, None) => {
             return Err("`@over` takes numbers, or one name such as `unit_vector`".to_owned());
@@ -370,7 +376,7 @@ pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Pa
             Shape::Scalar(_) => Value::Array(list),
             _ => {
                 return Err(
-                    "a list of values, as in `@over(0, 0.5, 1)`, is for a single number".to_owned()
+                    "a list of values, as in `@over(0, 0.5, 1)`, needs a parameter that is a number".to_owned()
                 );
             }
         },
@@ -452,7 +458,7 @@ mod tests {
         for (shape, text, part) in [
             (&float, "\"0-1\"", "isn't a domain"),
             (&float, "\"a..1\"", "`a` isn't a number"),
-            (&float, "\"-1...1\"", "a range has two dots"),
+            (&float, "\"-1...1\"", "write a range with two dots"),
             (&float, "true", "isn't of type f32"),
             (&float, "\"ani\"", "did you mean `any`?"),
             (

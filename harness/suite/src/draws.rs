@@ -110,10 +110,14 @@ impl Declared {
         }
         let mut draw = match (&self.vertex, &self.fragment, &self.mesh, self.vertices) {
             (_, _, Some(_), Some(_)) => {
-                return Err(wrong("a draw has a `mesh` or a number of `vertices`, not both"));
+                return Err(wrong(
+                    "a draw can't have both a `mesh` and a number of `vertices`: remove one of the keys",
+                ));
             }
             (None, _, Some(_), _) | (None, _, _, Some(_)) => {
-                return Err(wrong("`mesh` and `vertices` need a `vertex` function: name one"));
+                return Err(wrong(
+                    "`mesh` and `vertices` need a `vertex` function: name the function",
+                ));
             }
             (None, None, ..) => {
                 return Err(wrong("a draw needs a `fragment` or a `vertex` function"));
@@ -123,7 +127,9 @@ impl Declared {
                 Draw::depth(vertex, self.read(program, vertex, folder)?)
             }
             (Some(_), None, ..) => {
-                return Err(wrong("a draw without a `fragment` function needs a `mesh`: name one"));
+                return Err(wrong(
+                    "a draw without a `fragment` function needs a `mesh`: name a mesh",
+                ));
             }
             (Some(vertex), Some(fragment), Some(_), None) => {
                 Draw::mesh(vertex, fragment, self.read(program, vertex, folder)?)
@@ -131,17 +137,21 @@ impl Declared {
             (Some(vertex), Some(fragment), None, None) => Draw::fullscreen(vertex, fragment),
             (Some(vertex), Some(fragment), None, Some(count)) => {
                 if count == 0 || count % 3 != 0 {
-                    return Err(wrong(&format!("{count} vertices aren't whole triangles")));
+                    return Err(wrong(&format!(
+                        "the number of vertices must be a positive multiple of 3, but is {count}"
+                    )));
                 }
                 Draw::vertices(vertex, fragment, count)
             }
         };
         if self.indices.is_some() && self.mesh.is_none() {
-            return Err(wrong("`indices` need a `mesh`: name one"));
+            return Err(wrong("`indices` need a `mesh`: name a mesh"));
         }
         if let Some(instances) = self.instances {
             if instances == 0 {
-                return Err(Misdeclared::of("instances")("0 instances draw nothing".to_owned()));
+                return Err(Misdeclared::of("instances")(
+                    "0 instances draw nothing: write at least 1".to_owned(),
+                ));
             }
             draw = draw.instances(instances);
         }
@@ -191,11 +201,14 @@ impl Declared {
             None => (0..u32::try_from(count).unwrap_or(u32::MAX)).collect(),
         };
         if indices.is_empty() || indices.len() % 3 != 0 {
-            return Err(wrong(format!("{} corners aren't whole triangles", indices.len())));
+            return Err(wrong(format!(
+                "the mesh's number of triangle corners must be a positive multiple of 3, but is {}",
+                indices.len()
+            )));
         }
         if let Some(beyond) = indices.iter().find(|index| **index as usize >= count) {
             return Err(wrong(format!(
-                "the index {beyond} is too large: the mesh has {count} rows"
+                "the index {beyond} is too large: the mesh has {count} vertices"
             )));
         }
         // The index of an input's first lane among the lanes of all inputs.
@@ -215,7 +228,12 @@ impl Declared {
         let mut mesh = Mesh::new(positions, indices);
         for (number, input) in inputs.iter().enumerate().filter(|(_, input)| input.location != 0) {
             mesh = with_attribute(mesh, input.location, &input.shape, &column(number)).ok_or_else(
-                || wrong(format!("`{}` can't be a mesh attribute: {}", input.name, input.shape)),
+                || {
+                    wrong(format!(
+                        "`{}` has a type that can't be a mesh attribute: {}",
+                        input.name, input.shape
+                    ))
+                },
             )?;
         }
         Ok(mesh)

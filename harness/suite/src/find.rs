@@ -84,8 +84,8 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
 /// The message that Karat doesn't read a file, with the endings that it reads.
 fn unread(file: &Path) -> Diagnostic {
     let read = match is_misnamed_module(file) {
-        true => "tests in WGSL are in `*.wgsl` and `*.wesl`".to_owned(),
-        false => format!("declared tests are in `*{ENDING}`"),
+        true => "Karat reads tests in WGSL from `*.wgsl` and `*.wesl`".to_owned(),
+        false => format!("Karat reads declared tests from `*{ENDING}`"),
     };
     of_whole(file, format!("`{}` isn't read: {read}", shown(file)))
 }

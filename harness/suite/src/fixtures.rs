@@ -73,7 +73,7 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
              \"mirror\"{}: {example}",
             match comparison {
                 true => {
-                    ", then how it compares: never, less, equal, less_equal, greater, not_equal, \
+                    ", then the comparison: never, less, equal, less_equal, greater, not_equal, \
                      greater_equal or always"
                 }
                 false => "",
@@ -120,9 +120,9 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
         (false, true) => {
             Err(wrong("the variable compares depths, so the sampler needs a comparison"))
         }
-        (true, false) => {
-            Err(wrong("the variable compares nothing, so the sampler can't have a comparison"))
-        }
+        (true, false) => Err(wrong(
+            "the variable doesn't compare depths, so the sampler can't have a comparison",
+        )),
         _ => Ok(sampler),
     }
 }
@@ -140,12 +140,14 @@ pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
 fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     let (name, space) = name_and_space(file);
     if name.is_empty() {
-        return Err("the name is empty: name an image, or write a value for all texels".to_owned());
+        return Err(
+            "the image's name is empty: name an image, or write a value for all texels".to_owned()
+        );
     }
     let path = folder.join(name);
     let data = texels != Texels::Float;
     if data && space == Some("srgb") {
-        return Err("depths and integers aren't colours: leave `srgb` out".to_owned());
+        return Err("depths and integers aren't colours: remove `srgb`".to_owned());
     }
     let read = if data || space == Some("linear") { Image::read_stored } else { Image::read };
     let unread = |error: std::io::Error| format!("can't read `{}`: {error}", path.display());
@@ -226,7 +228,7 @@ fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer
     let known = ["size", "value", "range", "seed"];
     if let Some(other) = table.keys().find(|key| !known.contains(&key.as_str())) {
         return Err(format!(
-            "a texture has no key `{other}`: it has a `size`, and a `value` for all texels or a `range` and `seed` for each"
+            "a texture has no key `{other}`: write `size`, and either `value` for all texels, or `range` and `seed` for random texels"
         ));
     }
     let count = match kind.dimension {
@@ -237,7 +239,7 @@ fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer
     };
     let wrong = || {
         let sides = ["[width]", "[width, height]", "[width, height, layers]"][count - 1];
-        format!("the `size` of a {kind} is {sides}, each from 1")
+        format!("the `size` of a {kind} must be {sides}, with integers of at least 1")
     };
     let side = |value: &Value| {
         value.as_integer().and_then(|side| u32::try_from(side).ok()).filter(|side| *side > 0)
@@ -258,19 +260,19 @@ fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer
         .fold(1_u64, |all, side| all.saturating_mul(u64::from(*side)));
     if all > MOST_TEXELS {
         return Err(format!(
-            "the texture has {all} texels, but without an image may have {MOST_TEXELS} at most"
+            "the texture has {all} texels, but a texture without an image can have at most {MOST_TEXELS}"
         ));
     }
-    let value =
-        match table.get("value") {
-            None => [0.0; 4],
-            Some(_) if table.contains_key("range") => {
-                return Err("its texels are one `value`, or sampled from a `range`, and not both"
-                    .to_owned());
-            }
-            Some(value) => texel(value)
-                .ok_or("its `value` is a number, or a colour: a list of 3 or 4 numbers")?,
-        };
+    let value = match table.get("value") {
+        None => [0.0; 4],
+        Some(_) if table.contains_key("range") => {
+            return Err(
+                "a texture can't have both a `value` and a `range`: remove one key".to_owned()
+            );
+        }
+        Some(value) => texel(value)
+            .ok_or("a texture's `value` must be a number or a colour, a list of 3 or 4 numbers")?,
+    };
     let (scalar, channels) = match kind.texels {
         Texels::Depth => (Scalar::F32, 1),
         Texels::Float => (Scalar::F32, 4),
@@ -327,7 +329,7 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
                 _ => "the name of an image",
             };
             return Err(format!(
-                "a {kind} is {listed}, a number, a colour, which is a list of 3 or 4 numbers, or a size of zeros, `{{ size = [64, 64] }}`"
+                "write a {kind} as {listed}, a number, a colour (a list of 3 or 4 numbers), or `{{ size = [64, 64] }}` for texels of 0"
             ));
         }
     };
@@ -338,7 +340,7 @@ fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
     let first = layers.first().ok_or("a texture needs an image")?;
     let (width, height) = (first.width, first.height);
     if layers.iter().any(|layer| (layer.width, layer.height) != (width, height)) {
-        return Err("its images must have the same size".to_owned());
+        return Err("all images of a texture must have the same size".to_owned());
     }
     let (least, most, name) = match kind.texels {
         Texels::Sint => (f64::from(i32::MIN), f64::from(i32::MAX), "i32"),
@@ -353,7 +355,7 @@ fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
             return Err(format!("a texel is {value}, but the texture's texels are integers"));
         }
         if overflows || integer && !(least..=most).contains(value) {
-            return Err(format!("a texel is {value}, but the texture's texels are {name}"));
+            return Err(format!("a texel is {value}, but the texture's texels are of type {name}"));
         }
     }
     let at = |layer: usize, x: u32, y: u32| layers[layer].texels[(y * width + x) as usize];
@@ -391,18 +393,18 @@ fn shaped<T: karat::Shareable>(
     };
     let square = || match width == height {
         true => Ok(()),
-        false => Err("a face must be square".to_owned()),
+        false => Err("each image of a cube texture must be square".to_owned()),
     };
     Ok(match (kind.dimension, kind.arrayed) {
         (Dimension::D1, _) => {
-            expect(1, "a 1D texture has 1 image")?;
+            expect(1, "a 1D texture must have 1 image")?;
             if height != 1 {
                 return Err("the image of a 1D texture must have one row".to_owned());
             }
             Texture::from_fn_1d(width, |x| value(0, x, 0))
         }
         (Dimension::D2, false) => {
-            expect(1, "a 2D texture has 1 image")?;
+            expect(1, "a 2D texture must have 1 image")?;
             match kind.multisampled {
                 true => Texture::multisampled(width, height, SAMPLES, |x, y, _| value(0, x, y)),
                 false => layer(0),
@@ -414,13 +416,15 @@ fn shaped<T: karat::Shareable>(
             Texture::volume([width, height, depth], |x, y, z| value(z as usize, x, y))
         }
         (Dimension::Cube, false) => {
-            expect(6, "a cube has 6 images")?;
+            expect(6, "a cube texture must have 6 images")?;
             square()?;
             Texture::cube((0..6).map(layer))
         }
         (Dimension::Cube, true) => {
             if !layers.is_multiple_of(6) {
-                return Err(format!("each cube has 6 images, so their number can't be {layers}"));
+                return Err(format!(
+                    "each cube has 6 images, so a cube array can't have {layers} images"
+                ));
             }
             square()?;
             Texture::cube_array((0..layers).map(layer))
@@ -447,8 +451,9 @@ fn buffer(
                 let bytes = read_file(&file).map_err(unread)?;
                 if !bytes.len().is_multiple_of(4) {
                     let length = bytes.len();
-                    let reason =
-                        format!("it has {length} bytes, and a buffer's size is a multiple of 4");
+                    let reason = format!(
+                        "the file has {length} bytes, but a buffer's size must be a multiple of 4"
+                    );
                     return Err(inside(&reason));
                 }
                 return Ok(Buffer::from_bytes(bytes).into());
@@ -461,8 +466,8 @@ fn buffer(
             Some("toml") => Value::Table(read()?.parse().map_err(|error| inside(&error))?),
             _ => {
                 return Err(format!(
-                    "`{name}` isn't a value; a buffer is a number, a list, a table of its members, or a \
-                     file: values.json, values.toml, bytes.bin"
+                    "`{name}` isn't a value: write a number, a list, a table of the buffer's members, or the \
+                     name of a file: values.json, values.toml, bytes.bin"
                 ));
             }
         };
@@ -512,7 +517,7 @@ fn buffer(
     };
     let shape = program.buffer_of(binding, elements).ok_or_else(unknown)?;
     if elements == 0 && is_left_empty(&shape) {
-        return Err("a runtime-sized array has at least one element".to_owned());
+        return Err("a runtime-sized array needs at least one element".to_owned());
     }
     let lanes = lanes(&shape, value)?;
     let bytes = program.bytes(binding, &lanes).map_err(|error| error.to_string())?;
@@ -565,7 +570,9 @@ fn spread(
     if let Some(unknown) = table.keys().find(|key| !known.contains(&key.as_str())) {
         return Err(match unknown.as_str() {
             "values" | "data" => {
-                format!("there is no key `{unknown}`; elements are a list: `{name} = [1, 2]`")
+                format!(
+                    "there is no key `{unknown}`: write the elements as a list, `{name} = [1, 2]`"
+                )
             }
             unknown => no_such("key", unknown, known),
         });
@@ -593,7 +600,9 @@ fn spread(
     };
     let value = table.get("value").map(|value| lanes(element, value)).transpose()?;
     match (drawn(name, element, size, table)?, value) {
-        (Some(_), Some(_)) => Err("elements have a `value` or a `range`".to_owned()),
+        (Some(_), Some(_)) => {
+            Err("elements can't have both a `value` and a `range`: remove one key".to_owned())
+        }
         (None, Some(value)) => Ok(value.repeat(size)),
         (drawn, None) => Ok(drawn.unwrap_or_else(|| vec![0; size * width])),
     }
@@ -613,7 +622,7 @@ fn drawn(
     };
     let Some(range) = table.get("range") else {
         return match table.contains_key("seed") {
-            true => Err("`seed` does nothing without a `range`: remove it".to_owned()),
+            true => Err("`seed` does nothing without a `range`: remove `seed`".to_owned()),
             false => Ok(None),
         };
     };
@@ -684,17 +693,21 @@ mod tests {
         for (declared, value, part) in [
             ("sampler", "\"linaer\"", "isn't a sampler"),
             ("sampler", "\"linear repaet\"", "`repaet` isn't a property of a sampler"),
-            ("sampler", "\"linear less\"", "compares nothing"),
+            ("sampler", "\"linear less\"", "doesn't compare depths"),
             ("sampler_comparison", "\"linear\"", "so the sampler needs a comparison"),
             ("texture_2d<u32>", "0.5", "the texture's texels are integers"),
-            ("texture_2d<u32>", "-1", "the texture's texels are u32"),
+            ("texture_2d<u32>", "-1", "the texture's texels are of type u32"),
             ("texture_2d<f32>", "\"missing.exr\"", "missing.exr"),
             ("texture_3d<f32>", "true", "a list of images"),
             ("texture_3d<f32>", "[[1], true]", "true isn't an image"),
-            ("texture_2d<f32>", "{ size = [50] }", "is [width, height], each from 1"),
-            ("texture_2d<f32>", "{ size = [50, 0] }", "is [width, height], each from 1"),
-            ("texture_2d<f32>", "{ size = [50, 5], value = true }", "its `value` is a number"),
-            ("texture_2d<f32>", "{ size = [8, 4], value = 1, range = \"0..1\" }", "and not both"),
+            ("texture_2d<f32>", "{ size = [50] }", "must be [width, height], with integers"),
+            ("texture_2d<f32>", "{ size = [50, 0] }", "must be [width, height], with integers"),
+            ("texture_2d<f32>", "{ size = [50, 5], value = true }", "`value` must be a number"),
+            (
+                "texture_2d<f32>",
+                "{ size = [8, 4], value = 1, range = \"0..1\" }",
+                "can't have both",
+            ),
             ("texture_2d<f32>", "{ size = [8, 4], seed = 1 }", "does nothing without a `range`"),
             ("texture_2d<u32>", "{ size = [8, 4], range = \"-1..1\" }", "-1"),
             ("texture_2d<f32>", "{ sise = [50, 5] }", "a texture has no key `sise`"),

@@ -91,7 +91,10 @@ pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, Strin
     let value = value.ok_or_else(none)?;
     match fits(scalar, value) {
         true => Ok(value),
-        false => Err(format!("`{cell}` isn't of type {}, so no result equals it", scalar.wgsl())),
+        false => Err(format!(
+            "`{cell}` isn't of type {}, so no result can equal `{cell}`",
+            scalar.wgsl()
+        )),
     }
 }
 
@@ -139,7 +142,7 @@ mod tests {
             [(Scalar::U32, "5.5"), (Scalar::I32, "-2147483649"), (Scalar::Bool, "2")]
         {
             assert!(
-                expected(scalar, cell).is_err_and(|why| why.contains("so no result equals it"))
+                expected(scalar, cell).is_err_and(|why| why.contains("so no result can equal"))
             );
         }
         assert_eq!(argument(Scalar::F32, "-inf"), Some(f32::NEG_INFINITY.to_bits()));

@@ -29,8 +29,9 @@ impl Range {
     pub(crate) fn checked(self) -> Result<Self, String> {
         let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
         let quote = if self.half_open { "\"" } else { "" };
-        let wrong =
-            || format!("in_range = {quote}{self}{quote} has no number: write the lower end first");
+        let wrong = || {
+            format!("in_range = {quote}{self}{quote} contains no number: write the lower end first")
+        };
         if is_some { Ok(self) } else { Err(wrong()) }
     }
 }
@@ -49,7 +50,7 @@ impl TryFrom<toml::Value> for Range {
         #[expect(clippy::cast_precision_loss, reason = "ends of 2^53 and above are rounded")]
         let number = |value: &toml::Value| {
             let number = value.as_float().or_else(|| value.as_integer().map(|one| one as f64));
-            number.ok_or_else(|| format!("an end of a range must be a number, but this is {value}"))
+            number.ok_or_else(|| format!("an end of a range must be a number, but is {value}"))
         };
         match &value {
             toml::Value::Array(list) => match &**list {
@@ -74,7 +75,7 @@ impl TryFrom<toml::Value> for Range {
                     half_open: end.is_some(),
                 })
             }
-            other => Err(format!("a range is [0, 1] or \"0..<1\", but this is {other}")),
+            other => Err(format!("write a range as [0, 1] or \"0..<1\", not as {other}")),
         }
     }
 }

@@ -34,9 +34,9 @@ pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
             Ok(all)
         }
         Some(all) if !all.is_empty() => {
-            Err(format!("`{KEY}` takes no other key beside it: the vector has length 1"))
+            Err(format!("`{KEY}` must be the only key: the vector always has length 1"))
         }
-        _ => Err(format!("`{KEY}` is the name of a vector, or a list of names")),
+        _ => Err(format!("`{KEY}` must be the name of a vector, or a list of names")),
     })
 }
 
@@ -72,7 +72,7 @@ pub(crate) fn related(
         let Some(next) = pending.iter().position(|(_, to)| !to.iter().any(|to| waits(to))) else {
             let names: Vec<_> = pending.iter().map(|(own, _)| format!("`{}`", own.path)).collect();
             return Err(format!(
-                "`{KEY}` of {} forms a circle: the relation holds in both directions, so remove it from one vector",
+                "the keys `{KEY}` of {} form a circle: each key applies in both directions, so remove the key of one vector",
                 names.join(", ")
             ));
         };
@@ -94,7 +94,7 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
         && one.path != other.path
     {
         return Err(wrong(format!(
-            "`{name}` may be `{}` or the parameter: name it `{}`",
+            "`{name}` may mean `{}` or the parameter: write `{}`",
             one.path, one.path
         )));
     }
@@ -212,11 +212,11 @@ mod tests {
             ("t = { perpendicular_to = \"uv\" }", "the vector has 3 components, but `uv` has 2"),
             ("t = { perpendicular_to = 1 }", "the name of a vector, or a list"),
             ("t = { perpendicular_to = [] }", "the name of a vector, or a list"),
-            ("t = { perpendicular_to = \"n\", x = 1 }", "takes no other key"),
+            ("t = { perpendicular_to = \"n\", x = 1 }", "must be the only key"),
             ("uv = { perpendicular_to = [\"w\", \"w\"] }", "can't be perpendicular to 2 vectors"),
             (
                 "t = { perpendicular_to = \"n\" }\nn = { perpendicular_to = \"t\" }",
-                "of `n`, `t` forms a circle",
+                "of `n`, `t` form a circle",
             ),
         ] {
             let error = of(&three, text).expect_err(text);

@@ -26,7 +26,7 @@ impl Places {
         let twice = |(at, column): &(usize, &&str)| head[..*at].contains(column);
         if let Some((_, column)) = head.iter().enumerate().find(twice) {
             return Err(format!(
-                "has two columns `{column}`, and Karat can't know which one you mean: rename or remove one"
+                "has two columns `{column}`, and Karat can't know which column you mean: rename or remove one column"
             ));
         }
         let wanted = || arguments.iter().chain(expected).copied();
@@ -34,7 +34,7 @@ impl Places {
             head.iter().position(|column| column == name).ok_or_else(|| {
                 let near = nearest(name, head.iter().copied());
                 let near = near.map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
-                format!("has no column `{name}`{near}; it has {}", head.join(","))
+                format!("has no column `{name}`{near}; its columns are {}", head.join(","))
             })
         };
         let arguments = arguments.iter().map(find).collect::<Result<Vec<_>, _>>()?;
@@ -81,8 +81,8 @@ pub fn begins_with_mark(text: &[u8], at: usize) -> bool {
 }
 
 /// The error message for a row that begins with `#`.
-pub(crate) const MARKED: &str = "this row begins with `#`, and comments stand above the head: remove it, or quote \
-                                 its first cell";
+pub(crate) const MARKED: &str = "this row begins with `#`, but comments are allowed only above the column names: remove \
+                                 the row, or quote its first cell";
 
 #[cfg(test)]
 mod tests {

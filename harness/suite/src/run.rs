@@ -332,14 +332,15 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
             let kind = kind.wgsl();
-            let wrong = format!("`{name}` is {kind}, but {on} isn't: write a number");
+            let wrong =
+                format!("`{name}` is of type {kind}, but {on} isn't a number: write a number");
             return Err(Misdeclared::of("override")(wrong));
         }
     }
     // With a constant argument, each derivative is 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
-            return Err("it takes derivatives, and an integral's directions don't vary".into());
+            return Err("the function takes derivatives, which are all 0 in an integral".into());
         }
         _ => probed.with_varying(),
     };
@@ -397,7 +398,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             match parts.first_mut() {
                 Some(first) => first.push(table.part(&shapes)),
                 None => {
-                    return Err("a function without arguments has no table: write `equals`".into());
+                    return Err(
+                        "a function without arguments can't have a table: write `equals`".into()
+                    );
                 }
             }
             let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), assertion)?;
@@ -454,7 +457,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                 return Err("a parameter can't be swapped with itself: name two parameters".into());
             }
             if parameters[first.0].1 != parameters[second.0].1 {
-                return Err("the two parameters have different types".into());
+                return Err(
+                    "the two parameters have different types, so Karat can't swap them".into()
+                );
             }
             let width = shapes[first.0].lanes().len();
             let swap = |words: &[u32], out: &mut Vec<u32>| {
@@ -485,7 +490,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             place(&parameters, argument)?;
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
-                let wrong = format!("`{text}` names `{argument}`, and the limit sets its value");
+                let wrong =
+                    format!("`{text}` names `{argument}`, but the limit sets this argument");
                 return Err(Misdeclared::of("where")(wrong));
             }
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
@@ -504,10 +510,12 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Integral(Integral { over, equals: is, at_most, slack, rings }) => {
             if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
-                return Err("an integral needs a last parameter of type vec3f".into());
+                return Err(
+                    "an integral needs a function with a last parameter of type vec3f".into()
+                );
             }
             if *rings == Some(0) {
-                return Err("an integral with 0 rings has no directions".into());
+                return Err("an integral with 0 rings has no directions: write at least 1".into());
             }
             let directions = match over {
                 Region::Sphere => Directions::sphere(),
@@ -517,7 +525,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let directions = rings.map_or(directions, |rings| directions.rings(rings));
             let last = parameters.last().map_or("", |(name, _)| name);
             if test.over.contains_key(last) {
-                let wrong = format!("the integral sets `{last}`: leave it out");
+                let wrong = format!("the integral sets `{last}`: remove `{last}` from `over`");
                 return Err(Misdeclared::of("over")(wrong));
             }
             let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), assertion)?;
@@ -607,11 +615,14 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
         one => is_switch(one),
     };
     if switches && !scalars.contains(&Scalar::Bool) {
-        return Err(format!("{value} isn't a number, and the result is a number"));
+        return Err(format!("{value} isn't a number, but the result is a number"));
     }
     let expect = |scalar: &Scalar, number: f64| match numbers::fits(*scalar, number) {
         true => Ok(meant((scalar, number))),
-        false => Err(format!("{number} isn't a {}, and the result is one", scalar.wgsl())),
+        false => Err(format!(
+            "{number} isn't of type {}, which is the type of the result",
+            scalar.wgsl()
+        )),
     };
     if let Some(number) = number(value) {
         return scalars.iter().map(|scalar| expect(scalar, number)).collect();
@@ -639,7 +650,9 @@ fn bound(
         let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
         let Some(binding) = bindings.iter().find(is_it) else {
             let message = match bindings {
-                [] => format!("the function reads no variable, so `{name}` binds nothing"),
+                [] => format!(
+                    "the function reads no variable, so a test can't set `{name}`: remove `{name}`"
+                ),
                 _ => no_such("variable", name, known()),
             };
             return Err(Misdeclared::of_resource(name)(message));
@@ -743,7 +756,8 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
     match (declared.target, declared.depth) {
         (Some(_), true) => {
             return Err(Misdeclared::of("depth")(
-                "a frame compares `target` or `depth`, not both".to_owned(),
+                "a frame can't compare both `target` and `depth`: remove one of the keys"
+                    .to_owned(),
             ));
         }
         (Some(target), false) => frame = frame.target(target),

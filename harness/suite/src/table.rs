@@ -77,12 +77,14 @@ pub(crate) fn read(
         if let Some(other) = expected.insert(words.clone(), lanes.clone())
             && other != lanes
         {
-            return Err(at("a row above has the same arguments and another result".to_owned()));
+            return Err(
+                at("a row above has the same arguments, but a different result".to_owned()),
+            );
         }
         rows.push(words);
     }
     if rows.is_empty() {
-        return Err(format!("`{name}` has no rows, so Karat would compare nothing").into());
+        return Err(format!("the table `{name}` has no rows: add a row").into());
     }
     Ok(Table { rows, expected })
 }
@@ -252,7 +254,7 @@ mod tests {
             ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` isn't a finite number, and Karat compares"),
             (
                 "a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n",
-                "a row above has the same arguments and another result",
+                "a row above has the same arguments, but a different result",
             ),
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
             ("a,v.x,v.y,result\n\n1,2,3\n", "t.csv:3:1"),

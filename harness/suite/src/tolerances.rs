@@ -26,7 +26,9 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
         }
         match rest.strip_prefix("or ") {
             Some(otherwise) => Ok(Some(base.or(tolerance(otherwise)?))),
-            None => Err(format!("`{text}`: write `or` or `needing` after `{first}`")),
+            None => {
+                Err(format!("`{text}` isn't a tolerance: write `or` or `needing` after `{first}`"))
+            }
         }
     };
     let trimmed = text.trim();
@@ -48,7 +50,7 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
 pub fn tolerance(text: &str) -> Result<Tolerance, String> {
     let (words, or): (Vec<&str>, bool) = match (text.contains(" or "), text.contains(" and ")) {
         (true, true) => {
-            return Err(format!("`{text}` mixes `or` with `and`, so its bound isn't clear"));
+            return Err(format!("`{text}` mixes `or` with `and`: use only one of these words"));
         }
         (_, and) => (text.split(if and { " and " } else { " or " }).collect(), !and),
     };
@@ -73,7 +75,7 @@ fn bound(text: &str) -> Result<Tolerance, String> {
     };
     let number: f64 = number.parse().map_err(|_| unknown(text))?;
     if !(number.is_finite() && number >= 0.0) {
-        return Err(format!("`{text}` bounds nothing: the number must be finite and at least 0"));
+        return Err(format!("`{text}` isn't a bound: the number must be finite and at least 0"));
     }
     let bound: Tolerance = match unit {
         "ulp" => Ulp(number).into(),
@@ -85,7 +87,9 @@ fn bound(text: &str) -> Result<Tolerance, String> {
         |actual: f32, expected: f32| bound.measure(0, actual, f64::from(expected)).passes();
     let farthest = [(f32::MAX, f32::MIN), (f32::MIN, f32::from_bits(1))];
     match farthest.into_iter().all(|(actual, expected)| passes(actual, expected)) {
-        true => Err(format!("`{text}` bounds nothing: no two numbers are farther apart")),
+        true => {
+            Err(format!("`{text}` accepts every result, because no two numbers are farther apart"))
+        }
         false => Ok(bound),
     }
 }
@@ -119,7 +123,7 @@ mod tests {
         // Each of these tolerances passes every result.
         for text in ["rel 1e300", "abs 1e39", "1e10 ulp", "spec or rel 1e300", "4 ulp or abs 1e300"]
         {
-            assert!(criterion(text).expect_err(text).contains("bounds nothing"), "{text}");
+            assert!(criterion(text).expect_err(text).contains("accepts every result"), "{text}");
         }
         for text in ["rel 1e30", "abs 1e38", "1e9 ulp"] {
             assert!(criterion(text).is_ok(), "{text}");

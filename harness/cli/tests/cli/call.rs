@@ -123,7 +123,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
         (json.replace(r#""f0": [1, 3, 1], "#, ""), "argument `m`: member `f0` is missing"),
         (
             json.replace("[1, 3, 1]", "[1, 3]"),
-            "argument `m`: `f0`: a vec3<f32> has 3 components, the list has 2",
+            "argument `m`: `f0`: a vec3<f32> has 3 components, but the list has 2",
         ),
         (json.replace("0.5", "\"a\""), "argument `m`: `roughness`: "),
         (json.replace("[1, 2]", "[1, -2]"), "argument `m`: `layers`: `-2` isn't of type u32"),
@@ -239,7 +239,7 @@ fn values_of_textures_and_buffers_are_exact() {
     };
     told(
         &["t::word", "--bind", "words=4294967296"],
-        "a texel is 4294967296, but the texture's texels are u32",
+        "a texel is 4294967296, but the texture's texels are of type u32",
     );
     told(&["t::word", "--bind", words, "--bind", "words=1"], "`words` is bound twice");
     told(
@@ -297,7 +297,7 @@ fn wrong_arguments_of_a_call_are_errors() {
     told(&["lit::scaled", "1", "--bind", "globals=none.json"], "can't read `none.json`");
     told(
         &["lit::sampled", "0", "--bind", "image=1", "--bind", "filtering=linear less"],
-        "the variable compares nothing",
+        "the variable doesn't compare depths",
     );
     told(&["lit::cubic", "1", "true", "--override", "GAIM=1"], "no override `GAIM`");
     told(&["lit::cubic", "0..1", "true"], "number of points");
@@ -385,11 +385,11 @@ fn depths_and_integers_of_textures_are_given_as_data() {
         let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
         assert!(error.contains(part), "{part} in:\n{error}");
     };
-    told(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5]"], "have 6 components, the list has 5");
+    told(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5]"], "have 6 components, but the list has 5");
     told(&["t::d", "--bind", "depth=half.png srgb"], "aren't colours");
-    told(&["t::c", "0,0", "--bind", "color="], "the name is empty");
+    told(&["t::c", "0,0", "--bind", "color="], "the image's name is empty");
     write(folder.path(), "six.bin", "123456");
-    told(&["t::v", "0", "--bind", "vectors=six.bin"], "it has 6 bytes");
+    told(&["t::v", "0", "--bind", "vectors=six.bin"], "the file has 6 bytes");
 }
 
 /// If a call has no values, Karat generates values, and names the generated ones.

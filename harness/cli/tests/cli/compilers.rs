@@ -670,7 +670,7 @@ mod fakes {
         let valid = check("grep 'x << x; }' shader.wgsl > out.wgsl\n").good();
         assert_eq!(last_line(&valid), "1 package valid; Tint accepts 1 module");
         for (own, part) in [
-            ("exit 1\n", "it ended (exit status: 1)"),
+            ("exit 1\n", "the program ended (exit status: 1)"),
             ("exit 0\n", "can't be read: the program ended with exit status: 0"),
             ("echo Killed >&2\nexit 1\n", "can't be read: Killed"),
             ("echo '[]' >&2\nexit 1\n", "can't be read"),

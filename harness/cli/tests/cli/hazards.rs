@@ -22,7 +22,7 @@ fn hazards_are_reported_with_their_line() {
         "fresnel::schlick with f0 = ",
         // The cosine of two unit vectors may round above 1.
         "fault: NaN  pow(1.0 - v_dot_h, 5.0)  shaders/fresnel.wgsl:2:30",
-        "for other inputs unbounded",
+        "other inputs show another hazard: unbounded",
         "it fails where v_dot_h is 1\n",
         "generated from 0 to 1.0000001: v_dot_h",
         "shaders: 1 fault and 0 requirements in 2 functions",
@@ -112,7 +112,7 @@ fn a_bool_may_have_a_name_that_suggests_a_number() {
     let out = karat(folder.path(), &["hazards"]).good();
     assert!(out.contains("0 faults and 0 requirements in 1 function\n"), "{out}");
     let error = karat(folder.path(), &["hazards", "--input", "albedo=0..1"]).error();
-    assert!(error.contains("no bool lies there"), "{error}");
+    assert!(error.contains("no bool is in this range"), "{error}");
 }
 
 /// With several packages, `--input` applies to the package that has the input. An input that no package has is an
@@ -127,7 +127,7 @@ fn an_input_may_be_declared_for_one_of_several_packages() {
     let out = karat(folder.path(), &inputs).good();
     assert!(out.contains("shaders: 0 faults") && out.contains("other: 0 faults"), "{out}");
     let error = karat(folder.path(), &[&inputs[..], &["--input", "gian=0..1"]].concat()).error();
-    assert!(error.contains("the input `gian` is declared, and no checked function"), "{error}");
+    assert!(error.contains("the input `gian` is declared, but no checked function"), "{error}");
 }
 
 #[test]
@@ -225,7 +225,7 @@ fn an_accepted_hazard_must_exist() {
             "pow(1.0-v_dot_h, 5.0)",
             "did you mean `pow(1.0 - v_dot_h, 5.0)`?",
         ),
-        ("[\"fresnel::schlick\"]", "sqrt(x)", "delete it"),
+        ("[\"fresnel::schlick\"]", "sqrt(x)", "delete the declaration"),
     ] {
         let error = accept(functions, text).error();
         assert!(error.contains(hint), "{error}");

@@ -172,7 +172,7 @@ fn a_boolean_is_no_value_of_a_u32_override() {
     };
     declared("2").good();
     let wrong = declared("true");
-    let part = "override: `N` is u32, but true isn't: write a number";
+    let part = "override: `N` is of type u32, but true isn't a number: write a number";
     assert!(wrong.code != Some(0) && wrong.out.contains(part), "{wrong:?}");
 }
 
@@ -397,8 +397,8 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
             "[[test]]\nfunction = \"schlik\"\nfinite = true\n",
             "brdf.test.toml:2:1",
         ),
-        ("brdf.tests.toml", "[[test]]\n", "declared tests are in `*.test.toml`"),
-        ("t.wgls", "@test fn t() {}\n", "tests in WGSL are in `*.wgsl` and `*.wesl`"),
+        ("brdf.tests.toml", "[[test]]\n", "Karat reads declared tests from `*.test.toml`"),
+        ("t.wgls", "@test fn t() {}\n", "Karat reads tests in WGSL from `*.wgsl` and `*.wesl`"),
         ("t.wgsl", "@tset fn t() {}\n", "tset"),
         (
             "t.wgsl",
@@ -792,7 +792,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
         ("", "`override` in a test file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
-        ("target = 1\ndepth = true", "a frame compares `target` or `depth`, not both"),
+        ("target = 1\ndepth = true", "a frame can't compare both `target` and `depth`"),
     ] {
         let ran = declare(&[&format!("name = \"a\"\n{more}")]);
         assert!(ran.code == Some(1) && ran.out.contains(part), "no `{part}` in {ran:?}");
@@ -1081,5 +1081,5 @@ fn unwritten_words_are_counted() {
         assert!(out.contains("1 check, 0 failed"), "{passes} {with}: {out}");
     }
     let both = run(&one("count"), "counts = { size = 2, value = 0, range = \"0..3\" }", "counts");
-    assert!(both.contains("elements have a `value` or a `range`"), "{both}");
+    assert!(both.contains("elements can't have both a `value` and a `range`"), "{both}");
 }

@@ -259,7 +259,7 @@ fn compute_entry_points_are_run() {
         let waits = &row(&matrix, "waits")[column];
         assert_eq!(waits["stopped"]["why"], "not_run", "{waits}");
         let says = waits["stopped"]["says"].as_str().expect("a reason");
-        assert!(says.contains("with generated data, this loop has"), "{says}");
+        assert!(says.contains("with generated data, this loop runs"), "{says}");
         assert!(says.contains("sums.wgsl:25:14"), "{says}");
     }
     let nothing = &row(&matrix, "nothing")["vulkan"];
@@ -616,7 +616,7 @@ fn a_crash_ends_one_row_of_the_matrix() {
     expect_three(&matrix);
     let crashed = &row(&matrix, "slow")["vulkan"]["stopped"];
     assert_eq!(crashed["why"], "broke", "{crashed}");
-    let why = "the process ended as `slow` ran on `vulkan`: signal: 8";
+    let why = "the process ended while `slow` ran on `vulkan`: signal: 8";
     assert!(crashed["says"].as_str().is_some_and(|says| says.starts_with(why)), "{crashed}");
 }
 
@@ -895,8 +895,8 @@ mod planted {
         let outputs = ["--html", "m.html", "--junit", "m.xml", "--reproduce", "bugs"];
         let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &outputs);
         assert_eq!(ran.code, Some(1), "{ran:?}");
-        let explained = "at x = 0; y = 1 `vulkan:hlsl` returns 2, `vulkan` -2; `less` \
-                         (shaders/maths.wgsl:3:9) differs first: 1, and -1";
+        let explained = "at x = 0; y = 1 `vulkan:hlsl` returns 2, and `vulkan` returns -2; the first variable that differs is `less` \
+                         (shaders/maths.wgsl:3:9): 1, and -1";
         assert!(ran.out.contains(explained), "{ran:?}");
         let read = |name: &str| {
             let file = folder.path().join(name);
@@ -975,7 +975,7 @@ mod planted {
         let change = "[ -f shader.hlsl ] && sed -i 's/ - /  +  /g' shader.hlsl";
         let outputs = ["--only", "maths::step_back", "--reproduce", "bugs", "--markdown", "m.md"];
         let ran = run_with_glslang(&folder, change, "", &outputs);
-        assert!(ran.out.contains("differs first, by its last value in a loop"), "{ran:?}");
+        assert!(ran.out.contains(", with its last value in a loop: "), "{ran:?}");
         let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect(name);
         let bug = "bugs/shaders/maths.step_back@vulkan-hlsl";
         let readme = read(&format!("{bug}/README.md"));
@@ -1078,7 +1078,7 @@ mod planted {
                 "x",
                 "`agree` isn't a status; the statuses are translated",
             ),
-            ("maths::blend", "vulkan", "agrees", " ", "the declaration has no reason"),
+            ("maths::blend", "vulkan", "agrees", " ", "the declaration needs a `reason`"),
         ] {
             declare(rows, column, status, reason);
             let ran = run_with_glslang(&folder, "", "", &[]);
@@ -1134,7 +1134,10 @@ mod planted {
         let cell = &row(&matrix, "maths::blend")["vulkan:hlsl"];
         let says = cell["stopped"]["says"].as_str().expect("a text").to_owned();
         // The message has the simplest input that shows the difference.
-        assert!(says.contains("at x = 0; y = 1 `vulkan:hlsl` returns 1, `vulkan` -1"), "{says}");
+        assert!(
+            says.contains("at x = 0; y = 1 `vulkan:hlsl` returns 1, and `vulkan` returns -1"),
+            "{says}"
+        );
     }
 
     // Lesson 82

@@ -84,7 +84,7 @@ fn a_file_whose_name_resembles_a_test_file_fails_the_run() {
     for name in ["wgsl/a_test.toml", "wgsl/a.test.tml", "wgsl/B.TEST.TOML"] {
         write(folder.path(), name, IN_RANGE);
         let ran = test(folder.path(), &[]);
-        let told = format!("`{name}` isn't read: declared tests are in `*.test.toml`");
+        let told = format!("`{name}` isn't read: Karat reads declared tests from `*.test.toml`");
         assert!(ran.code == Some(1) && ran.out.contains(&told), "{ran:?}");
         std::fs::remove_file(folder.path().join(name)).expect("it is there");
     }
@@ -129,7 +129,7 @@ fn declared_tests_have_places_of_their_own() {
             "3:1",
             "a parameter can't be swapped with itself",
         ),
-        (format!("{f}equals = 1\ntolerance = \"abs nan\"\n"), "4:1", "bounds nothing"),
+        (format!("{f}equals = 1\ntolerance = \"abs nan\"\n"), "4:1", "isn't a bound"),
         (format!("{f}tolerance = \"4 ulp\"\nequals = nan\n"), "4:1", "returned NaN"),
         (
             format!("{f}tolerance = \"4 ulp\"\ngolden = \"../../evil\"\n"),

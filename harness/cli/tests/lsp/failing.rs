@@ -75,7 +75,11 @@ fn a_misnamed_or_broken_test_file_is_a_diagnostic() {
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
     for (file, text, part) in [
-        ("shaders/other.tests.toml", DECLARED.to_owned(), "declared tests are in `*.test.toml`"),
+        (
+            "shaders/other.tests.toml",
+            DECLARED.to_owned(),
+            "Karat reads declared tests from `*.test.toml`",
+        ),
         ("shaders/more.test.toml", "garbage".to_owned(), "expected `=`"),
         ("shaders/more.test.toml", DECLARED.replace("function", "functionn"), "functionn"),
     ] {

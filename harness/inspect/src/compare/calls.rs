@@ -97,7 +97,7 @@ impl Request {
         let (mut drawn, mut anywhere) = (arguments.drawn(), any.drawn());
         let (count, rows) = arguments.rows_beside(&any, SEED, self.cases);
         if count == 0 {
-            return Err("Karat can't generate arguments for it".to_owned());
+            return Err("Karat can't generate arguments for the function".to_owned());
         }
         let own = Arguments::of(&before.function, &ranges)?;
         let (own_count, of_own) = own.rows(SEED, 2 * contents().count());
@@ -134,7 +134,7 @@ impl Request {
                     Err(ProbeError::Rounds { .. })
                         if pair.old.results(&shared.rows(&rows, count), count).is_ok() =>
                     {
-                        return Err("after the edit, one of its loops has too many rounds to compare, or doesn't end".to_owned());
+                        return Err("after the edit, one of the function's loops runs too many iterations to compare, or doesn't end".to_owned());
                     }
                     other => other,
                 };
@@ -166,7 +166,7 @@ impl Request {
         if paths.is_empty() && each < LEAST_EQUAL && left_out > 0 {
             let inputs = counted(each, "input");
             return Err(format!(
-                "not compared completely: {inputs} of {} give the same results, and more inputs are too much work",
+                "Karat compared only {inputs} of {}, and found the same results: more inputs would take too long",
                 each + left_out
             ));
         }

@@ -31,8 +31,10 @@ impl Request {
 
     fn run_passes(&self, name: &str, compared: &mut Compared) -> Result<Change, String> {
         let ranges = self.ranges()?;
-        let (of_old, of_new) =
-            (|error| format!("before: {error}"), |error| format!("after: {error}"));
+        let (of_old, of_new) = (
+            |error| format!("before the edit: {error}"),
+            |error| format!("after the edit: {error}"),
+        );
         let of = |side: &Package| Program::of_pass(side, name, &ranges.overrides_of(side, name));
         let (was, old_bindings, _) = of(&self.before).map_err(of_old)?;
         let (is, new_bindings, _) = of(&self.after).map_err(of_new)?;
@@ -85,7 +87,7 @@ impl Request {
                 break;
             }
             match (&seen_old.endless, &seen_new.endless) {
-                (None, Some(_)) => return Err("after the edit, one of its loops has too many rounds to compare, or doesn't end".to_owned()),
+                (None, Some(_)) => return Err("after the edit, one of the pass's loops runs too many iterations to compare, or doesn't end".to_owned()),
                 (Some(_), _) => {
                     compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                     continue;
@@ -93,7 +95,7 @@ impl Request {
                 (None, None) => {}
             }
             if seen_new.too_long && !seen_old.too_long {
-                return Err("after the edit, its loops have too many rounds to compare".to_owned());
+                return Err("after the edit, the pass's loops run too long to compare".to_owned());
             }
             if seen_old.too_long {
                 compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
@@ -135,10 +137,10 @@ impl Request {
             }
         }
         if words == 0 && compared.cut > 0 {
-            return Err("the loops of the pass are too long to run".to_owned());
+            return Err("the loops of the pass run too many iterations to compare".to_owned());
         }
         if words == 0 {
-            return Err("it writes nothing that remains after the pass".to_owned());
+            return Err("the pass writes no buffer or texture that Karat could compare".to_owned());
         }
         compared.violations = brought.told(!paths.is_empty());
         compared.mended = mended.told(!paths.is_empty() || !compared.violations.is_empty());
@@ -195,7 +197,7 @@ fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) 
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
     if was.is_empty() && !is.is_empty() {
         unwatched.get_or_insert(format!(
-            "after the edit, the sanitizer can't watch its invocations: {is}"
+            "after the edit, the sanitizer can't watch the invocations of the pass: {is}"
         ));
     }
     was.is_empty() && is.is_empty()
@@ -324,10 +326,16 @@ impl Difference {
             // A structure with only an array counts as the array.
             let (is, was) = (shape.lanes(), old_shape.lanes());
             if is.len() != was.len() {
-                return Err(format!("`{short}` has {} words, and had {}", is.len(), was.len()));
+                return Err(format!(
+                    "`{short}` has {} numbers after the edit, and had {} before",
+                    is.len(),
+                    was.len()
+                ));
             }
             if is != was {
-                return Err(format!("`{short}` is {shape}, and was {old_shape}"));
+                return Err(format!(
+                    "`{short}` is {shape} after the edit, and was {old_shape} before"
+                ));
             }
             let (scalars, names) = (shape.lanes(), shape.lane_names());
             let mut first: Option<(Clarity, WordChange)> = None;
@@ -537,9 +545,9 @@ mod tests {
             (
                 text,
                 &*endless,
-                "after the edit, one of its loops has too many rounds to compare, or doesn't end",
+                "after the edit, one of the pass's loops runs too many iterations to compare, or doesn't end",
             ),
-            (&endless, text, "the loops of the pass are too long to run"),
+            (&endless, text, "the loops of the pass run too many iterations to compare"),
         ] {
             let one = compared(before, after);
             let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };

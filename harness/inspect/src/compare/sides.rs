@@ -112,13 +112,18 @@ pub(super) fn attributes(before: &[(String, String)], after: &[(String, String)]
     let moved = |one: &(String, String)| {
         let (path, is) = one;
         let (_, was) = before.iter().find(|(known, _)| known == path)?;
-        (was != is).then(|| format!("`{path}` is {is}, and was {was}"))
+        (was != is).then(|| format!("`{path}` is {is}, and was {was} before the edit"))
     };
     let new = |one: &&(String, String)| !has(before, one) && !named(before, &one.0);
     let gone = |one: &&(String, String)| !has(after, one) && !named(after, &one.0);
     let mut all: Vec<String> = after.iter().filter_map(moved).collect();
-    all.extend(after.iter().filter(new).map(|(path, is)| format!("`{path}`, {is}, is new")));
-    all.extend(before.iter().filter(gone).map(|(path, is)| format!("`{path}`, {is}, is gone")));
+    all.extend(after.iter().filter(new).map(|(path, is)| format!("`{path}` with {is} is new")));
+    all.extend(
+        before
+            .iter()
+            .filter(gone)
+            .map(|(path, is)| format!("`{path}` with {is} is no longer used")),
+    );
     all
 }
 
@@ -144,8 +149,10 @@ pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
     };
     let changed = new.iter().filter_map(|(name, is)| match of(&old, name) {
         Some(was) if was == *is => None,
-        Some(was) => Some(format!("the override `{name}` is {is}, and was {was}")),
-        None => Some(format!("the override `{name}` ({is}) is used, and wasn't before")),
+        Some(was) => Some(format!("the override `{name}` is {is}, and was {was} before the edit")),
+        None => {
+            Some(format!("the override `{name}` ({is}) is used, and wasn't used before the edit"))
+        }
     });
     let gone = old.iter().filter(|(name, _)| of(&new, name).is_none());
     changed
@@ -162,25 +169,35 @@ pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
         let at =
             |binding: &Binding| format!("@group({}) @binding({})", binding.group, binding.binding);
         if (old.group, old.binding) != (new.group, new.binding) {
-            all.push(format!("`{name}` is bound at {}, and was at {}", at(new), at(old)));
+            all.push(format!(
+                "`{name}` is bound at {}, and was bound at {} before the edit",
+                at(new),
+                at(old)
+            ));
         }
         if old.kind != new.kind {
             let [was, is] = [old, new].map(|binding| binding.kind.to_string());
             let access = |one: &Binding| if one.kind.is_written() { "read_write" } else { "read" };
             all.push(match was == is {
-                true => format!("`{name}` is {}, and was {}", access(new), access(old)),
-                false => format!("`{name}` is a {is}, and was a {was}"),
+                true => {
+                    format!("`{name}` is {}, and was {} before the edit", access(new), access(old))
+                }
+                false => format!("`{name}` is a {is}, and was a {was} before the edit"),
             });
         }
         let bytes = |side: Side<'_>, binding: &Binding| side.program.least_bytes(binding);
         if bytes(before, old) != bytes(after, new) {
             let (was, is) = (bytes(before, old), bytes(after, new));
-            all.push(format!("`{name}` takes {is} bytes now, and took {was} before"));
+            all.push(format!(
+                "`{name}` needs {is} bytes now, and needed {was} bytes before the edit"
+            ));
         }
         let (was, is) = (before.program.places(old), after.program.places(new));
         let moved = is.iter().find_map(|(path, place)| {
             let (_, old) = was.iter().find(|(known, _)| known == path)?;
-            (old != place).then(|| format!("`{name}{path}` is at byte {place}, and was at {old}"))
+            (old != place).then(|| {
+                format!("`{name}{path}` is at byte {place}, and was at byte {old} before the edit")
+            })
         });
         all.extend(moved);
     }

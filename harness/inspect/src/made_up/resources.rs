@@ -151,7 +151,7 @@ impl Resources {
                 let most = ranges.length(other, u32::MAX, false) as usize;
                 if needed > most {
                     return Err(format!(
-                        "`{}` is declared to have {own} different elements, and length({other}) is at most {most}",
+                        "`{}` is declared to have {own} different elements, too many for length({other}), which is at most {most}",
                         binding.name()
                     ));
                 }
@@ -188,7 +188,7 @@ impl Resources {
             };
             let fixture = fixture.ok_or_else(|| {
                 format!(
-                    "it reads `{}`, and Karat can't generate data for a {}",
+                    "the shader reads `{}`, and Karat can't generate data for a {}",
                     binding.path, binding.kind
                 )
             })?;
@@ -374,7 +374,7 @@ impl Resources {
         };
         if !matches!(element, Shape::Scalar(Scalar::U32 | Scalar::I32)) {
             return Err(format!(
-                "`{path}` is declared by its elements, but their type is {element}"
+                "the declared elements of `{path}` must be of type u32 or i32, but their type is {element}"
             ));
         }
         let end = |end: &End| match end {
@@ -382,14 +382,16 @@ impl Resources {
             End::Length(name, less) => match self.lengths.get(name) {
                 Some(length) => Ok(f64::from(*length) - less),
                 None => Err(format!(
-                    "`{path}` is declared by length({name}), but no buffer has the name `{name}`"
+                    "the declaration of `{path}` uses length({name}), but no buffer has the name `{name}`"
                 )),
             },
         };
         let (least, most) = (end(least)?.ceil(), end(most)?.floor());
         let count = most - least + 1.0;
         if count < 1.0 {
-            return Err(format!("`{path}` is declared from {least} to {most}: no range"));
+            return Err(format!(
+                "`{path}` is declared from {least} to {most}, but this range contains no integer"
+            ));
         }
         if *distinct && count < f64::from(length) {
             return Err(format!(
@@ -550,7 +552,10 @@ pub(crate) fn data(
             let made =
                 texture_or_sampler(binding, Likeness::Equal(Address::Repeat), content, (None, &[]));
             let none = || {
-                format!("it uses `{}`, and Karat can't generate a {}", binding.path, binding.kind)
+                format!(
+                    "the entry point uses `{}`, and Karat can't generate a {}",
+                    binding.path, binding.kind
+                )
             };
             return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
         }
@@ -558,7 +563,7 @@ pub(crate) fn data(
             Resources::default().buffer((program, binding, elements), ranges, (content, None))?;
         if bytes.len() > MOST_BYTES {
             return Err(format!(
-                "it uses `{}` of {} bytes, and Karat runs entry points only with buffers of at most {MOST_BYTES} bytes",
+                "the entry point uses `{}`, a buffer of {} bytes, and Karat runs entry points only with buffers of at most {MOST_BYTES} bytes",
                 binding.path,
                 bytes.len()
             ));

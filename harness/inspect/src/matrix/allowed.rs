@@ -39,7 +39,7 @@ impl Allowed {
                 let row = &rows[case * arguments.len()..][..arguments.len()];
                 let (least, most) = ends[lane].expect("bounds without ends allow every value");
                 let (at, result) = (shown(&arguments, row), shown(&scalars, words));
-                format!("at {at} it returns {result}, but WGSL allows only {least} to {most}")
+                format!("at {at} the function returns {result}, but WGSL allows only results from {least} to {most}")
             });
         }
         allowed

@@ -86,8 +86,8 @@ impl Column {
     /// The reason why no path runs this column.
     pub(super) fn without_path(self) -> String {
         match self.by_tint {
-            true => "Tint only checks WGSL, and doesn't run it".to_owned(),
-            false => format!("no path here runs {}", self.target),
+            true => "Tint only checks WGSL, and doesn't run shaders".to_owned(),
+            false => format!("no path on this machine runs {}", self.target),
         }
     }
 

@@ -105,11 +105,11 @@ pub(super) fn run_entry_point_on_each(
         (cell.compared, cell.differing, cell.open) = (compared, places.len(), left_open.len());
         if let Some(place) = places.first() {
             let unknown = open.as_ref().err().map_or_else(String::new, |reason| {
-                format!("; Karat doesn't know which of them WGSL leaves open: {reason}")
+                format!("; Karat can't tell for which words WGSL allows any value: {reason}")
             });
             cell.stopped = Some(Stop::Differs(format!(
-                "{} of {compared} words that it writes differ from `{baseline}`: word {place} is \
-                 {:#010x}, there {:#010x}{unknown}",
+                "{} of {compared} words that the pass writes differ from `{baseline}`: word {place} is \
+                 {:#010x}, and on `{baseline}` {:#010x}{unknown}",
                 places.len(),
                 actual[*place],
                 expected[*place]
@@ -126,7 +126,7 @@ pub(super) fn run_entry_point_on_each(
             };
             suspect::name(cell, &ran.iter().map(side).collect::<Vec<_>>());
         } else if compared == 0 {
-            let none = "WGSL leaves the value of each word open".to_owned();
+            let none = "WGSL doesn't define the value of any word that the pass writes".to_owned();
             cell.stopped = Some(Stop::NothingToCompare(none));
         } else {
             cell.status = Some(Status::Agrees);
@@ -156,8 +156,9 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
         let barriers = program.barriers(entry_point);
         if is_slow(device, barriers) {
             let name = &device.adapter().name;
-            let why =
-                format!("{name} may take minutes to compile its {barriers} barriers on `{path}`");
+            let why = format!(
+                "{name} may take minutes to compile the pass's {barriers} barriers on `{path}`"
+            );
             return Err(Unwritten::Stop(Stop::NotRun(why)));
         }
         expect_ends(device, passes)?;
@@ -204,7 +205,7 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let (_, counts) = afterwards.last().expect("the counts are written");
     let most = loops.iter().zip(counts).max_by_key(|(_, count)| **count);
     let Some((place, count)) = most.filter(|(_, count)| **count > 0) else { return Ok(()) };
-    let message = format!("with generated data, this loop has {count} rounds or more");
+    let message = format!("with generated data, this loop runs {count} iterations or more");
     let mut diagnostic = Diagnostic::new(message);
     if let Some(place) = place {
         diagnostic = diagnostic.at(place.first_line(), "");
@@ -212,7 +213,8 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     Err(DispatchError::Rounds(Box::new(diagnostic)))
 }
 
-const UNCHANGED: &str = "with generated data, it changes no word of its buffers and textures";
+const UNCHANGED: &str =
+    "with generated data, the pass changes no value in its buffers and textures";
 
 /// The writable resources with their initial words. A texture has four words for each texel.
 fn writable(passes: &Passes) -> impl Iterator<Item = (&Binding, Vec<u32>)> {
@@ -245,7 +247,7 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
             // An order in which the pass doesn't end proves nothing. Without the results of the usual order, no
             // comparison is possible.
             if run.order.is_none() {
-                return Err("the pass doesn't end in the engine".to_owned());
+                return Err("the pass doesn't end in Karat's engine".to_owned());
             }
             continue;
         };

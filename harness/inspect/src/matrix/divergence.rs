@@ -68,15 +68,17 @@ impl Divergence {
             self.arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
         let Self { baseline, here, there, .. } = self;
         let at = if named.is_empty() { String::new() } else { format!("at {} ", named.join("; ")) };
-        let mut text = format!("{at}`{column}` returns {here}, `{baseline}` {there}");
+        let mut text = format!("{at}`{column}` returns {here}, and `{baseline}` returns {there}");
         if !self.alone {
-            text += "; without other inputs, both return the same for this input: a driver mixes inputs that \
-                     run together";
+            text += "; if this input runs without other inputs, both columns return the same result: a driver \
+                     mixes up inputs that run together";
         }
         if let Some(Intermediate { name, location, here, there, in_loop, .. }) = &self.first {
             let place = location.as_ref().map_or_else(String::new, |at| format!(" ({at})"));
-            let last = if *in_loop { ", by its last value in a loop" } else { "" };
-            text += &format!("; `{name}`{place} differs first{last}: {here}, and {there}");
+            let last = if *in_loop { ", with its last value in a loop" } else { "" };
+            text += &format!(
+                "; the first variable that differs is `{name}`{place}{last}: {here}, and {there}"
+            );
         }
         if !self.unseen.is_empty() {
             text += &format!(" (not compared: `{}`)", self.unseen.join("`, `"));

@@ -85,7 +85,7 @@ impl Journal {
             cell.stopped = Some(match index == blamed {
                 true => Stop::Broke(last.why.clone()),
                 false => Stop::NotRun(format!(
-                    "it doesn't run, because it ends the process on `{on}`: {}",
+                    "the row doesn't run here, because the row ends the process on `{on}`: {}",
                     last.why
                 )),
             });
@@ -161,7 +161,7 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
                 let crashed = rows.into_values().map(|at| {
                     let on =
                         at.path.as_ref().map_or_else(String::new, |path| format!(" on `{path}`"));
-                    let why = format!("the process ended as `{}` ran{on}: {how}", at.row);
+                    let why = format!("the process ended while `{}` ran{on}: {how}", at.row);
                     Culprit { at, why }
                 });
                 match overdue.is_empty() {
@@ -243,7 +243,7 @@ mod tests {
                 Line::Process("signal: 11".to_owned()),
             ]
         };
-        let crashed = "the process ended as `slow` ran on `vulkan`: signal: 11";
+        let crashed = "the process ended while `slow` ran on `vulkan`: signal: 11";
         for why in ["it hangs", crashed] {
             let lines = |package| if why == crashed { crashes(package) } else { hangs(package) };
             let folder = tempfile::tempdir().expect("a folder");

@@ -122,7 +122,7 @@ impl Judged {
             // naga supports only a part of SPIR-V, so its rejection of its own output doesn't count.
             None if is_read_back(column) && !Tool::naga().targets().contains(&target) => {
                 let said = said(Tool::naga(), Tool::naga().validate(translation));
-                let text = format!("naga doesn't read it back: {}", said.verdict);
+                let text = format!("naga can't read its translation back: {}", said.verdict);
                 let valid = said.outcome == Outcome::Valid;
                 let stopped = (!valid).then_some(Stop::Unsupported(text));
                 validators.push(said);
@@ -199,10 +199,15 @@ fn said(tool: &Tool, answer: std::io::Result<Validation>) -> Said {
                 Verdict::Valid => (Outcome::Valid, "valid".to_owned()),
                 Verdict::Invalid(message) => (Outcome::Invalid, format!("invalid: {message}")),
                 Verdict::Unable(what) => (Outcome::Unable, format!("no verdict, because {what}")),
-                Verdict::Broke(how) => (Outcome::Broke, format!("no verdict, because it {how}")),
+                Verdict::Broke(how) => {
+                    (Outcome::Broke, format!("no verdict, because the validator {how}"))
+                }
             },
         ),
-        Err(error) => (name, (Outcome::Broke, format!("no verdict, as it doesn't start: {error}"))),
+        Err(error) => (
+            name,
+            (Outcome::Broke, format!("no verdict, because the validator doesn't start: {error}")),
+        ),
     };
     Said { command, version, outcome, verdict }
 }

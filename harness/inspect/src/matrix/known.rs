@@ -35,12 +35,12 @@ impl Known {
             MatrixError::Known { row, column, why }
         };
         if self.reason.trim().is_empty() {
-            return Err(wrong("the declaration has no reason".to_owned()));
+            return Err(wrong("the declaration needs a `reason`".to_owned()));
         }
         if rows.clone().all(|row| row != self.row) {
             let near = nearest(&self.row, &mut rows);
             let near = near.map_or_else(String::new, |row| format!("; did you mean `{row}`?"));
-            return Err(wrong(format!("the package has no such row{near}")));
+            return Err(wrong(format!("the package has no row with this name{near}")));
         }
         match self.column.parse::<Column>() {
             Ok(_) => {}
@@ -158,12 +158,15 @@ impl Matrix {
             for (head, cell) in self.columns.iter().zip(&row.cells) {
                 let why = match (&cell.known, &cell.stopped) {
                     (Some(known), Some(stop)) if cell.contradicts() && stop.is_wrong() => format!(
-                        "the row reaches `{}`, although it is declared not to, and fails at a later step: {}",
+                        "the row reaches `{}`, although a declaration excludes this status, and fails at a later step: {}",
                         known.status,
                         stop.text()
                     ),
                     (Some(known), _) if cell.contradicts() => {
-                        format!("the row reaches `{}` and is declared not to", known.status)
+                        format!(
+                            "the row reaches `{}`, although a declaration excludes this status",
+                            known.status
+                        )
                     }
                     _ if cell.fails_as_declared().is_some() => continue,
                     (Some(known), Some(stop)) if stop.is_wrong() => format!(

@@ -130,7 +130,7 @@ impl Matrix {
         let more = rows.len().saturating_sub(MOST_NAMES);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         Some(format!(
-            "{results} in {} where WGSL leaves the result open, which isn't a finding: {}{more}",
+            "{results} in {} where WGSL doesn't define the result, which isn't a finding: {}{more}",
             match cells.len() {
                 1 => "1 cell differ".to_owned(),
                 count => format!("{count} cells differ"),

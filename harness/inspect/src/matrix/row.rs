@@ -200,7 +200,9 @@ fn results<'p>(
     karat::unstable::path::adapter(path).map_err(|error| Stop::Unavailable(error.to_string()))?;
     let mut stop = |error: ProbeError| {
         if let ProbeError::Rounds { .. } = error {
-            *endless = Some(format!("on `{path}`, one of its loops doesn't end for these inputs"));
+            *endless = Some(format!(
+                "on `{path}`, one of the function's loops doesn't end for these inputs"
+            ));
         }
         Stop::NotRun(not_run(error))
     };
@@ -248,7 +250,7 @@ fn compare_all(
         cell.open = seen.open;
         if seen.compared == 0 {
             let none = match latitude {
-                Some(_) => "WGSL leaves the result of each case open",
+                Some(_) => "WGSL doesn't define the result of any case",
                 None => "no case has a finite result",
             };
             cell.stopped = Some(Stop::NothingToCompare(none.to_owned()));

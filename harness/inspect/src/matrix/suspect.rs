@@ -28,7 +28,7 @@ pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     if let Some(Stop::Differs(text)) = &mut cell.stopped {
         let names: Vec<String> = agreeing.iter().map(|name| format!("`{name}`")).collect();
         text.push_str(&format!(
-            "; {} agree with each other, so `{alone}` is the suspect",
+            "; {} agree with each other, so the fault is probably in `{alone}`",
             and(&names)
         ));
         cell.suspect = Some((*alone).to_owned());
@@ -65,7 +65,7 @@ mod tests {
         assert_eq!(suspect.as_deref(), Some("vulkan"));
         assert_eq!(
             text,
-            "1 differs; `cpu` and `gl` agree with each other, so `vulkan` is the suspect"
+            "1 differs; `cpu` and `gl` agree with each other, so the fault is probably in `vulkan`"
         );
         let (suspect, text) = told(&[First, Other, Other, Other]);
         assert_eq!(suspect.as_deref(), Some("cpu"));

@@ -75,10 +75,10 @@ pub enum MatrixError {
         only: Vec<String>,
     },
     /// The request has no column, or no case.
-    #[error("a matrix has at least one column and one case")]
+    #[error("a matrix needs at least one column and one case")]
     Empty,
     /// The requested cases don't fit into memory.
-    #[error("a matrix has at most {most} cases for each function, not {cases}")]
+    #[error("a matrix can have at most {most} cases for each function, not {cases}")]
     TooMany {
         /// The requested number of cases.
         cases: usize,
@@ -94,7 +94,7 @@ pub enum MatrixError {
         why: String,
     },
     /// A declaration about a row that doesn't work is wrong.
-    #[error("row `{row}` is declared not to work on `{column}`: {why}")]
+    #[error("the declaration that row `{row}` doesn't work on `{column}` is wrong: {why}")]
     Known {
         /// The row's name.
         row: String,
@@ -263,13 +263,13 @@ pub enum Missed {
     },
     /// The matrix has no entry point, and no function that a kernel can call.
     #[error(
-        "the matrix has no row to judge: there is no entry point, and no function can be called"
+        "the matrix has no row to judge: the package has no entry point, and no function that Karat can call"
     )]
     NoRow,
     /// All rows were only translated, and neither validated nor run.
     #[error(
-        "none of the {rows} rows was judged: no validator of these languages is installed, and no path ran \
-             them; `karat doctor` lists what is missing and how to get it"
+        "none of the {rows} rows was judged: no validator of the matrix's languages is installed, and no path ran \
+             the rows; `karat doctor` lists what is missing and how to get it"
     )]
     NothingJudged {
         /// The number of rows.
@@ -288,7 +288,7 @@ pub enum Missed {
         of: usize,
     },
     /// Rows reach a status, although declarations exclude this.
-    #[error("on `{column}` these rows reach `{status}`, although declarations exclude that; delete \
+    #[error("on `{column}` these rows reach `{status}`, although declarations exclude this status; delete \
              their declarations: {}", rows.join(", "))]
     Passing {
         /// The column.
@@ -299,7 +299,7 @@ pub enum Missed {
         rows: Vec<String>,
     },
     /// A declaration has the name of a row that the matrix doesn't have.
-    #[error("a declaration has the row `{name}`, which isn't in the matrix")]
+    #[error("a declaration names the row `{name}`, which isn't in the matrix")]
     NoSuchRow {
         /// The row.
         name: String,
