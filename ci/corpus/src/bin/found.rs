@@ -192,8 +192,8 @@ const FOUND: [Found; 9] = [
         says: "A workgroup has 256 invocations, and the histogram has 64 bins. Each invocation adds the bin that has \
                the invocation's index, so 192 invocations use an index outside of the arrays. WGSL lets a driver \
                access any element instead (6.4.4). Mesa drops such writes, which hides the fault. If a driver clamps \
-               the index, as WGSL allows, the shader adds the last bin, that of the brightest pixels, 193 times. Auto \
-               exposure then darkens the frame too much.",
+               the index, as WGSL allows, the shader adds the last bin, which counts the brightest pixels, 193 times. \
+               Auto exposure then darkens the frame too much.",
         check: |package| last_bin(package).into(),
         change: [
             "    var histogram_value = atomicLoad(&histogram_shared[local_invocation_index]);\n    \
