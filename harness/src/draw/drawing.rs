@@ -140,7 +140,7 @@ impl Scene<'_> {
         if mixed && !depth_only {
             return unsound(
                 "depth",
-                "some of its draws write only depth, and others write colour: make a frame of each kind"
+                "some of its draws write only depth, and others write colour: make one frame for depth and one for colour"
                     .to_owned(),
             );
         }
@@ -149,7 +149,7 @@ impl Scene<'_> {
             return unsound(
                 "target",
                 format!(
-                    "a draw has a setting for target {other}, but the number of targets is {targets}, counted from 0"
+                    "a draw has a setting for target {other}, but the frame's number of targets is {targets}, and the first is target 0"
                 ),
             );
         }
@@ -157,20 +157,22 @@ impl Scene<'_> {
             Source::Target(_) if depth_only => {
                 return unsound(
                     "depth",
-                    "it draws only depth: add `depth` to compare the depth".to_owned(),
+                    "its draws write only depth: add `depth` to compare the depth".to_owned(),
                 );
             }
             Source::Target(target) if target >= targets => {
                 let has = counted(targets, "target");
                 return unsound(
                     "target",
-                    format!("it has {has}, counted from 0, so there is no target {target}"),
+                    format!(
+                        "the frame has {has}, counted from 0, so it can't show target {target}"
+                    ),
                 );
             }
             Source::Depth if self.samples > 1 => {
                 return unsound(
                     "samples",
-                    "the depth of several samples isn't one image: use 1 sample".to_owned(),
+                    "with several samples, a pixel has several depths, and a frame can show only one: use 1 sample".to_owned(),
                 );
             }
             _ => {}
@@ -183,7 +185,7 @@ impl Scene<'_> {
                 return unsound(
                     "mesh",
                     format!(
-                        "a mesh is drawn {} times from copy {}, but an attribute has only {most} values",
+                        "a draw makes {} copies of a mesh, beginning with copy {}, but an attribute has values for only {most} copies",
                         draw.instances, draw.first_instance
                     ),
                 );

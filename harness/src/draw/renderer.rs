@@ -24,8 +24,8 @@ impl Device {
         })?;
         if let Some(value) = inexact {
             let reason = format!(
-                "its target holds {value}, but an image stores integers as floats, which are exact up to 16777216: \
-                 return a smaller integer, or its upper and lower 16 bits"
+                "its target contains {value}, but an image stores integers as floats, which are exact up to 16777216: \
+                 return a smaller integer, or return the upper and lower 16 bits in two channels"
             );
             return Err(DrawError::Unsound { setting: "target", reason });
         }

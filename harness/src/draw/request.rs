@@ -107,7 +107,10 @@ impl Draw {
     /// # Panics
     /// If the number of vertices is 0 or isn't a multiple of three.
     pub fn vertices(vertex: &str, fragment: &str, count: u32) -> Self {
-        assert!(count > 0 && count.is_multiple_of(3), "{count} vertices aren't whole triangles");
+        assert!(
+            count > 0 && count.is_multiple_of(3),
+            "{count} vertices can't form triangles: use a multiple of 3, of at least 3"
+        );
         Self::new(Some(vertex), Some(fragment), Geometry::Vertices(count))
     }
 
