@@ -108,7 +108,7 @@ pub enum FrameError {
     Aov(String, &'static str),
     /// The mean colour of a rectangle differs from the expected colour.
     #[error(
-        "the mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {}\non {adapter}",
+        "the mean colour of {rect} is {mean:?}, but the test expects {expected:?}: {worst}, {}\non {adapter}",
         crate::tolerance::times_allowed(worst.ratio)
     )]
     Mean {
@@ -802,7 +802,7 @@ fn unwatched(drawing: &Drawing<'_>) -> Option<Watched> {
     let all = drawing.all_bindings();
     let written = all.iter().find(|binding| binding.kind.is_written())?;
     let reason = format!(
-        "the pixels of a draw may write `{}`: only `karat hazards` checks them for races",
+        "a draw may write `{}`, and only `karat hazards` looks for races between pixels",
         written.name()
     );
     Some(Watched { reason, ..Watched::default() })

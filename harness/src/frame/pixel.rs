@@ -135,16 +135,15 @@ impl Frame<'_> {
         }
         if drawing.scene().samples > 1 {
             notes.push(
-                "the trace has the inputs at the pixel's centre, but the frame has several samples a pixel"
+                "the trace uses the inputs at the pixel's centre, but the frame has several samples per pixel"
                     .to_owned(),
             );
         }
         let driver = drawn(device, &drawing)?.pixels()[pixel];
         notes.extend(compared(&drawing, &probed, &results, driver));
         let shown = arguments.iter().map(|one| {
-            let at = one
-                .at(pixel)
-                .map_or_else(|| "not told".to_owned(), |lanes| one.shape.format(lanes));
+            let at =
+                one.at(pixel).map_or_else(|| "unknown".to_owned(), |lanes| one.shape.format(lanes));
             (one.name.clone(), at)
         });
         Ok(TracedPixel {
@@ -168,7 +167,7 @@ fn compared(
     let scene = drawing.scene();
     if drawing.blends() {
         return Some(
-            "the frame blends: several draws contribute to the driver's colour, and these are the steps of the last draw"
+            "the frame blends colours: several draws contribute to the driver's colour, and the trace shows the steps of the last draw"
                 .to_owned(),
         );
     }
@@ -252,7 +251,7 @@ fn quad(
         )
     });
     let alone = (probed.function().form.alone && own != 0).then(|| {
-        "the function writes storage, so the engine runs it for this pixel only: derivatives are those of a quad that \
+        "the function writes storage, so the engine runs the function for this pixel only, and computes derivatives in a quad that \
          begins at this pixel"
             .to_owned()
     });

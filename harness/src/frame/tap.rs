@@ -109,7 +109,7 @@ pub enum TapError {
     #[error(transparent)]
     Frame(#[from] FrameError),
     /// The fragment functions of the frame don't have such a value.
-    #[error("the frame has no value `{wanted}`{more}")]
+    #[error("the frame computes no value `{wanted}`{more}")]
     Unknown {
         /// The value that the caller named.
         wanted: String,
@@ -141,7 +141,7 @@ pub enum TapError {
     #[error(transparent)]
     Probe(#[from] ProbeError),
     /// The frame doesn't contain the pixel.
-    #[error("the frame has {} x {} pixels, counted from (0, 0) at the upper left, but no pixel ({}, {})", size.0, size.1, pixel.0, pixel.1)]
+    #[error("the frame has {} x {} pixels, counted from (0, 0) at the upper left, so the pixel ({}, {}) is outside of the frame", size.0, size.1, pixel.0, pixel.1)]
     Outside {
         /// The column and row of the pixel.
         pixel: (u32, u32),
@@ -149,7 +149,7 @@ pub enum TapError {
         size: (u32, u32),
     },
     /// No draw covers the pixel.
-    #[error("no draw is visible at the pixel ({}, {}): no draw covers the pixel, or their fragment functions discard it", pixel.0, pixel.1)]
+    #[error("no draw is visible at the pixel ({}, {}): no draw covers the pixel, or the fragment functions discard the pixel", pixel.0, pixel.1)]
     Undrawn {
         /// The column and row of the pixel.
         pixel: (u32, u32),
@@ -160,7 +160,9 @@ pub enum TapError {
     )]
     Beside,
     /// No pixel computes the value in this round.
-    #[error("no pixel computes `{value}` {round} times: the largest number is {most}")]
+    #[error(
+        "no pixel computes `{value}` {round} times: a pixel computes the value at most {most} times"
+    )]
     Round {
         /// The value that the caller named.
         value: String,
@@ -346,7 +348,7 @@ fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, Tap
             let is_variable =
                 all.iter().any(|one| program.declares_var(&one.value.function, wanted));
             if more.is_empty() && is_variable {
-                more = ": it is a `var`, which changes with each assignment: name the assigned expression instead".to_owned();
+                more = ": this variable is a `var`, which each assignment changes: name the assigned expression instead".to_owned();
             } else if let Some(near) =
                 nearest(wanted, names.iter().copied()).filter(|_| more.is_empty())
             {

@@ -40,7 +40,10 @@ pub(super) fn lock(folder: &Path) -> Result<File, ImageError> {
             }
             Err(TryLockError::WouldBlock) => {
                 if !told && begun.elapsed() > SILENT {
-                    tell(&format!("note: waiting for another acceptance (`{}`)", shown(&file)));
+                    tell(&format!(
+                        "note: waiting until another process has accepted its goldens (lock file `{}`)",
+                        shown(&file)
+                    ));
                     told = true;
                 }
                 std::thread::sleep(PAUSE);

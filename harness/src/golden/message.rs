@@ -34,7 +34,9 @@ impl Deviation {
                 "{outliers} of {pixels} pixels are off by more than rel {relative}, within {bounds}"
             ),
             None => {
-                format!("no pixel is off by more than rel {relative}, but other bounds fail")
+                format!(
+                    "no pixel is off by more than rel {relative}, but the frame exceeds other bounds"
+                )
             }
         }
     }
@@ -49,7 +51,7 @@ impl fmt::Display for Deviation {
         f.write_str(&self.summary())?;
         if pixels < frame_pixels {
             let share = significant(100.0 * *pixels as f64 / *frame_pixels as f64);
-            write!(f, "\n  compared: {share}% of the frame, the mask leaves out the rest")?;
+            write!(f, "\n  compared: {share}% of the frame, and the mask excludes the rest")?;
         }
         if let Some(worst) = worst {
             write!(
