@@ -95,9 +95,9 @@ pub struct Compute<'a> {
 pub struct After<'a> {
     compute: Compute<'a>,
     variable: String,
-    /// Set if the run's record gets the verdict.
+    /// `true` if Karat writes the verdict into the run's record.
     recorded: bool,
-    /// Set if the check ignores the order of the elements.
+    /// `true` if the check ignores the order of the elements.
     up_to_order: bool,
     /// The numbers of rows and columns into which [`After::grid`] arranges the elements, or `None`.
     grid: Option<[usize; 2]>,

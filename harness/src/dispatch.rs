@@ -181,7 +181,8 @@ pub struct Pass {
     /// The resource variables that the entry point uses. The number is the index of the variable's resource in
     /// [`Passes`].
     pub bindings: Vec<(Binding, usize)>,
-    /// For a draw, the scalar types of the fragment function's result. For a draw, `workgroups` counts pixels.
+    /// For a draw, the scalar types of the fragment function's result. `None` for a compute pass. In a draw,
+    /// `workgroups` counts pixels.
     pub drawn: Option<Vec<Scalar>>,
 }
 

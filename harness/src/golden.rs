@@ -95,9 +95,9 @@ pub(crate) struct Rendered<'a> {
     /// Further parts for the file, such as AOVs. Karat draws the parts on the frame's own path, and only if it
     /// writes the file.
     pub(crate) aovs: &'a dyn Fn() -> Vec<Part>,
-    /// Reports if the test declares a known issue for the frame. Then Karat writes no pending frame.
+    /// `true` if the test declares a known issue for the frame. Then Karat writes no pending frame.
     pub(crate) known_issue: bool,
-    /// Reports if the frame of another path is pending. You accept or reject that frame first, and run the test
+    /// `true` if the frame of another path is pending. You accept or reject that frame first, and run the test
     /// again.
     pub(crate) other_waits: bool,
 }

@@ -37,9 +37,9 @@ pub(super) struct Expected {
 pub(super) struct Statement<'a> {
     pub(super) text: String,
     pub(super) shape: Shape,
-    /// Set if passes may leave the resource unchanged.
+    /// `true` if the passes may leave the resource unchanged.
     pub(super) may_stay: bool,
-    /// Set if the verdict was known before the passes ran.
+    /// `true` if the verdict was known before the passes ran.
     pub(super) settled: bool,
     pub(super) breaks: &'a dyn Fn(&[u32]) -> Option<Broken>,
 }

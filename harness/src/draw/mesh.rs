@@ -29,7 +29,7 @@ pub(super) struct Column {
     /// The number of scalars in a value: 1 to 4.
     pub(super) width: usize,
     pub(super) words: Vec<u32>,
-    /// Set if the values belong to copies of the mesh instead of vertices.
+    /// `true` if each value belongs to a copy of the mesh, `false` if each value belongs to a vertex.
     pub(super) by_instance: bool,
 }
 
@@ -109,7 +109,7 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If there is no value, if another attribute uses the location, or if a value doesn't consist of one to four
+    /// If `values` is empty, if another attribute uses the location, or if a value doesn't consist of one to four
     /// floats or integers.
     #[must_use]
     pub fn instance_attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
@@ -129,7 +129,7 @@ impl Mesh {
         self.attributes[0].words.len() / POSITION
     }
 
-    /// The number of values in the shortest attribute of copies. It is `None` if there is no such attribute.
+    /// The number of copies for which every attribute of copies has a value. `None` if there is no such attribute.
     pub(super) fn most_instances(&self) -> Option<usize> {
         let columns = self.attributes.iter().filter(|column| column.by_instance);
         columns.map(|column| column.words.len() / column.width).min()

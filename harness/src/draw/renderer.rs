@@ -91,7 +91,8 @@ impl Device {
     }
 }
 
-/// Draws the frame with loops that count their rounds. It is for drivers that stop long loops without an error.
+/// Draws the frame with loops that count their iterations. Some drivers stop long loops without an error, and the
+/// counts show such loops.
 fn watch_rounds(
     device: &Device,
     scene: &Scene<'_>,

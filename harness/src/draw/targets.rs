@@ -1,5 +1,5 @@
 //! Checks the outputs of draws against the targets. A target without an output would contain old memory. An output
-//! without a target would be lost without an error.
+//! without a target would disappear without an error.
 
 use super::drawing::{Scene, Source};
 use super::request::Draw;

@@ -52,7 +52,7 @@ impl Frame<'_> {
         self.reported((case.to_owned(), folder), |report| self.compare(goldens, case, report))
     }
 
-    /// Reports if the settings say not to draw the frame, and notes that.
+    /// Reports if the settings say not to draw the frame, and records that the frame wasn't drawn.
     pub(super) fn is_left_out(&self) -> bool {
         let left_out = self.recorded && settings::leaves_frames_out();
         if left_out {

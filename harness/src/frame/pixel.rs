@@ -38,7 +38,7 @@ struct Argument {
 }
 
 impl Argument {
-    /// The lanes of the argument at a pixel. `None` says that the function didn't run there.
+    /// The components of the argument at a pixel, as `u32`s. `None` if the function didn't run for this pixel.
     fn at(&self, pixel: usize) -> Option<&[u32]> {
         let width = self.shape.lanes().len();
         let ran = self.read.times.get(pixel)?.is_some_and(|times| times > 0);
@@ -208,7 +208,7 @@ fn arguments(
     Ok(own.into_iter().zip(read).map(told).collect())
 }
 
-/// The lanes of a call at each pixel of a quad, with notes about unknown neighbours.
+/// The components of the arguments at each pixel of a quad, with notes about neighbours with unknown arguments.
 fn quad(
     probed: &Probed,
     arguments: &[Argument],
@@ -226,7 +226,7 @@ fn quad(
         let here = at[own].unwrap_or_default();
         let [beside, below] = [at[own ^ 1], at[own ^ 2]];
         unknown |= shape.quad().is_some() && (beside.is_none() || below.is_none());
-        // An unknown neighbour gets the pixel's own values, so derivatives towards it are 0.
+        // A neighbour with unknown values gets the pixel's own values, so derivatives towards that neighbour are 0.
         let [beside, below] = [beside, below].map(|one| one.unwrap_or(here));
         let across = |(index, scalar): (usize, &Scalar)| match scalar.is_float() {
             true => {

@@ -13,12 +13,12 @@ use crate::image::{ImageError, Staged};
 use crate::lines;
 use crate::output::visible;
 
-/// Size in bytes. Accepting a larger golden gives a warning, because every clone of the project keeps every
+/// A size in bytes. Accepting a larger golden gives a warning, because every clone of the project keeps every
 /// version of the golden for ever.
 const LARGE: u64 = 128 << 10;
-/// Size in bytes. Karat refuses to accept a larger golden.
+/// A size in bytes. Karat refuses to accept a larger golden.
 const TOO_LARGE: u64 = 1 << 20;
-/// Columns and rows. Accepting a larger frame gives a warning: smaller frames usually suffice.
+/// The width and height in pixels above which accepting a frame gives a warning: smaller frames usually suffice.
 const WIDE: (u32, u32) = (640, 360);
 
 /// The decision to accept a pending frame.
@@ -42,7 +42,7 @@ pub struct Acceptance {
 pub struct Accepted {
     /// The golden's file.
     pub golden: PathBuf,
-    /// Reports if Karat wrote the golden. False if the golden already has these pixels and facts.
+    /// `true` if Karat wrote the golden, `false` if the golden already has the frame's pixels and facts.
     pub written: bool,
     /// Warnings for a reviewer.
     pub warnings: Vec<String>,
@@ -183,7 +183,7 @@ pub enum AcceptError {
         case: String,
         /// The profile.
         profile: Profile,
-        /// Reports if there is no golden for all profiles.
+        /// `true` if there is no golden for all profiles.
         missing: bool,
     },
     /// The golden's file would be too large.

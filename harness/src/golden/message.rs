@@ -74,7 +74,7 @@ impl fmt::Display for Deviation {
             let pinned = if *pinned { ", pinned in the golden" } else { "" };
             write!(f, "\n  FLIP used exposures of {exposures}{pinned}")?;
         }
-        // A tolerance of zero has no multiples.
+        // Multiples of a tolerance of zero are all zero, so they show nothing.
         if worst.is_some() && gate.relative > 0.0 {
             write!(f, "\n  pixels off at a tolerance of")?;
             let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep).enumerate();

@@ -60,7 +60,7 @@ impl Running {
         &self.folder
     }
 
-    /// Makes this run the last run in one step, and removes the run before it.
+    /// Makes this run the last run in one step, and removes the folder of the previous last run.
     ///
     /// # Errors
     /// If Karat can't write `last`. Then the run before this run stays the last run.
