@@ -8,13 +8,13 @@ use crate::tolerance::{beyond, power, significant};
 use crate::value::format_f32;
 
 impl Deviation {
-    /// The first bound that fails: the measured value as text, and its multiple of the bound.
+    /// The first bound that fails: the measured value as text, and the value divided by the bound.
     pub(crate) fn worst_margin(&self) -> (String, Option<f64>) {
         let Some(margin) = self.margins.iter().find(|margin| !margin.passes()) else {
             return (String::new(), None);
         };
         let value = match (margin.criterion, &self.worst) {
-            // A bound of zero has no multiples.
+            // A value can't be divided by a bound of zero.
             (FrameCriterion::Gate, Some(worst)) if self.gate.relative == 0.0 => {
                 format!("abs {}", significant(f64::from((worst.actual - worst.golden).abs())))
             }
@@ -74,7 +74,7 @@ impl fmt::Display for Deviation {
             let pinned = if *pinned { ", pinned in the golden" } else { "" };
             write!(f, "\n  FLIP used exposures of {exposures}{pinned}")?;
         }
-        // Multiples of a tolerance of zero are all zero, so they show nothing.
+        // For a tolerance of zero, all four tolerances below would be zero.
         if worst.is_some() && gate.relative > 0.0 {
             write!(f, "\n  pixels off at a tolerance of")?;
             let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep).enumerate();

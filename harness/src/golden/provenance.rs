@@ -1,4 +1,4 @@
-//! The provenance of a golden or a pending frame. A golden has it in its EXR, and as TOML beside the EXR.
+//! The provenance of a golden or a pending frame. A golden's provenance is in its EXR, and as TOML beside the EXR.
 
 use std::collections::BTreeMap;
 
@@ -149,7 +149,7 @@ pub struct FrameFinding {
     pub verdict: String,
     /// All measurements, in order.
     pub margins: Vec<CriterionMargin>,
-    /// Reports if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
+    /// `true` if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
     /// the profile needs no golden of its own.
     #[serde(default)]
     pub base_passes: bool,
