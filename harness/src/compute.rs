@@ -95,9 +95,9 @@ pub struct Compute<'a> {
 pub struct After<'a> {
     compute: Compute<'a>,
     variable: String,
-    /// Set if the run's record gets the verdict.
+    /// `true` if Karat writes the verdict into the run's record.
     recorded: bool,
-    /// Set if the check ignores the order of the elements.
+    /// `true` if the check ignores the order of the elements.
     up_to_order: bool,
     /// The numbers of rows and columns into which [`After::grid`] arranges the elements, or `None`.
     grid: Option<[usize; 2]>,
@@ -152,7 +152,7 @@ pub enum ComputeError {
     },
     /// The reference and the resource differ in their number of elements.
     #[error(
-        "`{variable}` holds {found} elements after `{entry_point}`, but the reference gives {expected}"
+        "`{variable}` has {found} elements after `{entry_point}`, but the reference has {expected}"
     )]
     Count {
         /// The variable of the resource.
@@ -165,7 +165,7 @@ pub enum ComputeError {
         expected: usize,
     },
     /// The number of elements isn't the product of the rows and columns in [`After::grid`].
-    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns hold {}: correct the rows or the columns", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
+    #[error("`{variable}` has {elements} elements, but {} rows of {} columns have {}: correct the rows or the columns", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
     Grid {
         /// The variable of the resource.
         variable: String,
@@ -200,7 +200,7 @@ pub enum ComputeError {
     },
     /// The bound of a tolerance is negative or NaN, or it is so large that every result would pass.
     #[error(
-        "the tolerance {tolerance} has the bound {bound:e}: use a number of at least 0 that an error can exceed"
+        "the tolerance {tolerance} isn't usable, because its bound is {bound:e}: use a number of at least 0 that an error can exceed"
     )]
     Bound {
         /// The tolerance that a test set.
@@ -260,7 +260,7 @@ impl From<ValuesError> for ComputeError {
 /// assert_eq!(barrier, karat::check::HazardKind::Barrier);
 /// ```
 #[deprecated(
-    note = "use `check::HazardKind`: `ReadWrite` and `WriteWrite` became `Race`, and `Outside` became `OutOfRange`"
+    note = "use `check::HazardKind`, which has `Race` instead of `ReadWrite` and `WriteWrite`, and `OutOfRange` instead of `Outside`"
 )]
 pub type ViolationKind = crate::hazard::Kind;
 pub(crate) use judge::Difference;
@@ -706,7 +706,7 @@ impl After<'_> {
         });
         let broken = judge::Broken { failures: missed, first: element };
         let breaks = |_: &[u32]| (missed > 0).then(|| broken.clone());
-        let text = "each element is written, in Karat's engine".to_owned();
+        let text = "the passes write each element in Karat's engine".to_owned();
         let statement =
             judge::Statement { text, shape, may_stay: true, settled: true, breaks: &breaks };
         self.judge(judge::Assertion::Holds(statement), Location::caller())

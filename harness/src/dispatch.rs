@@ -61,7 +61,7 @@ pub enum DispatchError {
         workgroups: [u32; 3],
     },
     /// A workgroup has more invocations than the path supports.
-    #[error("the workgroup of `{name}` is {} x {} x {}; path `{path}` allows up to {} x {} x {}, and {limit} \
+    #[error("the workgroup of `{name}` has {} x {} x {} invocations, but path `{path}` allows up to {} x {} x {}, and {limit} \
              invocations in total", size[0], size[1], size[2], sides[0], sides[1], sides[2])]
     WorkgroupSize {
         /// The name of the entry point.
@@ -119,7 +119,7 @@ pub enum DispatchError {
         nearest: Option<String>,
     },
     /// No pass has an override with this name.
-    #[error("no pass has the override `{name}`")]
+    #[error("no pass uses an override `{name}`")]
     Override {
         /// The name that the test uses.
         name: String,
@@ -181,7 +181,8 @@ pub struct Pass {
     /// The resource variables that the entry point uses. The number is the index of the variable's resource in
     /// [`Passes`].
     pub bindings: Vec<(Binding, usize)>,
-    /// For a draw, the scalar types of the fragment function's result. For a draw, `workgroups` counts pixels.
+    /// For a draw, the scalar types of the fragment function's result. `None` for a compute pass. In a draw,
+    /// `workgroups` counts pixels.
     pub drawn: Option<Vec<Scalar>>,
 }
 
@@ -410,7 +411,7 @@ impl Passes {
         let shape = pass.program.written_shape(binding, Some(count));
         let shape = shape.ok_or_else(|| FixtureError::Unusable {
             variable: binding.path.clone(),
-            reason: "the host can't read its type".to_owned(),
+            reason: "Karat can't read values of the variable's type".to_owned(),
         })?;
         Part::of(number, &shape, member).ok_or_else(|| no_member(name, member, &shape))
     }

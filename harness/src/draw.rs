@@ -18,7 +18,7 @@ mod state;
 mod targets;
 mod told;
 
-/// The old name of the trait for attributes.
+/// The old name of [`Shareable`](crate::value::Shareable), the trait of a mesh's attributes.
 pub use crate::value::Shareable as Attribute;
 pub use blend::{Blend, BlendComponent, BlendFactor, BlendOperation};
 pub(crate) use drawing::{Drawing, Scene, Source};
@@ -46,10 +46,10 @@ pub enum DrawError {
     /// Karat can't use a path.
     #[error(transparent)]
     Path(#[from] PathError),
-    /// A loop runs more rounds than the driver allows.
+    /// A loop runs more iterations than the driver allows.
     #[error("{0}")]
     Rounds(Box<Diagnostic>),
-    /// The module has no such entry point.
+    /// The module has no entry point of the expected stage with this name.
     #[error("module `{module}` has no {stage} entry point `{name}`")]
     EntryPoint {
         /// The module.

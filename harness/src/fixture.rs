@@ -17,7 +17,7 @@ mod member;
 mod sampler;
 mod texture;
 
-/// The earlier name of the trait for texels.
+/// The earlier name of [`Shareable`](crate::value::Shareable), the trait of texels.
 pub use crate::value::Shareable as Texel;
 pub use buffer::{Buffer, Storage, Uniform};
 pub use cube_map::{CubeMap, CubeMapError};

@@ -59,7 +59,7 @@ pub struct Frame<'a> {
     known_issues: KnownIssues,
     /// The position of the frame's declaration, if it isn't in Rust.
     declared_at: Option<String>,
-    /// Set if the run's record gets the verdicts.
+    /// `true` if Karat writes the verdicts into the run's record.
     recorded: bool,
 }
 
@@ -84,7 +84,7 @@ pub struct Frame<'a> {
 pub struct FrameAgreement {
     /// The name of the golden.
     pub case: String,
-    /// Each path with the distance from its tolerance.
+    /// Each path, with the frame's errors and their bounds on this path.
     pub paths: Vec<(Adapter, FrameMargin)>,
     /// Known issues: paths that differ as the test declared.
     pub known_issues: Vec<KnownIssue>,
@@ -108,7 +108,7 @@ pub enum FrameError {
     Aov(String, &'static str),
     /// The mean colour of a rectangle differs from the expected colour.
     #[error(
-        "the mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {}\non {adapter}",
+        "the mean colour of {rect} is {mean:?}, but the test expects {expected:?}: {worst}, {}\non {adapter}",
         crate::tolerance::times_allowed(worst.ratio)
     )]
     Mean {
@@ -123,7 +123,7 @@ pub enum FrameError {
         /// The largest error of the three channels.
         worst: LaneError,
     },
-    /// A rectangle that lies outside the frame.
+    /// A rectangle isn't inside the frame.
     #[error(transparent)]
     Rectangle(MaskError),
     /// A declaration about a path doesn't hold, or names no bug.
@@ -196,7 +196,7 @@ impl Stop for FrameError {
         matches!(self, Self::Draw(error) if error.is_refusal())
     }
 
-    /// The cause by which Karat groups paths. For example, a golden is missing on all paths together.
+    /// The text by which Karat groups paths that fail for the same cause, such as a missing golden.
     fn cause(&self) -> String {
         match self {
             Self::Golden { cause, .. } if matches!(**cause, GoldenError::Missing { .. }) => {
@@ -498,7 +498,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Draws first only depth. Then it draws colour where the depth is equal.
+    /// Draws in two passes. The first pass writes only depth. The second pass draws colour where the depth is equal.
     ///
     /// ```no_run
     /// use karat::draw::Mesh;
@@ -797,12 +797,12 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// The reason why no sanitizer checks a frame: it may write a resource that several pixels see.
+/// The reason why the sanitizer doesn't check a frame that may write a resource. `None` if no draw writes a resource.
 fn unwatched(drawing: &Drawing<'_>) -> Option<Watched> {
     let all = drawing.all_bindings();
     let written = all.iter().find(|binding| binding.kind.is_written())?;
     let reason = format!(
-        "the pixels of a draw may write `{}`: only `karat hazards` checks them for races",
+        "a draw may write `{}`, and only `karat hazards` looks for races between pixels",
         written.name()
     );
     Some(Watched { reason, ..Watched::default() })

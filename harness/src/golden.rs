@@ -95,9 +95,9 @@ pub(crate) struct Rendered<'a> {
     /// Further parts for the file, such as AOVs. Karat draws the parts on the frame's own path, and only if it
     /// writes the file.
     pub(crate) aovs: &'a dyn Fn() -> Vec<Part>,
-    /// Reports if the test declares a known issue for the frame. Then Karat writes no pending frame.
+    /// `true` if the test declares a known issue for the frame. Then Karat writes no pending frame.
     pub(crate) known_issue: bool,
-    /// Reports if the frame of another path is pending. You accept or reject that frame first, and run the test
+    /// `true` if the frame of another path is pending. You accept or reject that frame first, and run the test
     /// again.
     pub(crate) other_waits: bool,
 }
@@ -143,7 +143,7 @@ pub enum GoldenError {
     },
     /// The golden can't be read. Karat doesn't overwrite it.
     #[error("the golden of frame `{case}` can't be used: {cause}{}",
-        if matches!(cause, ImageError::Corrupt { .. }) { "; restore it from version control" } else { "" })]
+        if matches!(cause, ImageError::Corrupt { .. }) { "; restore the golden from version control" } else { "" })]
     Unreadable {
         /// The golden's name.
         case: String,
@@ -215,7 +215,9 @@ impl GoldenError {
             FrameDifference::Values(found) => {
                 ("the worst pixel", found.worst.as_ref().map(|worst| (worst.x, worst.y)))
             }
-            FrameDifference::NonFinite(found) => ("the first of these pixels", found.first),
+            FrameDifference::NonFinite(found) => {
+                ("the first pixel with NaN or infinity", found.first)
+            }
             _ => return,
         };
         if let Some((x, y)) = at {
@@ -473,7 +475,8 @@ impl Goldens {
 
     fn advice(&self, pending: &Pending, difference: &FrameDifference, golden: &Path) -> String {
         if matches!(difference, FrameDifference::NonFinite(_)) {
-            return "and fix the shader: no golden could ever agree with such a frame".to_owned();
+            return "and fix the shader: a frame with NaN or infinity never agrees with a golden"
+                .to_owned();
         }
         let Pending { case, provenance, .. } = pending;
         if provenance.finding.as_ref().is_some_and(|finding| finding.base_passes) {

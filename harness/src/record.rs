@@ -44,7 +44,7 @@ pub enum Verdict {
     KnownIssue,
     /// At least one case fails.
     Fail,
-    /// Karat couldn't compare anything.
+    /// Karat couldn't run the check, or couldn't compare any case.
     Error,
 }
 
@@ -219,7 +219,7 @@ impl PathRecord {
 pub struct Allowance {
     /// Number of examined cases. They are a sample of all cases.
     pub cases: u64,
-    /// Number of these cases in which WGSL allows a larger error than the tolerance.
+    /// Number of the examined cases in which WGSL allows a larger error than the tolerance.
     pub wider: u64,
     /// The largest error that WGSL allows, divided by the tolerance. `None` if the quotient isn't finite: WGSL
     /// allows any result, or allows an error although the tolerance is 0.
@@ -237,7 +237,7 @@ pub struct Run {
     pub schema: u32,
     /// The selection of tests: a filter, packages, targets. If the list is empty, every test ran.
     pub selected: Vec<String>,
-    /// Reports if every test passed and every module is valid. A test that fails records nothing after its
+    /// `true` if every test passed and every module is valid. A test that fails records nothing after its
     /// failure.
     pub passed: bool,
     /// Names of tests that failed, as their runner printed them. A test may fail without a failing check.
@@ -246,7 +246,7 @@ pub struct Run {
     /// Modules that aren't valid, including modules that no test uses.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid: Vec<String>,
-    /// The errors in these modules.
+    /// The errors in the modules of `invalid`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<ModuleError>,
     /// Packages that aren't valid although none of their modules has an error. Such a package requires Tint's
@@ -259,7 +259,7 @@ pub struct Run {
     /// Number of selected tests that the runner left out after a failure, as the runner printed it.
     #[serde(default, skip_serializing_if = "is_none")]
     pub not_run: u64,
-    /// Reports if the runner stopped at a failure without printing how many tests it left out.
+    /// `true` if the runner stopped at a failure without printing how many tests it left out.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub stopped: bool,
 }
@@ -361,7 +361,7 @@ impl Allowance {
 }
 
 thread_local! {
-    /// False while the tests of this thread run a mutant instead of the package itself.
+    /// `false` while the tests of this thread run a mutant instead of the package itself.
     static KEPT: Cell<bool> = const { Cell::new(true) };
 }
 

@@ -119,7 +119,7 @@ fn the_mean_of_a_rectangle_is_what_is_expected() {
     assert!(!mean.paths.is_empty());
     let error = frame.try_has_mean(right, [0.75, 0.25, 0.51], Rel(0.01)).expect_err("it is .5");
     assert!(is_mean(&error), "{error}");
-    assert!(error.to_string().contains("the mean of (2, 0) to (3, 3) is [0.75, 0.25, 0.5]"));
+    assert!(error.to_string().contains("the mean colour of (2, 0) to (3, 3) is [0.75, 0.25, 0.5]"));
     let error = frame.try_has_mean(Rect::new(2, 0, 3, 4), [0.0; 3], Abs(1.0));
     assert!(
         error

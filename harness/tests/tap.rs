@@ -494,7 +494,7 @@ fn names_without_a_value_are_refused() {
     );
     let often = plain(&package).tap(drivers()[0], &Tap::new("term").round(Some(9)));
     let often = often.expect_err("no pixel goes round so often").to_string();
-    assert!(often.contains("9 times: the largest number is 3"), "{often}");
+    assert!(often.contains("9 times: a pixel computes the value at most 3 times"), "{often}");
     let variable = refused(plain(&package), "sum.x").to_string();
     assert!(variable.contains("has no value `sum.x`"), "{variable}");
     let mesh = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);

@@ -78,7 +78,7 @@ fn a_fixture_that_another_one_hides() {
         assert_eq!(
             error,
             "`near` and `far` are both @group(0) @binding(0), and a shader can use only one of \
-             them: give one of the two another number"
+             them: give one of the two variables another number"
         );
     }
 }

@@ -464,9 +464,13 @@ fn races_that_are_accepted() {
         (
             "equal",
             "data[i] = i + 1u;",
-            "isn't needed, as no two invocations write the same value there: remove it",
+            "isn't needed, because no two invocations write the same value to the variable: remove it",
         ),
-        ("race", "data[i] = i + 1u;", "isn't needed, as there is no such race: remove it"),
+        (
+            "race",
+            "data[i] = i + 1u;",
+            "isn't needed, because no invocations race on the variable: remove it",
+        ),
         ("typo", "data[i] = 1u;", "names a variable that no pass uses; did you mean `data`?"),
         ("silent", "data[0] = 1u;", "has no reason: say why the race is harmless"),
         ("tile", "data[0] = 1u; tile[i] = 0u;", "has a race on `data[0]`"),
@@ -674,7 +678,7 @@ fn an_order_that_matters_where_the_usual_one_fails() {
     let seen = passes("append").after("out").unrecorded().try_agrees_with(others.clone(), Abs(0.0));
     let Err(ComputeError::Order(order)) = seen else { panic!("{seen:?}") };
     assert!(!order.holds && order.location == "<append>:4:17", "{order}");
-    let says = "in the usual order of Karat's engine this doesn't hold: elements agree within abs 0. But each order";
+    let says = "in the usual order of Karat's engine, this assertion fails: elements agree within abs 0. Each order";
     assert!(order.to_string().contains(says), "{order}");
     let seen = passes("lost").after("count").unrecorded().try_agrees_with([8_u32], Abs(0.0));
     assert!(matches!(seen, Err(ComputeError::Order(_))), "one after the other leaves 8: {seen:?}");

@@ -37,9 +37,9 @@ pub(super) struct Expected {
 pub(super) struct Statement<'a> {
     pub(super) text: String,
     pub(super) shape: Shape,
-    /// Set if passes may leave the resource unchanged.
+    /// `true` if the passes may leave the resource unchanged.
     pub(super) may_stay: bool,
-    /// Set if the verdict was known before the passes ran.
+    /// `true` if the verdict was known before the passes ran.
     pub(super) settled: bool,
     pub(super) breaks: &'a dyn Fn(&[u32]) -> Option<Broken>,
 }
@@ -235,7 +235,7 @@ impl Sum {
         let element = Element {
             place: Place::Whole("no result".to_owned()),
             actual: "a loop doesn't end".to_owned(),
-            expected: "each loop ends in each order".to_owned(),
+            expected: "each loop ends, in each order of the invocations".to_owned(),
             error: String::new(),
         };
         Self::of_failures(1, Some(element))
@@ -644,7 +644,11 @@ impl fmt::Display for Difference {
             let failures = path.census.failures;
             let compares = path.shown.iter().all(|one| !one.error.is_empty());
             if path.shown.is_empty() {
-                writeln!(f, "  the assertion fails for the {} elements together", path.elements)?;
+                writeln!(
+                    f,
+                    "  the assertion about all {} elements together is false",
+                    path.elements
+                )?;
             } else if !compares {
                 writeln!(f, "  {failures} of {} elements break the assertion", path.elements)?;
             } else {

@@ -86,11 +86,15 @@ impl fmt::Display for OrderDependence {
             writeln!(f, "  --> {}", self.location)?;
         }
         if self.holds {
-            writeln!(f, "  in the usual order {}. This fails if {}", self.assertion, self.swap)?;
+            writeln!(
+                f,
+                "  in the usual order, {}. The assertion fails if {}",
+                self.assertion, self.swap
+            )?;
         } else {
             writeln!(
                 f,
-                "  in the usual order of Karat's engine this doesn't hold: {}. But each order must give the same result, and the result changes if {}",
+                "  in the usual order of Karat's engine, this assertion fails: {}. Each order must give the same result, but the result changes if {}",
                 self.assertion, self.swap
             )?;
         }
@@ -113,7 +117,7 @@ impl fmt::Display for OrderDependence {
         }
         writeln!(
             f,
-            "  = WGSL promises no order, and each driver has its own. A barrier orders the invocations of a workgroup. A second pass orders workgroups. If the order of elements shouldn't matter, \
+            "  = WGSL promises no order of invocations, and drivers use different orders. A barrier orders the invocations of a workgroup, and a second pass orders workgroups. If the order of elements shouldn't matter, \
              use `up_to_order`. If sums of floats differ, use a tolerance"
         )?;
         writeln!(f, "  replay: {}", self.replay)
@@ -211,12 +215,12 @@ impl After<'_> {
         };
         if tried == Tried::default() {
             let why = match crate::settings::schedules() {
-                Some(0) => "the setting asks for 0 orders",
-                _ => "one order takes too long",
+                Some(0) => "the setting `KARAT_SCHEDULES` is 0",
+                _ => "a run in one order takes too long",
             };
             watched.reason = format!("no other order of invocations was tried: {why}");
         } else if tried.orders > 0 && judged.is_undecided() {
-            "the assertion holds in no order of Karat's engine, so Karat can't see if it depends on the order"
+            "the assertion fails in all orders that Karat's engine tried, so Karat can't tell if the assertion depends on the order"
                 .clone_into(&mut watched.reason);
         }
         Ok(())

@@ -176,11 +176,11 @@ impl After<'_> {
         // If the sanitizer checked only a part of the passes, the accepted race may be in the other part.
         let Some(one) = unmet.filter(|_| whole) else { return Ok(()) };
         let what = if one.equal {
-            "no two invocations write the same value there"
+            "no two invocations write the same value to the variable"
         } else {
-            "there is no such race"
+            "no invocations race on the variable"
         };
-        Err(one.wrong(format!("isn't needed, as {what}: remove it")))
+        Err(one.wrong(format!("isn't needed, because {what}: remove it")))
     }
 }
 

@@ -187,7 +187,8 @@ impl Device {
             }
         }
         if immediates.is_some() && pipeline.is_foreign() {
-            let message = "immediates aren't passed to shaders of other compilers".to_owned();
+            let message =
+                "Karat can't pass immediates to a shader that naga didn't translate".to_owned();
             return Err(PathError::Route { path: self.path(), message }.into());
         }
         if let (Some(counts), Some(counted)) = (&counts, counted)

@@ -1,4 +1,4 @@
-//! Formulas that combine a new value with a pixel's old value.
+//! Blending: formulas that combine a draw's new value with a pixel's old value.
 
 /// The formula for a new value over a pixel's old value. `new` is the result of the fragment function, and `old` is the
 /// value in the target.
@@ -15,13 +15,14 @@ pub enum Blend {
     /// The new value replaces the old one.
     #[default]
     Replace,
-    /// Adds both values. If the fragment function returns 1, the target counts how often each pixel is shaded.
+    /// Adds the new value and the old value. If the fragment function returns 1, the target counts how often each
+    /// pixel is shaded.
     Add,
     /// Draws transparent colours: `new * new.a + old * (1 - new.a)`, and for alpha `new.a + old.a * (1 - new.a)`.
     Alpha,
     /// Draws transparent colours that are already multiplied by their alpha: `new + old * (1 - new.a)`.
     Premultiplied,
-    /// Multiplies both values: `new * old`.
+    /// Multiplies the new value and the old value: `new * old`.
     Multiply,
     /// Any other formula. Colour and alpha have their own formulas.
     Custom {

@@ -32,13 +32,13 @@ pub(crate) struct Scene<'a> {
     pub(crate) samples: u32,
     pub(crate) clear: [f32; 4],
     pub(crate) clear_depth: f32,
-    /// The first target that holds tapped values. These targets are cleared to zeros.
+    /// The index of the first target for tapped values. The targets from this index on are cleared to zeros.
     pub(crate) told: Option<usize>,
 }
 
 impl Scene<'_> {
     /// The clear values, if no draw changed any pixel. A fragment function that covers the whole frame may return the
-    /// clear values on purpose, so this is `None` for it.
+    /// clear values on purpose, so such a frame gives `None`.
     pub(crate) fn untouched(&self, image: &Image) -> Option<[f32; 4]> {
         if self.draws.iter().any(Draw::covers) {
             return None;
@@ -56,7 +56,7 @@ impl Scene<'_> {
     }
 }
 
-/// The part of a drawing that becomes the image.
+/// The target or buffer of a frame that becomes the frame's image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Source {
@@ -140,7 +140,7 @@ impl Scene<'_> {
         if mixed && !depth_only {
             return unsound(
                 "depth",
-                "some of its draws write only depth, and others write colour: make a frame of each kind"
+                "some of its draws write only depth, and others write colour: make one frame for depth and one for colour"
                     .to_owned(),
             );
         }
@@ -149,7 +149,7 @@ impl Scene<'_> {
             return unsound(
                 "target",
                 format!(
-                    "a draw has a setting for target {other}, but the number of targets is {targets}, counted from 0"
+                    "a draw has a setting for target {other}, but the frame's number of targets is {targets}, and the first is target 0"
                 ),
             );
         }
@@ -157,20 +157,22 @@ impl Scene<'_> {
             Source::Target(_) if depth_only => {
                 return unsound(
                     "depth",
-                    "it draws only depth: add `depth` to compare the depth".to_owned(),
+                    "its draws write only depth: add `depth` to compare the depth".to_owned(),
                 );
             }
             Source::Target(target) if target >= targets => {
                 let has = counted(targets, "target");
                 return unsound(
                     "target",
-                    format!("it has {has}, counted from 0, so there is no target {target}"),
+                    format!(
+                        "the frame has {has}, counted from 0, so it can't show target {target}"
+                    ),
                 );
             }
             Source::Depth if self.samples > 1 => {
                 return unsound(
                     "samples",
-                    "the depth of several samples isn't one image: use 1 sample".to_owned(),
+                    "with several samples, a pixel has several depths, and a frame can show only one: use 1 sample".to_owned(),
                 );
             }
             _ => {}
@@ -183,7 +185,7 @@ impl Scene<'_> {
                 return unsound(
                     "mesh",
                     format!(
-                        "a mesh is drawn {} times from copy {}, but an attribute has only {most} values",
+                        "a draw makes {} copies of a mesh, beginning with copy {}, but an attribute has values for only {most} copies",
                         draw.instances, draw.first_instance
                     ),
                 );
@@ -270,7 +272,7 @@ impl Drawing<'_> {
         &self.scene.module
     }
 
-    /// The entry points of all draws, and the position of the last one.
+    /// The names of the entry points of all draws, and the source position of the last entry point.
     pub(crate) fn entry_points(&self) -> (Vec<&str>, Option<Span>) {
         let all = self.scene.draws.iter().flat_map(|draw| {
             [&draw.vertex, &draw.fragment, &draw.depth_fragment].into_iter().flatten()
@@ -312,13 +314,13 @@ impl Drawing<'_> {
         }
     }
 
-    /// The files that the drawing depends on, with those of the frames that it reads.
+    /// The files that the drawing depends on, and the files of the frames that the drawing reads as textures.
     pub(crate) fn read(&self) -> Vec<FileRead> {
         let fixtures = self.fixtures.iter().flat_map(|(_, fixture)| fixture.read());
         self.program.files().iter().chain(fixtures).chain(&self.read.files).cloned().collect()
     }
 
-    /// The linked modules of the drawing's shaders, and of the frames that it reads.
+    /// The linked modules of the drawing's shaders, and of the frames that the drawing reads as textures.
     pub(crate) fn modules(&self) -> Vec<LinkedModule> {
         self.program.modules().iter().chain(&self.read.modules).cloned().collect()
     }

@@ -32,7 +32,7 @@ pub enum Format {
     /// Four channels of 8 bits, in sRGB's transfer function.
     #[serde(rename = "rgba8unorm-srgb")]
     Rgba8UnormSrgb,
-    /// Four channels of 8 bits from 0 to 1, blue first. Many systems use it for their surfaces.
+    /// Four channels of 8 bits from 0 to 1, blue first. Many systems use this format for their surfaces.
     Bgra8Unorm,
     /// Four channels of 8 bits, blue first, in sRGB's transfer function.
     #[serde(rename = "bgra8unorm-srgb")]
@@ -66,7 +66,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The names of the formats in files. A format of WebGPU has WebGPU's name.
+    /// The formats with their names in test files. Formats that WebGPU has are named as in WebGPU.
     pub const NAMES: [(&str, Self); 20] = [
         ("float", Self::Float),
         ("r8unorm", Self::R8Unorm),
@@ -90,7 +90,7 @@ impl Format {
         ("rgba32uint", Self::Rgba32Uint),
     ];
 
-    /// The format of this name.
+    /// Returns the format with this name, or `None`.
     ///
     /// ```
     /// use karat::draw::Format;
@@ -106,7 +106,7 @@ impl Format {
     }
 
     /// Checks if `x` can be the stored value of a channel that was cleared to `clear`. The format rounds clear values.
-    /// A channel that the format lacks may have any value.
+    /// If the format lacks the channel, the result is `true`.
     pub(super) fn keeps(self, channel: usize, clear: f32, x: f32) -> bool {
         let (clear, x) = (f64::from(clear), f64::from(x));
         let within = |steps: f64| (x - clear.clamp(0.0, 1.0)).abs() <= ROUNDING / steps;

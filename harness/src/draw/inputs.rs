@@ -11,7 +11,7 @@ impl Scene<'_> {
             let Some(vertex) = &draw.vertex else { continue };
             for input in program.located_inputs(vertex) {
                 let takes =
-                    format!("`{vertex}` takes `{}` at @location({})", input.name, input.location);
+                    format!("`{vertex}` reads `{}` at @location({})", input.name, input.location);
                 let unsound = |setting, rest: String| {
                     Err(DrawError::Unsound { setting, reason: format!("{takes}{rest}") })
                 };
@@ -21,13 +21,15 @@ impl Scene<'_> {
                 };
                 let own = mesh.attributes.iter().find(|column| column.location == input.location);
                 let Some(own) = own else {
-                    let rest = ", but the mesh has no attribute at that location: add one";
+                    let rest = ", but the mesh has no attribute at that location: add an attribute";
                     return unsound("mesh", rest.to_owned());
                 };
                 let scalars = input.shape.lanes();
                 if let Some(scalar) = scalars.first().filter(|scalar| **scalar != own.scalar) {
                     let (scalar, own) = (scalar.wgsl(), own.scalar.wgsl());
-                    let rest = format!(", of type `{scalar}`, but the mesh has `{own}` there");
+                    let rest = format!(
+                        ", which has components of type `{scalar}`, but the mesh's attribute has components of type `{own}`"
+                    );
                     return unsound("mesh", rest);
                 }
             }

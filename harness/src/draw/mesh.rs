@@ -29,7 +29,7 @@ pub(super) struct Column {
     /// The number of scalars in a value: 1 to 4.
     pub(super) width: usize,
     pub(super) words: Vec<u32>,
-    /// Set if the values belong to copies of the mesh instead of vertices.
+    /// `true` if each value belongs to a copy of the mesh, `false` if each value belongs to a vertex.
     pub(super) by_instance: bool,
 }
 
@@ -55,10 +55,17 @@ impl Mesh {
     pub fn new<P: Shareable>(positions: Vec<P>, indices: Vec<u32>) -> Self {
         assert_eq!(indices.len() % 3, 0, "the number of indices must be a multiple of three");
         let highest = indices.iter().max().copied().unwrap_or(0);
-        assert!((highest as usize) < positions.len(), "index {highest} has no position");
+        assert!(
+            (highest as usize) < positions.len(),
+            "index {highest} is outside of the mesh's positions"
+        );
         let column = Column::new(0, &positions, false);
         let is_position = (column.scalar, column.width) == (Scalar::F32, POSITION);
-        assert!(is_position, "a position must be three floats, but this is {}", P::shape());
+        assert!(
+            is_position,
+            "a position must be three floats, but the given type is {}",
+            P::shape()
+        );
         Self { indices, attributes: vec![column] }
     }
 
@@ -80,7 +87,11 @@ impl Mesh {
     #[must_use]
     pub fn attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
         let vertices = self.vertices();
-        assert_eq!(values.len(), vertices, "a mesh of {vertices} vertices needs as many values");
+        assert_eq!(
+            values.len(),
+            vertices,
+            "an attribute needs one value for each of the mesh's {vertices} vertices"
+        );
         self.column(Column::new(location, values, false))
     }
 
@@ -98,11 +109,11 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If there is no value, if another attribute uses the location, or if a value doesn't consist of one to four
+    /// If `values` is empty, if another attribute uses the location, or if a value doesn't consist of one to four
     /// floats or integers.
     #[must_use]
     pub fn instance_attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
-        assert!(!values.is_empty(), "location {location} has no value");
+        assert!(!values.is_empty(), "the attribute at location {location} has no values");
         self.column(Column::new(location, values, true))
     }
 
@@ -118,7 +129,7 @@ impl Mesh {
         self.attributes[0].words.len() / POSITION
     }
 
-    /// The number of values in the shortest attribute of copies. It is `None` if there is no such attribute.
+    /// The number of copies for which every attribute of copies has a value. `None` if there is no such attribute.
     pub(super) fn most_instances(&self) -> Option<usize> {
         let columns = self.attributes.iter().filter(|column| column.by_instance);
         columns.map(|column| column.words.len() / column.width).min()
@@ -129,7 +140,7 @@ impl Column {
     fn new<T: Shareable>(location: u32, values: &[T], by_instance: bool) -> Self {
         let (scalar, width) = T::shape().components().unwrap_or_else(|| {
             panic!(
-                "an attribute must be one to four floats or integers, but this is {}",
+                "an attribute must be one to four floats or integers, but the given type is {}",
                 T::shape()
             )
         });
@@ -168,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "a mesh of 3 vertices needs as many values")]
+    #[should_panic(expected = "an attribute needs one value for each of the mesh's 3 vertices")]
     fn each_vertex_has_a_value() {
         let _ = triangle().attribute(1, &[Vec3::X; 2]);
     }
@@ -185,14 +196,14 @@ mod tests {
 
     #[test]
     #[should_panic(
-        expected = "an attribute must be one to four floats or integers, but this is mat4x4<f32>"
+        expected = "an attribute must be one to four floats or integers, but the given type is mat4x4<f32>"
     )]
     fn a_matrix_is_no_attribute() {
         let _ = triangle().attribute(1, &[glam::Mat4::IDENTITY; 3]);
     }
 
     #[test]
-    #[should_panic(expected = "a position must be three floats, but this is vec2<f32>")]
+    #[should_panic(expected = "a position must be three floats, but the given type is vec2<f32>")]
     fn positions_have_three_floats() {
         let _ = Mesh::new(vec![Vec2::X; 3], vec![0, 1, 2]);
     }

@@ -170,7 +170,7 @@ impl<'a> Painter<'a> {
                 });
             Ready { pipeline, groups, immediates }
         };
-        // The pre-pass draws only meshes. A triangle that covers the frame lies behind them.
+        // The pre-pass draws only meshes. A triangle that covers the frame lies behind the meshes.
         let depth = (self.scene.prepass && draw.is_mesh())
             .then(|| bound(self.pipeline(shaders, draw, Pass::Depth), &bindings.depth));
         let color = bound(self.pipeline(shaders, draw, Pass::Color), &bindings.color);
@@ -210,7 +210,7 @@ impl<'a> Painter<'a> {
             .collect()
     }
 
-    /// Submits both passes and the copies, and returns the buffers with the copies.
+    /// Submits the depth pass, the colour pass and the copies of the targets. Returns the buffers with the copies.
     fn paint(&self, draws: &[Prepared<'_>]) -> Vec<wgpu::Buffer> {
         let Scene { width, height, samples, clear, clear_depth, .. } = *self.scene;
         let device = &self.device.device;

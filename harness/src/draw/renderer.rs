@@ -24,8 +24,8 @@ impl Device {
         })?;
         if let Some(value) = inexact {
             let reason = format!(
-                "its target holds {value}, but an image stores integers as floats, which are exact up to 16777216: \
-                 return a smaller integer, or its upper and lower 16 bits"
+                "its target contains {value}, but an image stores integers as floats, which are exact up to 16777216: \
+                 return a smaller integer, or return the upper and lower 16 bits in two channels"
             );
             return Err(DrawError::Unsound { setting: "target", reason });
         }
@@ -91,7 +91,8 @@ impl Device {
     }
 }
 
-/// Draws the frame with loops that count their rounds. It is for drivers that stop long loops without an error.
+/// Draws the frame with loops that count their iterations. Some drivers stop long loops without an error, and the
+/// counts show such loops.
 fn watch_rounds(
     device: &Device,
     scene: &Scene<'_>,

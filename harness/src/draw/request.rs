@@ -24,7 +24,7 @@ use crate::reflect::Program;
 pub struct Draw {
     /// The vertex function. `None` stands for Karat's own function, which covers the frame.
     pub(super) vertex: Option<String>,
-    /// The fragment function. `None` stands for a draw that writes only depth.
+    /// The fragment function. `None` if the draw writes only depth.
     pub(super) fragment: Option<String>,
     /// The fragment function of the depth pre-pass. Without it, the pre-pass writes the depth of the triangles.
     pub(super) depth_fragment: Option<String>,
@@ -32,7 +32,7 @@ pub struct Draw {
     pub(super) instances: u32,
     pub(super) first_instance: u32,
     pub(super) base_vertex: i32,
-    /// Set if the device reads the numbers above from a buffer.
+    /// `true` if the device reads the numbers of vertices and copies from a buffer (an indirect draw).
     pub(super) indirect: bool,
     pub(super) u16_indices: bool,
     pub(super) state: State,
@@ -107,7 +107,10 @@ impl Draw {
     /// # Panics
     /// If the number of vertices is 0 or isn't a multiple of three.
     pub fn vertices(vertex: &str, fragment: &str, count: u32) -> Self {
-        assert!(count > 0 && count.is_multiple_of(3), "{count} vertices aren't whole triangles");
+        assert!(
+            count > 0 && count.is_multiple_of(3),
+            "{count} vertices can't form triangles: use a multiple of 3, of at least 3"
+        );
         Self::new(Some(vertex), Some(fragment), Geometry::Vertices(count))
     }
 
@@ -126,8 +129,8 @@ impl Draw {
     }
 
     /// Draws over the whole frame with only a fragment function. If the function has an input at a location, the input
-    /// must be a `vec2f`. It gets texture coordinates from (0, 0) at the upper left to (1, 1). The draw ignores the
-    /// depth buffer. It writes depth only if the function returns a depth (`@builtin(frag_depth)`).
+    /// must be a `vec2f`. The input gets texture coordinates from (0, 0) at the upper left to (1, 1). The draw ignores
+    /// the depth buffer, and writes depth only if the function returns a depth (`@builtin(frag_depth)`).
     ///
     /// ```no_run
     /// use karat::draw::{Blend, Draw};
@@ -176,7 +179,8 @@ impl Draw {
         self
     }
 
-    /// Sets a number to add to each index of a mesh. Without a mesh, this number is the first vertex.
+    /// Sets a number that is added to each index of a mesh. If the draw has no mesh, the number is the index of the
+    /// first vertex.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -204,7 +208,7 @@ impl Draw {
         self
     }
 
-    /// Uses 16-bit indices instead of 32-bit ones.
+    /// Uses 16-bit indices instead of 32-bit indices.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -290,8 +294,8 @@ impl Draw {
         self
     }
 
-    /// Sets if the draw writes depth. By default, a draw does. With only a fragment function, it does if that function
-    /// returns a depth.
+    /// Sets if the draw writes depth. The default is `true`. For a draw with only a fragment function, the default is
+    /// `true` only if the function returns a depth.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -438,7 +442,7 @@ impl Draw {
         own.is_none_or(|(_, channels)| !channels.is_empty())
     }
 
-    /// The targets that have settings in this draw.
+    /// The indices of the targets for which this draw has a blending or a mask.
     pub(super) fn named_targets(&self) -> impl Iterator<Item = usize> {
         let masks = self.state.masks.iter().map(|(target, _)| *target);
         self.state.blends.iter().map(|(target, _)| *target).chain(masks)

@@ -11,7 +11,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// A row of pixels of a texture's format. Depth is copied as one float.
+    /// Makes a row of `width` pixels in a texture's format. A depth is copied as one float.
     pub(super) fn new(format: wgpu::TextureFormat, width: u32) -> Self {
         let copied = match format.is_depth_stencil_format() {
             true => wgpu::TextureFormat::R32Float,
@@ -23,7 +23,8 @@ impl Row {
         Self { width: width as usize, codec, stride }
     }
 
-    /// The first integer of a row that a float can't represent exactly. This happens for some integers above 2^24.
+    /// The first integer in a row that an `f32` can't represent exactly, as some integers above 2^24. `None` if an
+    /// `f32` can represent all integers of the row.
     pub(super) fn inexact(&self, bytes: &[u8]) -> Option<i64> {
         if !self.codec.is_integer() {
             return None;

@@ -55,7 +55,7 @@ pub struct DepthBias {
     /// A bias in units of the smallest step that the depth format can represent. The size of a step depends on the
     /// driver.
     pub constant: i32,
-    /// A factor. It is multiplied by the triangle's largest change of depth from one pixel to the next.
+    /// A factor. The bias is this factor times the triangle's largest change of depth between adjacent pixels.
     pub slope: f32,
     /// The largest total bias. 0 means no limit.
     pub clamp: f32,
@@ -163,7 +163,7 @@ impl Stencil {
     }
 }
 
-/// The fixed-function state of a draw. `None` stands for the default of the draw's geometry.
+/// The fixed-function state of a draw. A field that is `None` has the default for the draw's geometry.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct State {
     pub(super) cull: Option<Cull>,
@@ -173,7 +173,7 @@ pub(super) struct State {
     pub(super) bias: DepthBias,
     pub(super) stencil: Option<Stencil>,
     pub(super) blend: Option<Blend>,
-    /// The blending of the targets that have their own.
+    /// The blending of each target for which the draw sets another blending.
     pub(super) blends: Vec<(usize, Blend)>,
     pub(super) blend_constant: [f32; 4],
     /// The channels to write for each target that has a mask, such as `"rgb"`.

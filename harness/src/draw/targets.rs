@@ -1,5 +1,5 @@
 //! Checks the outputs of draws against the targets. A target without an output would contain old memory. An output
-//! without a target would be lost without an error.
+//! without a target would disappear without an error.
 
 use super::drawing::{Scene, Source};
 use super::request::Draw;
@@ -22,8 +22,8 @@ impl Scene<'_> {
         if self.result == Source::Depth && !self.draws.iter().any(|d| writes_depth(d, program)) {
             return unsound(
                 "depth",
-                "its image is depth, which none of its draws writes: a draw with only a fragment function writes depth \
-                 only if it returns `@builtin(frag_depth)`"
+                "it shows depth, but none of its draws writes depth: a draw without a vertex function writes depth \
+                 only if its fragment function returns `@builtin(frag_depth)`"
                     .to_owned(),
             );
         }

@@ -12,7 +12,7 @@ use crate::reflect::{Telling, Valued, WORDS, When};
 /// (`maxColorAttachmentBytesPerSample`), and a target of four `u32`s takes 16 bytes.
 const TARGETS: usize = 2;
 
-/// A drawing that returns tapped values, and the targets that receive them.
+/// A drawing with fragment functions that return tapped values, and the targets for these values.
 pub(crate) struct Told<'s> {
     pub(crate) drawing: Drawing<'s>,
     pub(crate) targets: Vec<usize>,
@@ -45,7 +45,7 @@ impl<'s> Drawing<'s> {
     }
 
     /// Reports if the frame's own colours can be drawn beside a tapped value. A device may not support another target.
-    /// With several samples, tapped values can't be averaged.
+    /// With several samples per pixel, a target contains means of samples, and a mean of tapped values is meaningless.
     pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
     }
@@ -62,7 +62,7 @@ impl<'s> Drawing<'s> {
 
     /// A copy of this drawing in which the fragment functions return tapped values, starting at the 32-bit word
     /// `first`. If `values` is empty, they return their own number, counted from 1 in the order of
-    /// [`fragments`](Self::fragments). If `alone` is set, they return no colours, so twice as many words fit.
+    /// [`fragments`](Self::fragments). If `alone` is `true`, they return no colours, so twice as many words fit.
     ///
     /// # Errors
     /// If naga rejects the changed program.

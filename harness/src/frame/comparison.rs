@@ -52,7 +52,7 @@ impl Frame<'_> {
         self.reported((case.to_owned(), folder), |report| self.compare(goldens, case, report))
     }
 
-    /// Reports if the settings say not to draw the frame, and notes that.
+    /// Reports if the settings say not to draw the frame, and records that the frame wasn't drawn.
     pub(super) fn is_left_out(&self) -> bool {
         let left_out = self.recorded && settings::leaves_frames_out();
         if left_out {
@@ -213,7 +213,7 @@ impl Frame<'_> {
             let reason = if name.is_empty() || name.len() > 255 || !name.chars().all(sound) {
                 "use 1 to 255 letters, digits, `-`, `_` and `.`"
             } else if [COLOR, VARIANCE, MASK].contains(&name.as_str()) {
-                "a golden has another part of that name"
+                "Karat stores another part of the golden under that name"
             } else if self.aovs[..index].iter().any(|(other, _)| other == name) {
                 "another AOV has that name"
             } else {
@@ -230,7 +230,7 @@ impl Frame<'_> {
             Ok(image) => Some(Part::new(name, Gate::default().precision_for(&image, None), image)),
             Err(error) => {
                 eprintln!(
-                    "note: Karat can't draw the AOV `{name}`, so it isn't kept: {}",
+                    "note: Karat can't draw the AOV `{name}`, so the golden won't have this AOV: {}",
                     visible(&error.to_string())
                 );
                 None

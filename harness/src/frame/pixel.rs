@@ -38,7 +38,7 @@ struct Argument {
 }
 
 impl Argument {
-    /// The lanes of the argument at a pixel. `None` says that the function didn't run there.
+    /// The components of the argument at a pixel, as `u32`s. `None` if the function didn't run for this pixel.
     fn at(&self, pixel: usize) -> Option<&[u32]> {
         let width = self.shape.lanes().len();
         let ran = self.read.times.get(pixel)?.is_some_and(|times| times > 0);
@@ -135,16 +135,15 @@ impl Frame<'_> {
         }
         if drawing.scene().samples > 1 {
             notes.push(
-                "the trace has the inputs at the pixel's centre, but the frame has several samples a pixel"
+                "the trace uses the inputs at the pixel's centre, but the frame has several samples per pixel"
                     .to_owned(),
             );
         }
         let driver = drawn(device, &drawing)?.pixels()[pixel];
         notes.extend(compared(&drawing, &probed, &results, driver));
         let shown = arguments.iter().map(|one| {
-            let at = one
-                .at(pixel)
-                .map_or_else(|| "not told".to_owned(), |lanes| one.shape.format(lanes));
+            let at =
+                one.at(pixel).map_or_else(|| "unknown".to_owned(), |lanes| one.shape.format(lanes));
             (one.name.clone(), at)
         });
         Ok(TracedPixel {
@@ -168,7 +167,7 @@ fn compared(
     let scene = drawing.scene();
     if drawing.blends() {
         return Some(
-            "the frame blends: several draws contribute to the driver's colour, and these are the steps of the last draw"
+            "the frame blends colours: several draws contribute to the driver's colour, and the trace shows the steps of the last draw"
                 .to_owned(),
         );
     }
@@ -209,7 +208,7 @@ fn arguments(
     Ok(own.into_iter().zip(read).map(told).collect())
 }
 
-/// The lanes of a call at each pixel of a quad, with notes about unknown neighbours.
+/// The components of the arguments at each pixel of a quad, with notes about neighbours with unknown arguments.
 fn quad(
     probed: &Probed,
     arguments: &[Argument],
@@ -227,7 +226,7 @@ fn quad(
         let here = at[own].unwrap_or_default();
         let [beside, below] = [at[own ^ 1], at[own ^ 2]];
         unknown |= shape.quad().is_some() && (beside.is_none() || below.is_none());
-        // An unknown neighbour gets the pixel's own values, so derivatives towards it are 0.
+        // A neighbour with unknown values gets the pixel's own values, so derivatives towards that neighbour are 0.
         let [beside, below] = [beside, below].map(|one| one.unwrap_or(here));
         let across = |(index, scalar): (usize, &Scalar)| match scalar.is_float() {
             true => {
@@ -252,7 +251,7 @@ fn quad(
         )
     });
     let alone = (probed.function().form.alone && own != 0).then(|| {
-        "the function writes storage, so the engine runs it for this pixel only: derivatives are those of a quad that \
+        "the function writes storage, so the engine runs the function for this pixel only, and computes derivatives in a quad that \
          begins at this pixel"
             .to_owned()
     });

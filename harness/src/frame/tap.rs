@@ -88,13 +88,13 @@ pub struct Tapped {
     pub of: &'static str,
     /// For each pixel, row by row, how often the pixel computed the value. `None` says that no draw covers the pixel.
     pub times: Vec<Option<u32>>,
-    /// The lanes of the values, pixel after pixel. A pixel without a value has zeros.
+    /// The components of the values as `u32`s, pixel after pixel. A pixel without a value has zeros.
     pub lanes: Vec<u32>,
-    /// Set if another value has the same name in the same function. File names then need the line, too.
+    /// `true` if another value in the same function has the same name. A file name for the value then needs the line.
     pub has_twin: bool,
-    /// The selected round.
+    /// The number that the caller gave to [`Tap::round`].
     pub round: Option<u32>,
-    /// For each pixel, set if it has the value.
+    /// For each pixel, `true` if the pixel has a value.
     pub told: Vec<bool>,
     /// The number of pixels whose colour changed because the draw also returned the value. The driver compiles another
     /// program for such a draw. `None` says that the value was drawn without colours.
@@ -108,8 +108,8 @@ pub enum TapError {
     /// Karat can't draw the frame.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// The fragment functions of the frame don't have such a value.
-    #[error("the frame has no value `{wanted}`{more}")]
+    /// The fragment functions of the frame compute no value that matches the caller's text.
+    #[error("the frame computes no value `{wanted}`{more}")]
     Unknown {
         /// The value that the caller named.
         wanted: String,
@@ -141,7 +141,7 @@ pub enum TapError {
     #[error(transparent)]
     Probe(#[from] ProbeError),
     /// The frame doesn't contain the pixel.
-    #[error("the frame has {} x {} pixels, counted from (0, 0) at the upper left, but no pixel ({}, {})", size.0, size.1, pixel.0, pixel.1)]
+    #[error("the frame has {} x {} pixels, counted from (0, 0) at the upper left, so the pixel ({}, {}) is outside of the frame", size.0, size.1, pixel.0, pixel.1)]
     Outside {
         /// The column and row of the pixel.
         pixel: (u32, u32),
@@ -149,7 +149,7 @@ pub enum TapError {
         size: (u32, u32),
     },
     /// No draw covers the pixel.
-    #[error("no draw is visible at the pixel ({}, {}): no draw covers the pixel, or their fragment functions discard it", pixel.0, pixel.1)]
+    #[error("no draw is visible at the pixel ({}, {}): no draw covers the pixel, or the fragment functions discard the pixel", pixel.0, pixel.1)]
     Undrawn {
         /// The column and row of the pixel.
         pixel: (u32, u32),
@@ -159,12 +159,14 @@ pub enum TapError {
         "the frame has several targets or samples, so its colours can't be drawn beside the value: tap the value without the colours"
     )]
     Beside,
-    /// No pixel computes the value in this round.
-    #[error("no pixel computes `{value}` {round} times: the largest number is {most}")]
+    /// No pixel computes the value as often as the caller asked for.
+    #[error(
+        "no pixel computes `{value}` {round} times: a pixel computes the value at most {most} times"
+    )]
     Round {
         /// The value that the caller named.
         value: String,
-        /// The selected round.
+        /// The number that the caller gave to [`Tap::round`].
         round: u32,
         /// The largest number of times that a pixel computes the value.
         most: u32,
@@ -230,7 +232,7 @@ impl Candidate {
         }
     }
 
-    /// The line of `told`, if the value has a name and can be read.
+    /// A line that describes the value ([`told`](Self::told)). `None` if the value has no name or can't be read.
     pub(crate) fn listed(&self, program: &Program) -> Option<String> {
         (self.value.shape.is_ok() && self.path(program).is_some()).then(|| self.told(program))
     }
@@ -346,7 +348,7 @@ fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, Tap
             let is_variable =
                 all.iter().any(|one| program.declares_var(&one.value.function, wanted));
             if more.is_empty() && is_variable {
-                more = ": it is a `var`, which changes with each assignment: name the assigned expression instead".to_owned();
+                more = ": this variable is a `var`, which each assignment changes: name the assigned expression instead".to_owned();
             } else if let Some(near) =
                 nearest(wanted, names.iter().copied()).filter(|_| more.is_empty())
             {
@@ -368,8 +370,8 @@ pub(crate) struct Wanted {
     shape: Shape,
 }
 
-/// Finds the value that the caller named. The flag says that another value has the same name in the same function. The
-/// last result is the part of the value, if the caller named a part.
+/// Finds the value that the caller named. The flag is `true` if another value in the function has the same name. The
+/// last result is the member or element of the value, if the caller named one.
 pub(crate) fn find_or_part(
     program: &Program,
     entry_points: &[&str],
@@ -402,7 +404,7 @@ fn of(all: &[Candidate], is: &dyn Fn(&Candidate) -> bool) -> Vec<usize> {
     (0..all.len()).filter(|index| is(&all[*index])).collect()
 }
 
-/// The indices of the values at a position. If there are none, a text with the other values on that line.
+/// The indices of the values at a position. If no value is at the position, the text lists the values on that line.
 fn at_place(
     all: &[Candidate],
     (file, line, column): (&str, usize, Option<usize>),

@@ -13,12 +13,12 @@ use crate::image::{ImageError, Staged};
 use crate::lines;
 use crate::output::visible;
 
-/// Size in bytes. Accepting a larger golden gives a warning, because every clone of the project keeps every
+/// A size in bytes. Accepting a larger golden gives a warning, because every clone of the project keeps every
 /// version of the golden for ever.
 const LARGE: u64 = 128 << 10;
-/// Size in bytes. Karat refuses to accept a larger golden.
+/// A size in bytes. Karat refuses to accept a larger golden.
 const TOO_LARGE: u64 = 1 << 20;
-/// Columns and rows. Accepting a larger frame gives a warning: smaller frames usually suffice.
+/// The width and height in pixels above which accepting a frame gives a warning: smaller frames usually suffice.
 const WIDE: (u32, u32) = (640, 360);
 
 /// The decision to accept a pending frame.
@@ -42,7 +42,7 @@ pub struct Acceptance {
 pub struct Accepted {
     /// The golden's file.
     pub golden: PathBuf,
-    /// Reports if Karat wrote the golden. False if the golden already has these pixels and facts.
+    /// `true` if Karat wrote the golden, `false` if the golden already has the frame's pixels and facts.
     pub written: bool,
     /// Warnings for a reviewer.
     pub warnings: Vec<String>,
@@ -66,14 +66,14 @@ pub enum AcceptError {
     NoReason(String),
     /// `CI` is set, so Karat writes no golden.
     #[error(
-        "`{0}` isn't accepted: `CI` is set, and CI writes nothing into your sources; accept it on your own \
+        "`{0}` isn't accepted: `CI` is set, and Karat writes nothing into your sources in CI; accept the golden on your own \
          machine, with --from and this run's output, or pass --ci-may-write"
     )]
     InCi(String),
     /// Another adapter than lavapipe rendered the frame. Goldens come from lavapipe.
     #[error(
         "`{case}` was rendered on {adapter}; goldens are made on lavapipe (path vulkan), so that \
-         any machine can check them: render the frame there, or pass --any-adapter"
+         any machine can check them: render the frame on lavapipe, or pass --any-adapter"
     )]
     Adapter {
         /// The golden's name.
@@ -82,7 +82,9 @@ pub enum AcceptError {
         adapter: String,
     },
     /// The frame has NaN or infinite pixels, so no frame could ever equal it.
-    #[error("`{0}` has NaN or infinite pixels; no frame could ever agree with such a golden")]
+    #[error(
+        "`{0}` has NaN or infinite pixels, and no frame could agree with such a golden: fix the shader"
+    )]
     NonFinite(String),
     /// The golden has changed since the comparison of the frame.
     #[error(
@@ -91,7 +93,7 @@ pub enum AcceptError {
     Stale(String),
     /// The hash in the file's metadata differs from the hash of the file's pixels.
     #[error(
-        "the pixels of the pending frame of `{0}` don't match the hash in its file, so it was changed \
+        "the pixels of the pending frame of `{0}` don't match the hash in its file, so the file was changed \
          later; run the test again"
     )]
     Altered(String),
@@ -137,7 +139,7 @@ pub enum AcceptError {
     },
     /// The path of a pending file contradicts the name in its metadata.
     #[error(
-        "the metadata of `{path}` says that it is frame `{case}`; delete the file and run its test again"
+        "the metadata of `{path}` says that the file is frame `{case}`, but the path names another frame; delete the file and run its test again"
     )]
     Misplaced {
         /// The file.
@@ -157,7 +159,7 @@ pub enum AcceptError {
     },
     /// Karat compared the frame with its profile's own golden.
     #[error(
-        "`{case}` was compared with the golden of profile {profile}; accept it there with \
+        "`{case}` was compared with the golden of profile {profile}; accept the frame for this profile with \
          --profile {profile}"
     )]
     Own {
@@ -173,7 +175,7 @@ pub enum AcceptError {
         if *missing {
             "there is no golden for all profiles yet; accept that golden first"
         } else {
-            "it passes with the golden for all profiles"
+            "the frame passes with the golden for all profiles"
         }
     )]
     Needless {
@@ -181,13 +183,13 @@ pub enum AcceptError {
         case: String,
         /// The profile.
         profile: Profile,
-        /// Reports if there is no golden for all profiles.
+        /// `true` if there is no golden for all profiles.
         missing: bool,
     },
     /// The golden's file would be too large.
     #[error(
-        "the golden of `{case}` would be {} KiB, and Karat accepts at most {} KiB: keep fewer pixels or \
-         rows, or less noise",
+        "the golden of `{case}` would be {} KiB, and Karat accepts at most {} KiB: draw fewer pixels, \
+         keep fewer rows, or reduce noise",
         bytes >> 10,
         TOO_LARGE >> 10
     )]
@@ -209,7 +211,7 @@ pub enum AcceptError {
     #[error(transparent)]
     Image(#[from] ImageError),
     /// The pending file has no provenance: Karat didn't write it.
-    #[error("`{0}` wasn't written by Karat: it has no provenance")]
+    #[error("`{0}` has no provenance, so Karat didn't write this file")]
     Foreign(String),
 }
 
@@ -290,7 +292,10 @@ impl Goldens {
         let accepted = if is_there(&path, &content, &provenance) {
             // An interrupted acceptance may have written this golden without removing the pending frame. Then the
             // golden may differ from the golden of the comparison.
-            let warnings = vec![format!("`{}` has these pixels and facts already", shown(&path))];
+            let warnings = vec![format!(
+                "the golden `{}` has the same pixels and facts already",
+                shown(&path)
+            )];
             Accepted { golden: path, written: false, warnings }
         } else {
             self.unchanged(pending, &path)?;
@@ -414,7 +419,7 @@ fn warnings(path: &Path, bytes: u64, provenance: &Provenance) -> Vec<String> {
     let Provenance { width, height, .. } = *provenance;
     if provenance.table.is_none() && (width > WIDE.0 || height > WIDE.1) {
         warnings.push(format!(
-            "`{}` is {width} x {height} pixels; {} x {} pixels show most faults",
+            "`{}` has {width} x {height} pixels; a frame of {} x {} pixels shows most faults",
             shown(path),
             WIDE.0,
             WIDE.1

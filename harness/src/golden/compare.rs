@@ -21,7 +21,7 @@ pub struct FrameMargin {
     pub frame_pixels: u64,
     /// The criterion that the frame passes.
     pub decided_by: FrameCriterion,
-    /// The measured value of that criterion, divided by the criterion's bound.
+    /// The measured value of `decided_by`, divided by the bound of this criterion.
     pub ratio: f64,
     /// The largest relative difference: a difference divided by the golden's value, or by the golden's key if
     /// the golden is darker than its key.
@@ -126,7 +126,7 @@ pub struct Deviation {
     pub pixels: usize,
     /// Number of pixels in the frame.
     pub frame_pixels: usize,
-    /// Smallest rectangle that contains all these pixels.
+    /// Smallest rectangle that contains all pixels that exceed the gate.
     pub bounds: Rect,
     /// The pixel with the largest difference, relative to the gate; `None` if no pixel exceeds the gate.
     pub worst: Option<WorstPixel>,
@@ -138,12 +138,12 @@ pub struct Deviation {
     pub margins: Vec<CriterionMargin>,
     /// The exposures that HDR-FLIP used.
     pub exposures: ExposureRange,
-    /// Reports if the golden pins the exposures.
+    /// `true` if the golden pins the exposures.
     pub pinned: bool,
 }
 
 impl FrameDifference {
-    /// Checks if the frame's values differ from the golden's values. NaN and infinities count as values.
+    /// Checks if the frame's values differ from the golden's values, or are NaN or infinite.
     pub(crate) fn is_of_values(&self) -> bool {
         matches!(self, Self::Values(_) | Self::NonFinite(_))
     }

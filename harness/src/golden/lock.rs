@@ -11,7 +11,7 @@ use crate::output::tell;
 
 /// Longest wait for another acceptance. Accepting a large frame takes a second.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Time after which Karat tells the user that it waits.
+/// Time after which Karat tells the user that it waits for the lock.
 const SILENT: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_millis(20);
 
@@ -40,7 +40,10 @@ pub(super) fn lock(folder: &Path) -> Result<File, ImageError> {
             }
             Err(TryLockError::WouldBlock) => {
                 if !told && begun.elapsed() > SILENT {
-                    tell(&format!("note: waiting for another acceptance (`{}`)", shown(&file)));
+                    tell(&format!(
+                        "note: waiting until another process has accepted its goldens (lock file `{}`)",
+                        shown(&file)
+                    ));
                     told = true;
                 }
                 std::thread::sleep(PAUSE);

@@ -8,13 +8,13 @@ use crate::tolerance::{beyond, power, significant};
 use crate::value::format_f32;
 
 impl Deviation {
-    /// The first bound that fails: the measured value as text, and its multiple of the bound.
+    /// The first bound that fails: the measured value as text, and the value divided by the bound.
     pub(crate) fn worst_margin(&self) -> (String, Option<f64>) {
         let Some(margin) = self.margins.iter().find(|margin| !margin.passes()) else {
             return (String::new(), None);
         };
         let value = match (margin.criterion, &self.worst) {
-            // A bound of zero has no multiples.
+            // A value can't be divided by a bound of zero.
             (FrameCriterion::Gate, Some(worst)) if self.gate.relative == 0.0 => {
                 format!("abs {}", significant(f64::from((worst.actual - worst.golden).abs())))
             }
@@ -34,7 +34,9 @@ impl Deviation {
                 "{outliers} of {pixels} pixels are off by more than rel {relative}, within {bounds}"
             ),
             None => {
-                format!("no pixel is off by more than rel {relative}, but other bounds fail")
+                format!(
+                    "no pixel is off by more than rel {relative}, but the frame exceeds other bounds"
+                )
             }
         }
     }
@@ -49,7 +51,7 @@ impl fmt::Display for Deviation {
         f.write_str(&self.summary())?;
         if pixels < frame_pixels {
             let share = significant(100.0 * *pixels as f64 / *frame_pixels as f64);
-            write!(f, "\n  compared: {share}% of the frame, the mask leaves out the rest")?;
+            write!(f, "\n  compared: {share}% of the frame, and the mask excludes the rest")?;
         }
         if let Some(worst) = worst {
             write!(
@@ -72,7 +74,7 @@ impl fmt::Display for Deviation {
             let pinned = if *pinned { ", pinned in the golden" } else { "" };
             write!(f, "\n  FLIP used exposures of {exposures}{pinned}")?;
         }
-        // A tolerance of zero has no multiples.
+        // For a tolerance of zero, all four tolerances below would be zero.
         if worst.is_some() && gate.relative > 0.0 {
             write!(f, "\n  pixels off at a tolerance of")?;
             let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep).enumerate();

@@ -12,8 +12,8 @@ pub const COLOR: &str = "color";
 /// Name of the part with the variance of each pixel of a noisy frame.
 pub(crate) const VARIANCE: &str = "color.variance";
 
-/// Fails if the path isn't a file. Reading a pipe would wait. A broken link is an error, too: its golden exists,
-/// and the golden's content is missing.
+/// Fails if the path isn't a file, because Karat would wait forever for the content of a pipe. A broken link is an
+/// error, too: the golden exists, but its content is missing.
 pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
     let refused = |kind, what: &str| {
         let cause = Error::new(kind, what);
@@ -21,10 +21,10 @@ pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
     };
     match path.metadata() {
         Ok(known) if !(known.is_file() || known.is_dir()) => {
-            refused(ErrorKind::InvalidInput, "it is neither a file nor a link to one")
+            refused(ErrorKind::InvalidInput, "it isn't a file or a link to a file")
         }
         Err(_) if path.symlink_metadata().is_ok() => {
-            let what = "it is a link to a file that isn't here; fetch that file";
+            let what = "it is a link to a file that doesn't exist; fetch that file";
             refused(ErrorKind::InvalidInput, what)
         }
         // Reading the file reports other errors.
@@ -53,7 +53,7 @@ pub(super) fn mask(mask: &Mask, width: u32, height: u32) -> Option<Part> {
     Some(Part::new(MASK, Precision::Half, mask.to_image(width, height).ok()?))
 }
 
-/// Checks if a pixel is NaN or infinite. Pixels outside of the mask among the parts don't count.
+/// Checks if a pixel is NaN or infinite. If one of the parts is a mask, pixels outside of the mask don't count.
 pub(super) fn non_finite(parts: &[Part]) -> bool {
     let Some(color) = parts.first() else { return false };
     let mask = parts.iter().find(|part| part.name == MASK).map(|part| part.image.pixels());

@@ -80,8 +80,8 @@ impl Pending {
         is_table(&self.path)
     }
 
-    /// Checks if the pending file may become a golden for all profiles without further arguments. A frame may if
-    /// it comes from lavapipe, and a table if it comes from lavapipe or Karat's engine. Both run on any machine.
+    /// Checks if the pending file may become a golden for all profiles without further arguments. A frame may
+    /// if lavapipe drew it. A table may if its values come from lavapipe or Karat's engine. Both run on any machine.
     #[must_use]
     pub fn is_canonical(&self) -> bool {
         let adapter = &self.provenance.adapter;

@@ -1,4 +1,4 @@
-//! Profiles: a path and a driver, as a part of file names. A rasteriser's results depend on both.
+//! Profiles: a path and a driver, as a part of file names. A rasteriser's results depend on the path and the driver.
 
 use std::fmt;
 

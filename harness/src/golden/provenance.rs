@@ -1,4 +1,4 @@
-//! The provenance of a golden or a pending frame. A golden has it in its EXR, and as TOML beside the EXR.
+//! The provenance of a golden or a pending frame. A golden's provenance is in its EXR, and as TOML beside the EXR.
 
 use std::collections::BTreeMap;
 
@@ -84,7 +84,7 @@ pub struct Provenance {
 #[non_exhaustive]
 pub enum ProvenanceError {
     /// A newer version wrote the facts.
-    #[error("it was written by a newer Karat (facts of version {0}, this one reads {max}): update Karat", max = Provenance::SCHEMA)]
+    #[error("a newer Karat wrote it (facts of version {0}, but this Karat reads version {max}): update Karat", max = Provenance::SCHEMA)]
     Newer(u32),
     /// The facts can't be parsed, or have control characters.
     #[error("its metadata can't be read ({0})")]
@@ -149,7 +149,7 @@ pub struct FrameFinding {
     pub verdict: String,
     /// All measurements, in order.
     pub margins: Vec<CriterionMargin>,
-    /// Reports if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
+    /// `true` if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
     /// the profile needs no golden of its own.
     #[serde(default)]
     pub base_passes: bool,

@@ -175,7 +175,7 @@ impl Table {
             .filter(|scalars| scalars.len() == names.len() && facts.arguments < scalars.len());
         let Some(scalars) = scalars else {
             let reason = format!(
-                "has {}, but its metadata describes others",
+                "has {}, but the metadata describes other columns",
                 counted(names.len(), "column")
             );
             return Err(line_is(at, reason));
@@ -203,7 +203,7 @@ impl Table {
             }
         }
         if words.is_empty() {
-            return Err(line_is(at, "has no rows below it".to_owned()));
+            return Err(line_is(at, "is the header, but no rows follow".to_owned()));
         }
         let table = Self { columns, arguments: facts.arguments, words };
         Ok((table, provenance))

@@ -117,7 +117,7 @@ impl FrameTolerance {
                 number(*bound).then_some(no_bound)
             }
             Self::All(parts) | Self::Any(parts) if parts.is_empty() => {
-                Some("an empty list of bounds; name at least one bound".to_owned())
+                Some("an empty list of bounds; add at least one bound".to_owned())
             }
             Self::All(parts) | Self::Any(parts) => parts.iter().find_map(Self::unusable),
         }

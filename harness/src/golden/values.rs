@@ -248,5 +248,9 @@ pub(crate) fn other_columns(golden: &Table, made: &Table) -> Option<String> {
         }
         text
     };
-    Some(format!("its columns are {}, now they are {}", shown(golden), shown(made)))
+    Some(format!(
+        "its columns are {}, but the result has the columns {}",
+        shown(golden),
+        shown(made)
+    ))
 }

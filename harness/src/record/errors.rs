@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 pub struct Errors {
     /// Number of cases without any error.
     pub exact: u64,
-    /// Number of cases for each power of two. The case's ratio is at most this power of two, and above the next
-    /// lower one. Powers above 20 count as 20, and powers below -20 as -20.
+    /// Number of cases for each power of two. A case counts for the smallest power of two that is at least the ratio of
+    /// its error to its tolerance. Powers above 20 count as 20, and powers below -20 as -20.
     pub powers: BTreeMap<i32, u64>,
     /// Number of cases in which the error is infinite or NaN.
     pub not_finite: u64,
@@ -46,7 +46,8 @@ impl Errors {
 pub struct Plot {
     /// Names of the components: `n_dot_v`, `f0.x`.
     pub arguments: Vec<String>,
-    /// One row for each case: the values of its components, and then its ratio. NaN and infinities are `null`.
+    /// One row for each case: the values of its arguments' components, and then its error divided by the tolerance.
+    /// NaN and infinities are `null`.
     #[serde(deserialize_with = "with_nan")]
     pub rows: Vec<Vec<f64>>,
 }

@@ -60,7 +60,7 @@ impl Running {
         &self.folder
     }
 
-    /// Makes this run the last run in one step, and removes the run before it.
+    /// Makes this run the last run in one step, and removes the folder of the previous last run.
     ///
     /// # Errors
     /// If Karat can't write `last`. Then the run before this run stays the last run.
@@ -126,7 +126,9 @@ impl Turn {
                 Err(TryLockError::Error(_)) => return Ok(Self { held: None }),
                 Err(TryLockError::WouldBlock) if begun.elapsed() > PATIENCE => {
                     let place = place.display();
-                    let reason = format!("another process has held `{place}` for 30 seconds");
+                    let reason = format!(
+                        "another process has locked `{place}` for 30 seconds: wait until that process ends"
+                    );
                     return Err(Error::new(ErrorKind::TimedOut, reason));
                 }
                 Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),

@@ -71,7 +71,7 @@ fn leftovers_of_a_killed_run_are_removed_and_a_live_run_is_kept() {
     let folder = temporary.path();
     let live = Running::begin(folder).expect("a folder");
     written(&live, "live");
-    // No process locks the first folder. Tests that outlived their run created the second folder again.
+    // No process locks `run-1-0`. Tests that outlived their run created `run-1-1` again.
     let [held, bare, foreign] = ["run-1-0", "run-1-1", "mine"].map(|name| folder.join(name));
     for folder in [&held, &bare, &foreign] {
         std::fs::create_dir(folder).expect("a folder");

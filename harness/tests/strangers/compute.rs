@@ -102,7 +102,11 @@ fn each_difference_of_a_pass_is_reported() {
         .unrecorded()
         .try_satisfies("is zero", |data: &[u32]| data.iter().all(|value| *value == 0));
     let text = error.expect_err("it isn't").to_string();
-    assert!(text.contains("fails: is zero") && text.contains("the assertion fails"), "{text}");
+    assert!(
+        text.contains("fails: is zero")
+            && text.contains("the assertion about all 256 elements together is false"),
+        "{text}"
+    );
 }
 
 // Lesson 128
@@ -150,7 +154,7 @@ fn mistakes_are_reported_before_a_dispatch() {
     );
     told(
         scan(&package).after("data").unrecorded().try_agrees_with([1_u32, 2], Abs(0.0)),
-        &["`data` holds 256 elements", "the reference gives 2"],
+        &["`data` has 256 elements", "the reference has 2"],
     );
     told(
         scan(&package).after("data").unrecorded().try_agrees_with([1.0_f64], Abs(0.0)),

@@ -364,7 +364,7 @@ fn copies_have_attributes_and_numbers() {
     expect(&frame(vertices("plain")), [color(0.0, 0.0, 0.0); 2]);
     let error = frame(draw().instances(4)).render(Path::ALL[0]).expect_err("3 values").to_string();
     assert!(
-        error.contains("drawn 4 times from copy 0, but an attribute has only 3 values"),
+        error.contains("makes 4 copies of a mesh, beginning with copy 0, but an attribute has values for only 3 copies"),
         "{error}"
     );
 }
@@ -471,11 +471,11 @@ fn frames_that_no_device_draws_are_errors() {
         (frame().draw(depth()), "add `depth` to compare"),
         (
             frame().draw(red(all(0.5))).target(1),
-            "it has 1 target, counted from 0, so there is no target 1",
+            "the frame has 1 target, counted from 0, so it can't show target 1",
         ),
         (
             frame().draw(red(all(0.5)).write_mask(1, "r")),
-            "target 1, but the number of targets is 1",
+            "target 1, but the frame's number of targets is 1",
         ),
         (frame().draw(red(all(0.5))).depth().samples(4), "several samples"),
         (package.frame("", 2, 2).fragment("colored"), "at @location(1) isn't a vec2f"),
@@ -517,7 +517,7 @@ fn targets_and_outputs_are_the_same() {
         (frame("gained"), "the override `GAIN` has no value"),
         (frame("one").with_override("GIAN", 2.0), "no override `GIAN`"),
         (frame("one").samples(3), "it has 3 samples a pixel"),
-        (frame("one").depth(), "its image is depth, which none of its draws writes"),
+        (frame("one").depth(), "it shows depth, but none of its draws writes depth"),
     ] {
         let error = frame.render(Path::VULKAN).expect_err(part).to_string();
         assert!(error.contains(part), "no `{part}` in:\n{error}");
@@ -587,7 +587,7 @@ fn integers_and_depths_are_no_colours() {
     drawn(&package("5001u", "0.9990"), "ids").expect_err("another integer");
     drawn(&package("5000u", "0.9991"), "depths").expect_err("another depth");
     let large = drawn(&package("16777217u", "0.9990"), "ids").expect_err("no float is it");
-    assert!(large.to_string().contains("its target holds 16777217"), "{large}");
+    assert!(large.to_string().contains("its target contains 16777217"), "{large}");
     let signed =
         Package::from_source("m", "@fragment fn f() -> @location(0) vec4i { return vec4i(1); }");
     let frame = signed.frame("", 4, 4).formats([Format::R32Uint]).fragment("f");

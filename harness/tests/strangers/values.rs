@@ -155,7 +155,7 @@ fn other_arguments_have_to_be_accepted() {
         Ulp(4.0),
     );
     let error = other.expect_err("another function").to_string();
-    let columns = "its columns are x: f32, n: u32 -> result.x: f32, result.y: f32, now they are \
+    let columns = "its columns are x: f32, n: u32 -> result.x: f32, result.y: f32, but the result has the columns \
                    x: f32 -> result: f32";
     assert!(error.contains(columns), "{error}");
 }
@@ -191,11 +191,14 @@ fn values_that_can_never_agree_are_errors() {
     write(&text).expect("as it was");
     let cell = text.lines().last().expect("a row").split_once(',').expect("two cells").1;
     for (damaged, part) in [
-        (text.replacen("x,result", "x", 1), "has 1 column, but its metadata describes others"),
+        (
+            text.replacen("x,result", "x", 1),
+            "has 1 column, but the metadata describes other columns",
+        ),
         (text.replacen(&format!(",{cell}\n"), ",much\n", 1), "`much` isn't a finite f32"),
         (text.replacen(&format!(",{cell}\n"), ",NaN\n", 1), "`NaN` isn't a finite f32"),
         (text.replacen(&format!(",{cell}\n"), "\n", 1), "has 1 cell in 2 columns"),
-        (text.replacen("# schema = 1", "# schema = 7", 1), "it was written by a newer Karat"),
+        (text.replacen("# schema = 1", "# schema = 7", 1), "a newer Karat wrote it"),
         (text.replacen("# case", "# [case", 1), "can't be used"),
         (String::new(), "can't be used"),
         (
@@ -207,7 +210,7 @@ fn values_that_can_never_agree_are_errors() {
         ),
         (
             text.split_inclusive("result\n").next().unwrap_or_default().to_owned(),
-            "has no rows below it",
+            "is the header, but no rows follow",
         ),
     ] {
         let error = write(&damaged).expect_err(part).to_string();
@@ -293,7 +296,7 @@ fn elements_that_passes_leave_are_kept_and_compared() {
         assert!(error.contains(part), "no `{part}` in:\n{error}");
     }
     let error = compare("0.5", 7).expect_err("fewer").to_string();
-    assert!(error.contains("it has 8 elements, but now there are 7"), "{error}");
+    assert!(error.contains("it has 8 elements, but the result has 7"), "{error}");
     compare("0.5", 8).expect("the same again");
     assert!(project.pending(case).is_none(), "what agrees again waits no longer");
 }

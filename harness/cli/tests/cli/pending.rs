@@ -246,7 +246,10 @@ fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
     assert!(folder.join("ci.zip").is_file(), "the zip stays as it is");
     // The frame is already accepted. Accepting it again is no error.
     let out = karat(folder, &accept).good();
-    assert!(out.contains("`golden/scene.exr` has these pixels and facts already"), "{out}");
+    assert!(
+        out.contains("the golden `golden/scene.exr` has the same pixels and facts already"),
+        "{out}"
+    );
     // The frame wasn't compared with the golden that exists now.
     write_other(&folder.join("golden"));
     let error = karat(folder, &accept).failure(1);

@@ -184,7 +184,7 @@ fn a_frame_that_differs_says_how_to_go_on() {
     let ran = test();
     assert!(
         format!("{}{}", ran.out, ran.err)
-            .contains("`karat trace disc 0,0` shows how the first of these pixels"),
+            .contains("`karat trace disc 0,0` shows how the first pixel with NaN or infinity"),
         "{ran:?}"
     );
 }
@@ -202,7 +202,7 @@ fn an_unknown_value_or_place_is_an_error() {
         (&["tap", "disc", "shaders/m.wgsl:12:1"], "compute no value on this line"),
         (&["tap", "disc", "uv.x"], "matches 2 values: choose one\n  shaders/m.wgsl:9:23"),
         (&["tap", "disc", "near", "--round", "0"], "0 is not in"),
-        (&["tap", "disc", "near", "--at", "8,0"], "but no pixel (8, 0)"),
+        (&["tap", "disc", "near", "--at", "8,0"], "the pixel (8, 0) is outside of the frame"),
         (&["tap", "disc", "near", "--at", "8"], "`8` isn't a pixel"),
         (&["tap", "disc", "near", "--size", "4x4"], "remove `--size`"),
         (&["trace", "disc", "8,0"], "8 x 4 pixels, counted from (0, 0) at the upper left"),

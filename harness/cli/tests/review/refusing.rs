@@ -124,7 +124,7 @@ fn a_pending_file_that_names_another_place_is_refused() {
     project.put_pending("other", &golden, |facts| facts["case"] = "../outside".into());
     let server = project.serve();
     let page = server.get("").text;
-    assert!(page.contains("says that it is frame `../outside`"), "{page}");
+    assert!(page.contains("says that the file is frame `../outside`"), "{page}");
     for name in ["../outside", "other"] {
         let text = refused(&server, "accept", &decision(name, &golden.hash()));
         assert!(text.contains("isn't pending"), "{text}");

@@ -27,7 +27,7 @@ fn large_goldens_are_warned_of_and_refused() {
     assert!(warnings.contains("consider a smaller frame, below 128 KiB"), "{warnings}");
     let warnings = accept(&Image::new(700, 20, vec![[0.5; 4]; 14_000])).expect("wide").join("\n");
     assert!(
-        warnings.contains("is 700 x 20 pixels; 640 x 360 pixels show most faults"),
+        warnings.contains("has 700 x 20 pixels; a frame of 640 x 360 pixels shows most faults"),
         "{warnings}"
     );
     let error = accept(&noise(640, 360)).expect_err("too large");
@@ -213,7 +213,7 @@ fn facts_that_cannot_be_used_are_errors() {
     let project = Project::with_golden();
     let file = project.folder.path().join("room/ramp.exr");
     for (facts, expected) in [
-        (r#"{"schema": 7}"#, "was written by a newer Karat (facts of version 7"),
+        (r#"{"schema": 7}"#, "a newer Karat wrote it (facts of version 7"),
         ("{}", "its metadata can't be read (missing field `schema`"),
     ] {
         ramp().write_exr(&file, Precision::Half, Some(facts)).expect("written");
@@ -261,8 +261,8 @@ fn files_that_cannot_be_used_are_named_beside_the_others() {
         "cut.new.exr` isn't a readable OpenEXR image",
         "empty.new.exr` isn't a readable OpenEXR image: it is empty",
         "folder.new.exr`: it is a folder",
-        "foreign.new.exr` wasn't written by Karat",
-        "other.new.exr` says that it is frame `room/ramp`",
+        "foreign.new.exr` has no provenance",
+        "other.new.exr` says that the file is frame `room/ramp`",
     ]) {
         assert!(reason.contains(expected), "{reason}");
     }
@@ -302,7 +302,7 @@ fn a_golden_that_is_no_file_is_an_error_at_once() {
     std::os::unix::fs::symlink("nowhere", &golden).expect("a link");
     let error = project.check("vulkan", &ramp(), None, None).expect_err("a link to nothing");
     let text = error.to_string();
-    assert!(text.ends_with("it is a link to a file that isn't here; fetch that file"), "{text}");
+    assert!(text.ends_with("it is a link to a file that doesn't exist; fetch that file"), "{text}");
     for name in ["room/ramp.exr", "pipe.new.exr"] {
         let path = project.folder.path().join(name);
         drop(std::fs::remove_file(&path));
@@ -310,7 +310,7 @@ fn a_golden_that_is_no_file_is_an_error_at_once() {
         assert!(made.success());
     }
     let error = project.check("vulkan", &ramp(), None, None).expect_err("a pipe").to_string();
-    assert!(error.ends_with("it is neither a file nor a link to one"), "{error}");
+    assert!(error.ends_with("it isn't a file or a link to a file"), "{error}");
     let unusable = project.goldens.pending().unusable;
-    assert!(unusable[0].reason.to_string().contains("it is neither a file"), "{unusable:?}");
+    assert!(unusable[0].reason.to_string().contains("it isn't a file or a link"), "{unusable:?}");
 }

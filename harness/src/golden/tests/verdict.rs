@@ -25,7 +25,7 @@ fn a_frame_that_differs_says_what_and_where() {
     let failed = project.check("vulkan", &with(&hole, 1.02), Some(&strict), Some(&mask));
     insta::assert_snapshot!(project.text(&failed.expect_err("the gate alone")), @r#"
     frame `room/ramp` differs from its golden `golden/room/ramp.exr`: 32 of 2688 pixels are off by more than rel 1e-3, within (24, 12) to (31, 15)
-      compared: 87.5% of the frame, the mask leaves out the rest
+      compared: 87.5% of the frame, and the mask excludes the rest
       worst: pixel (24, 15) blue: 0.6376953 instead of 0.625, 20.3 times what is allowed
       fails  gate rel 1e-3: 20.3 times what is allowed, at (24, 15)
       pixels off at a tolerance of 0.001: 1.190%, 0.01: 1.190%, 0.1: 0.000%, 1: 0.000%
@@ -38,7 +38,7 @@ fn a_frame_that_differs_says_what_and_where() {
     let failed = project.check("vulkan", &broken, None, None).expect_err("NaN");
     insta::assert_snapshot!(project.text(&failed), @r#"
     frame `room/ramp` differs from its golden `golden/room/ramp.exr`: it has 1 pixel with NaN and 1 with infinities, first at (6, 1)
-      look at `golden/room/ramp.new.exr`, and fix the shader: no golden could ever agree with such a frame
+      look at `golden/room/ramp.new.exr`, and fix the shader: a frame with NaN or infinity never agrees with a golden
     "#);
     let mut alpha = ramp();
     alpha.pixels_mut()[70][3] = 0.5;
@@ -149,7 +149,7 @@ fn frame_tolerances_can_be_nested() {
             "1; the mean FLIP is 1 at most, so a bound must be smaller",
         ),
         (FrameTolerance::metric(Red(0.0), -1.0), "-1; a bound must be a number of at least 0"),
-        (All(vec![]), "an empty list of bounds; name at least one bound"),
+        (All(vec![]), "an empty list of bounds; add at least one bound"),
         (red(1.0), ""),
     ] {
         assert_eq!(useless.unusable().unwrap_or_default(), reason);
@@ -186,7 +186,7 @@ fn profiles_have_goldens_of_their_own() {
     let error = project.accept(&failed, "why", None).expect_err("it is GL's");
     assert!(matches!(error, AcceptError::Own { .. }), "{error}");
     let error = project.accept(&failed, "why", Some("gl-llvmpipe")).expect_err("not needed");
-    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: it passes with the golden for all profiles");
+    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: the frame passes with the golden for all profiles");
     let new = Project::new();
     let failed = new.check("gl", &on_gl, None, None).expect_err("no golden");
     let error = new.accept(&failed, "why", Some("gl-llvmpipe")).expect_err("none for all");
