@@ -298,8 +298,8 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
         ("half.zip", 2, "can't use `half.zip`: this isn't a readable zip"),
         ("damaged.zip", 2, "entry `scene.new.exr` of the zip is damaged"),
         ("text.zip", 2, "can't use `text.zip`: this isn't a readable zip"),
-        ("names", 2, "evil.new.exr` says that it is frame `../../evil`"),
-        ("other", 2, "a.new.exr` says that it is frame `scene`"),
+        ("names", 2, "evil.new.exr` says that the file is frame `../../evil`"),
+        ("other", 2, "a.new.exr` says that the file is frame `scene`"),
         (
             "twice",
             2,
