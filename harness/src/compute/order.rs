@@ -127,8 +127,8 @@ impl fmt::Display for OrderDependence {
 impl After<'_> {
     /// Compares elements without regard to their order. Use it for passes that append elements with an atomic counter,
     /// because drivers append elements in different orders. Karat sorts the actual and the expected elements by value.
-    /// If an element has several numbers, the first numbers should differ by more than the tolerance. In a structure that
-    /// ends in an array, such as a counter with its items, Karat sorts only that array.
+    /// If an element has several numbers, the first numbers should differ by more than the tolerance. In a structure
+    /// that ends in an array, such as a counter with its items, Karat sorts only that array.
     ///
     /// ```
     /// # use karat::prelude::*;
