@@ -231,7 +231,7 @@ pub struct Held {
 }
 
 impl Pass {
-    /// The place at which the entry point is declared.
+    /// The source position of the entry point.
     pub(crate) fn span(&self) -> Option<Span> {
         self.program.entry_point_span(&self.entry_point)
     }
@@ -431,7 +431,8 @@ impl Passes {
         }
     }
 
-    /// The components of a written resource, from its words.
+    /// The components of a written resource, from its contents as `u32` words. `None` if no pass writes the
+    /// resource.
     pub fn lanes(&self, resource: usize, words: &[u32]) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         Some(pass.program.lanes_of_words(binding, words))
@@ -496,12 +497,12 @@ impl Passes {
         self.passes.iter().flat_map(|pass| pass.program.modules()).cloned().collect()
     }
 
-    /// The place at which the last pass's entry point is declared.
+    /// The source position of the last pass's entry point.
     pub fn span(&self) -> Option<Span> {
         self.passes.last()?.span()
     }
 
-    /// Checks if a resource has a binding. Immediates have none.
+    /// Checks if a variable has a binding. Immediates have no binding.
     fn is_bound(binding: &Binding) -> bool {
         binding.kind != BindingKind::Immediate
     }

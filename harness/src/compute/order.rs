@@ -44,10 +44,10 @@ pub struct OrderDependence {
     pub variable: String,
     /// The assertion that fails.
     pub assertion: String,
-    /// Set if the assertion holds in the engine's usual order.
+    /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
     /// The position `file:line:column` of the first operation that returns another value than in the usual order. If
-    /// there is no such operation, the position of an entry point: of the pass that this order changes, or of the last
+    /// there is no such operation, the position of the entry point of the pass that this order changes, or of the last
     /// pass.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
@@ -60,7 +60,7 @@ pub struct OrderDependence {
     pub turns: Vec<String>,
     /// The subgroup size in this order. It is `None` if the passes don't use subgroups.
     pub subgroup: Option<u32>,
-    /// The first wrong element in this order.
+    /// The first element that is wrong in this order.
     pub element: Option<Element>,
     /// The command that runs all orders again.
     pub replay: Replay,
@@ -126,9 +126,9 @@ impl fmt::Display for OrderDependence {
 
 impl After<'_> {
     /// Compares elements without regard to their order. Use it for passes that append elements with an atomic counter,
-    /// because each driver appends them in another order. Karat sorts the actual and the expected elements by value. If
-    /// an element has several numbers, the first numbers should differ by more than the tolerance. In a structure that
-    /// ends in an array, such as a counter with its items, Karat sorts only that array.
+    /// because drivers append elements in different orders. Karat sorts the actual and the expected elements by value.
+    /// If an element has several numbers, the first numbers should differ by more than the tolerance. In a structure
+    /// that ends in an array, such as a counter with its items, Karat sorts only that array.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -17,7 +17,7 @@ const SHOWN: usize = 4;
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
     variable: String,
-    /// Set if the test accepts only writes of equal values.
+    /// `true` if the test accepts only writes of equal values.
     equal: bool,
     reason: String,
 }
@@ -52,7 +52,7 @@ impl Accepted {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Violations {
-    /// The violations. Each pair of accesses occurs once, with the first element that both access.
+    /// The violations. Each pair of accesses in the shader occurs once, with the first element that both accesses use.
     pub all: Vec<Violation>,
     /// The command that checks the passes again.
     pub replay: Replay,
@@ -83,7 +83,7 @@ impl fmt::Display for Violations {
 
 impl Compute<'_> {
     /// Declares that invocations may race on a variable, and gives the reason: for example, the algorithm works with
-    /// any of the written values. If there is no such race, the test fails.
+    /// any of the written values. If no invocations race on the variable, the test fails.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -99,8 +99,8 @@ impl Compute<'_> {
     }
 
     /// Declares that several invocations may write the same value to one element of a variable, and gives the reason:
-    /// for example, each of them may set a flag. WGSL leaves the order of these writes open. The test fails if there is
-    /// any other race, or if no two invocations write the same value.
+    /// for example, each invocation may set a flag. WGSL leaves the order of these writes open. The test fails if
+    /// there is any other race, or if no two invocations write the same value.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -14,7 +14,7 @@ use crate::reflect::TOLD;
 const MOST_BYTES: usize = 128 << 20;
 
 impl Compute<'_> {
-    /// The named values of the last pass, one line for each.
+    /// The named values of the last pass, as one line of text for each value.
     ///
     /// # Errors
     /// If the passes aren't valid.

@@ -151,7 +151,7 @@ pub fn printed(compute: &Compute<'_>) -> Result<Vec<String>, ComputeError> {
     Ok(printed_by(&compute.passes()?, KEPT)?)
 }
 
-/// Every intermediate value of one invocation of the last pass. `invocation` is its `global_invocation_id`.
+/// Every intermediate value of one invocation of the last pass. `invocation` is the `global_invocation_id`.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -253,7 +253,7 @@ pub fn agrees_with(
 /// ```
 ///
 /// # Errors
-/// If `broken` is set, or the passes can't be dispatched.
+/// If `broken` is `Some`, or the passes can't be dispatched.
 #[track_caller]
 pub fn settled(
     after: &After<'_>,
@@ -267,7 +267,7 @@ pub fn settled(
     after.judge(Assertion::Holds(statement), Location::caller())
 }
 
-/// Checks a statement about all scalars of a resource. Set `may_stay` if passes may leave the resource unchanged.
+/// Checks a statement about all scalars of a resource. `may_stay` says if the passes may leave the resource unchanged.
 ///
 /// ```
 /// # use karat::prelude::*;

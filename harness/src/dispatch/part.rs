@@ -8,7 +8,7 @@ use crate::value::Shape;
 pub struct Part {
     /// The index of the resource in the passes.
     pub number: usize,
-    /// The indices of the selected components. `None`: all components.
+    /// The indices of the selected components. `None` selects all components.
     lanes: Option<Vec<usize>>,
 }
 

@@ -9,7 +9,7 @@ use crate::hazard::Kind;
 /// An invocation's access to an element, or its action at a barrier.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ViolationAccess {
-    /// The place of the access, as `file:line:column`.
+    /// The position of the access in the source, as `file:line:column`.
     pub place: String,
     /// The invocation, such as `local (3, 0, 0) of workgroup (1, 0, 0)`.
     pub invocation: String,
@@ -109,8 +109,8 @@ pub struct Watched {
     /// `true` if Karat tried every order, except orders with the same effect.
     #[serde(default)]
     pub all_orders: bool,
-    /// Elements that a pass reads before any pass writes them, if the result depends on them: `partials[3]` and
-    /// the place. They are in buffers to which the test gives only a size.
+    /// Elements that a pass reads before any pass writes them, if the result depends on them: `partials[3]` and the
+    /// position of the read. The elements are in buffers for which the test sets only a size.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unwritten: Vec<String>,
     /// The variables with accepted races, each with its reason.

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::path::Adapter;
 
-/// An execution path and the family of its driver: `vulkan-llvmpipe`, `gl-nvidia`.
+/// An execution path and the family of the path's driver: `vulkan-llvmpipe`, `gl-nvidia`.
 ///
 /// The golden for all profiles is `<case>.exr`. If a profile fails with that golden, the profile can have its own
 /// golden, `@<profile>/<case>.exr`. No other profile uses this golden.

@@ -65,7 +65,7 @@ pub struct Histogram {
     pub expected: Vec<f64>,
 }
 
-/// Reads rows in which `null` stands for NaN and infinities, which JSON can't write. All become NaN.
+/// Reads rows in which `null` stands for NaN and infinities, which JSON can't write. Each `null` becomes NaN.
 fn with_nan<'de, D: serde::Deserializer<'de>>(rows: D) -> Result<Vec<Vec<f64>>, D::Error> {
     let rows: Vec<Vec<Option<f64>>> = Deserialize::deserialize(rows)?;
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);

@@ -2,7 +2,7 @@
 //!
 //! `ci` compiles this file, too, so the file uses only the standard library. Only one process at a time changes a
 //! folder of records (`lock`). A run holds a lock on the file `running` in its own folder until its process ends.
-//! The next run that begins or ends finds killed runs by this lock, and removes their folders.
+//! The next run that begins or ends removes the folders of killed runs, in which no process locks `running`.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
