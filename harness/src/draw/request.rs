@@ -220,13 +220,13 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If the draw has no mesh, or if an index needs more than 16 bits.
+    /// If the draw has no mesh, or if an index is above 65534. The 16-bit index 65535 restarts a strip.
     pub fn u16_indices(mut self) -> Self {
         let Geometry::Mesh(mesh) = &self.geometry else {
             panic!("the draw has no mesh, so it has no indices")
         };
         let most = mesh.indices.iter().max().copied().unwrap_or(0);
-        assert!(most < u32::from(u16::MAX), "index {most} needs more than 16 bits");
+        assert!(most < u32::from(u16::MAX), "index {most} is above 65534, the largest 16-bit index");
         self.u16_indices = true;
         self
     }
