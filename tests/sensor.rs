@@ -41,7 +41,7 @@ fn exposure_from_ev100() {
         .agrees_with(sensor::exposure_from_ev100, Ulp(48.0));
 }
 
-/// WGSL allows exp2 3 + 2 |x| ulp, which is 23 ulp here. A product adds its rounding.
+/// WGSL allows exp2 3 + 2 |x| ulp, which is 23 ulp here. The rounding of the product adds up to 0.5 ulp.
 #[test]
 fn expose() {
     PBR.function("sensor::expose")

@@ -191,7 +191,10 @@ fn an_executor_draws_frames_or_says_that_it_does_not() {
     let paths: Vec<_> = right.paths.iter().map(|(adapter, _)| adapter.to_string()).collect();
     assert_eq!(paths, ["cpu: Fake 3000"]);
     let gray = mean(&Fake { factor: 1.0, ..RIGHT }).expect_err("it is gray");
-    assert!(gray.starts_with("the mean of") && gray.ends_with("\non cpu: Fake 3000"), "{gray}");
+    assert!(
+        gray.starts_with("the mean colour of") && gray.ends_with("\non cpu: Fake 3000"),
+        "{gray}"
+    );
     let small = mean(&Fake { missing: 1, ..RIGHT }).expect_err("it is small");
     assert_eq!(small, "path `cpu` drew 1 x 1 pixels instead of 3 x 2");
     let driver = mean(&Fake { path: Path::VULKAN, ..RIGHT }).expect_err("a driver's");

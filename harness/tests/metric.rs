@@ -295,7 +295,11 @@ fn differences_that_flip_misses_fail() {
     let dark = |light: f32| image(64, 64, |x, y, _| if x + y == 9 { light } else { 1e-37 });
     let (night, day) = (dark(1e-41), dark(3e-41));
     let measured = Flip::MEAN.measure(&Pair::new(&night, &day).expect("finite"));
-    assert!(measured.note.is_some_and(|note| note.starts_with("3e-41 at (9, 0) is more than 128")));
+    assert!(
+        measured.note.is_some_and(
+            |note| note.starts_with("the value 3e-41 of pixel (9, 0) is more than 128")
+        )
+    );
 
     let pair = pair.with_exposures(ExposureRange { start: f64::NAN, stop: 0.0 });
     assert!(matches!(Flip::MEAN.map(&pair), Err(FlipFailure::Parameters(_))));

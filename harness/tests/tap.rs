@@ -310,7 +310,7 @@ fn places_name_the_largest_expression() {
     let several = error("in.uv");
     assert!(several.contains("matches 4 values: choose one"), "{several}");
     assert_eq!(of("wave::term"), "x * f32(i + 1u)");
-    assert!(error("ave::term").contains("has no value `ave::term`"));
+    assert!(error("ave::term").contains("computes no value `ave::term`"));
     let elsewhere = error("other.wgsl:3");
     assert!(elsewhere.contains("run no code in this file"), "{elsewhere}");
 }
@@ -496,7 +496,7 @@ fn names_without_a_value_are_refused() {
     let often = often.expect_err("no pixel goes round so often").to_string();
     assert!(often.contains("9 times: a pixel computes the value at most 3 times"), "{often}");
     let variable = refused(plain(&package), "sum.x").to_string();
-    assert!(variable.contains("has no value `sum.x`"), "{variable}");
+    assert!(variable.contains("computes no value `sum.x`"), "{variable}");
     let mesh = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
     let depth = package.frame("", 4, 2).draw(Draw::depth("vertex", mesh)).depth();
     assert!(matches!(refused(depth, "at"), TapError::Depth));

@@ -319,8 +319,8 @@ enum Command {
     /// Writes frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
     #[command(after_help = "Examples:\n  karat render --list\n  karat render --first\n  \
                             karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
-                            The gallery is a cargo binary of the project, made of a \
-                            karat_gallery::Gallery and named in `metadata.karat`\nof Cargo.toml. The command fails if \
+                            A gallery is a binary of the project that runs a \
+                            karat_gallery::Gallery,\nand that `metadata.karat` in Cargo.toml names. The command fails if \
                             a frame can't be rendered or has values that are not finite.")]
     Render(karat_gallery::RenderArguments),
     /// Shows a value of a frame's fragment functions on every pixel, as an image and in numbers

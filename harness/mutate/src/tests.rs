@@ -485,7 +485,7 @@ fn an_accepted_mutant_must_exist_and_have_a_reason() {
     assert!(
         wrong("\"00000000\"".to_owned(), "why").contains("the package has no mutant with this id")
     );
-    assert!(wrong(String::new(), "why").contains("has no `ids`"));
+    assert!(wrong(String::new(), "why").contains("needs the key `ids`"));
     assert!(wrong(format!("\"{lived}\""), " ").contains("without a reason"));
     assert!(wrong(format!("\"{lived}\", \"{lived}\""), "why").contains("twice"));
 }

@@ -226,7 +226,10 @@ impl Draw {
             panic!("the draw has no mesh, so it has no indices")
         };
         let most = mesh.indices.iter().max().copied().unwrap_or(0);
-        assert!(most < u32::from(u16::MAX), "index {most} is above 65534, the largest 16-bit index");
+        assert!(
+            most < u32::from(u16::MAX),
+            "index {most} is above 65534, the largest 16-bit index"
+        );
         self.u16_indices = true;
         self
     }

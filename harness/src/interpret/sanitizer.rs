@@ -719,7 +719,7 @@ mod tests {
         let Watched { invocations, of, reason, .. } = examined.watched;
         assert_eq!(of, 2 * 64 * u64::from(groups));
         assert_eq!(invocations, 64 * 64);
-        assert!(reason.starts_with("in `ends`, 64 of 2048 workgroups ran"), "{reason}");
+        assert!(reason.starts_with("in `ends`, only 64 of 2048 workgroups ran"), "{reason}");
     }
 
     /// If the engine can't execute a pass, the result has a reason and no findings.

@@ -40,8 +40,8 @@ pub(crate) struct Page {
 }
 
 impl Page {
-    /// Starts a browser, and evaluates a script in a page. The script's value must be a promise of a greeting, and the
-    /// script must declare `ask`.
+    /// Starts a browser, and evaluates a script in a page. The script's value must be a `Promise` of the first reply.
+    /// The script must declare the function `ask`, which answers each later request.
     pub(crate) fn open(
         program: &Path,
         patience: Duration,

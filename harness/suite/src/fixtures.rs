@@ -711,7 +711,7 @@ mod tests {
             ("texture_2d<f32>", "{ size = [8, 4], seed = 1 }", "does nothing without a `range`"),
             ("texture_2d<u32>", "{ size = [8, 4], range = \"-1..1\" }", "-1"),
             ("texture_2d<f32>", "{ sise = [50, 5] }", "a texture has no key `sise`"),
-            ("texture_2d<f32>", "{ size = [65536, 65536] }", "16777216 at most"),
+            ("texture_2d<f32>", "{ size = [65536, 65536] }", "at most 16777216"),
         ] {
             let error = bound(declared, value).expect_err(declared);
             assert!(error.contains(part), "{declared}: {error}");

@@ -446,7 +446,7 @@ fn mistakes_are_reported_with_the_line_of_the_variable() {
         Some(Buffer::zeros(12).into()),
         &["<r>:3:23", "at least 16 bytes, but the fixture has 12"],
     );
-    told("h", "shadow", Some(Texture::constant(2.0_f32).into()), &["depth of 2"]);
+    told("h", "shadow", Some(Texture::constant(2.0_f32).into()), &["a texel has the depth 2"]);
     let empty = Texture::from_fn(0, 0, |_, _| 0_u32);
     told("f", "image", Some(empty.into()), &["the fixture of `image` is empty"]);
 }

@@ -141,7 +141,7 @@ fn other_arguments_have_to_be_accepted() {
         .unrecorded()
         .try_matches(goldens, case, Ulp(4.0))
         .expect_err("a wider domain");
-    assert!(error.to_string().contains("its domain, number of cases or seed"), "{error}");
+    assert!(error.to_string().contains("the test's domain, number of cases or seed"), "{error}");
     project.accept(case);
     over(&package)
         .unrecorded()

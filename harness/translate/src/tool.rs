@@ -319,7 +319,7 @@ impl Tool {
             // WGSL has no recursion, so naga's output has none.
             (
                 "Recursion detected",
-                "glslang reports recursion for a function that isn't recursive, because a constant calls the function",
+                "glslang reports recursion for a function that isn't recursive, because the value of a constant calls the function",
             ),
         ];
         let asked = self.name() == compile::GLSLANG && target == Target::Hlsl;

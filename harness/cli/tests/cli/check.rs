@@ -152,5 +152,5 @@ fn names_in_karat_toml_are_those_of_the_package() {
         assert!(ran.err.contains("shaders/karat.toml"), "{ran:?}");
     }
     let ran = check("Karat.toml", "[inputs]\nalpha = [0, 1]\n");
-    assert!(ran.code == Some(2) && ran.err.contains("reads only `karat.toml`"), "{ran:?}");
+    assert!(ran.code == Some(2) && ran.err.contains("name must be `karat.toml`"), "{ran:?}");
 }

@@ -334,19 +334,19 @@ fn an_exceeded_limit_is_reported_at_its_place() {
             uniform,
             compatibility,
             "1:23",
-            "uses 32768 bytes, and compatibility mode's maxUniformBuffer",
+            "uses 32768 bytes, but compatibility mode's maxUniformBuffer",
         ),
         (
             storage,
             compatibility,
             "2:9",
-            "uses 1 storage buffer, and compatibility mode's maxStorageB",
+            "uses 1 storage buffer, but compatibility mode's maxStorageB",
         ),
         (
             passed,
             compatibility,
             "1:11",
-            "uses 16 variables between stages, and compatibility mode's",
+            "uses 16 variables between stages, but compatibility mode's",
         ),
         (
             workgroup,

@@ -594,7 +594,7 @@ fn wrong_passes_fail_with_the_element() {
             "reverse",
             input,
             "[compute.after.keys]\nagrees_with = \"reverse\"",
-            ["compared with itself", "m.test.toml:6:1"],
+            ["can't be its own reference", "m.test.toml:6:1"],
         ),
         (
             "reverse",

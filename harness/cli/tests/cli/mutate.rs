@@ -108,7 +108,7 @@ fn mutate_fails_if_the_score_is_below_the_bound() {
     let red = TESTS.replace("equals = 1", "equals = 3");
     write(&folder.path().join("shaders"), "calc.test.toml", &red);
     let error = karat(folder.path(), &["mutate"]).error();
-    assert!(error.contains("1 test fails") && error.contains("fix them"), "{error}");
+    assert!(error.contains("1 test fails") && error.contains("fix these tests"), "{error}");
     std::fs::remove_file(folder.path().join("shaders/calc.test.toml")).expect("removed");
     let error = karat(folder.path(), &["mutate"]).error();
     assert!(error.contains("there is no test"), "{error}");

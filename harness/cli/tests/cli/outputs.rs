@@ -123,7 +123,7 @@ fn a_full_disk_leaves_the_table_of_before() {
     assert_eq!(kept, "of the run before");
 }
 
-/// Karat writes into a device or a pipe without replacing it. A link stays a link.
+/// If the output file is a device such as `/dev/stdout`, a pipe or a link, Karat writes through it and keeps it.
 // Lesson 59
 #[cfg(unix)]
 #[test]

@@ -52,7 +52,7 @@ fn the_page_shows_what_fails_with_its_plots() {
         "&lt;b&gt;",
         "KARAT_SEED=1 cargo test",
         "href=\"frames/#room\"",
-        "of 4 cases",
+        "Each of the 4 dots is a case",
         "not finite: 1 of 10 cases",
     ] {
         assert!(page.contains(part), "no `{part}` in {page}");

@@ -153,7 +153,7 @@ fn a_test_with_a_texture_says_where_it_is_bound() {
     let ran = cpu(folder.path(), &[]);
     for part in [
         "the parameter `image` is a texture or sampler, which `@test` can't bind",
-        "declare the test in a `*.test.toml`, whose `with` binds it: `with = { image = ... }`",
+        "declare the test in a `*.test.toml`, where `with` binds the parameter: `with = { image = ... }`",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {ran:?}");
     }

@@ -378,7 +378,7 @@ fn overrides_have_values_in_the_matrix() {
     let error = matrix(&["--override", "SIEZ=4"]).error();
     assert!(error.contains("no function and no entry point uses an override `SIEZ`"), "{error}");
     let error = matrix(&["--override", "SIZE=1.5"]).error();
-    assert!(error.contains("the override `SIZE` is a u32"), "{error}");
+    assert!(error.contains("the override `SIZE` must be a u32"), "{error}");
     // Of several packages, only one has the override.
     write(
         folder.path(),
@@ -1069,7 +1069,13 @@ mod planted {
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(ran.out.contains("NO VERDICT"), "{ran:?}");
         for (rows, column, status, reason, message) in [
-            ("maths::blnd", "vulkan", "agrees", "x", "no such row; did you mean `maths::blend`?"),
+            (
+                "maths::blnd",
+                "vulkan",
+                "agrees",
+                "x",
+                "the package has no row with this name; did you mean `maths::blend`?",
+            ),
             ("maths::blend", "vulkn", "agrees", "x", "there is no execution path `vulkn`"),
             (
                 "maths::blend",

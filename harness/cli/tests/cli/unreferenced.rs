@@ -218,7 +218,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         write(&golden, file, "");
         fails(file, case, "has no readable provenance: missing field");
         std::fs::remove_file(golden.join(file)).expect("removed");
-        fails(file, case, "` is missing");
+        fails(file, case, "is missing");
         // Git may have changed the line ends.
         write(&golden, file, &facts.replace('\n', "\r\n"));
         karat(folder, &["unreferenced"]).good();

@@ -70,7 +70,9 @@ mod tests {
         let (suspect, text) = told(&[First, Other, Other, Other]);
         assert_eq!(suspect.as_deref(), Some("cpu"));
         assert!(
-            text.contains("`vulkan`, `gl` and `dx12` agree with each other, so `cpu`"),
+            text.contains(
+                "`vulkan`, `gl` and `dx12` agree with each other, so the fault is probably in `cpu`"
+            ),
             "{text}"
         );
         for undecided in [&[First, Other, First, Other][..], &[First, Other, Neither, Neither]] {

@@ -470,7 +470,7 @@ mod tests {
         };
         let error = given.ending().expect_err("a path has no result").to_string();
         assert!(
-            error.starts_with("vulkan has no result: path `vulkan` returned 0 words"),
+            error.starts_with("vulkan has no result: path `vulkan` returned 0 u32 words"),
             "{error}"
         );
     }

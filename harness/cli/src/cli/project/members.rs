@@ -102,7 +102,7 @@ mod tests {
         let invalid = of(root, &"[workspace]\nmembers = [\"a**\"]".parse().expect("TOML"));
         let error = format!("{:#}", invalid.expect_err("it is no pattern"));
         let manifest = root.join("Cargo.toml");
-        let told = format!("the member `a**` in `{}`: ", manifest.display());
+        let told = format!("can't read the member `a**` in `{}`: ", manifest.display());
         assert!(error.starts_with(&told), "{error}");
         let alone = of(root, &"[package]\nname = \"x\"".parse().expect("TOML"));
         assert!(alone.expect("it is read").is_empty(), "it is no workspace");

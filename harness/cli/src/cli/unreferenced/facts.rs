@@ -52,7 +52,9 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     let told = match std::fs::read_to_string(beside) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            return Some(format!("the provenance file `{shown}` of `{image}` is missing"));
+            return Some(format!(
+                "`{shown}` is missing: this file has the provenance of `{image}`"
+            ));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
     };
