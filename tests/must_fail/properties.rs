@@ -43,7 +43,11 @@ fn a_function_that_does_not_scale() {
     assert!(eval("l.z / (v.z + l.z)").is_ok());
     let found = disagreement(eval("l.z / (v.z + 1.01 * l.z)"));
     assert_eq!(found.check, "scales_under");
-    assert!(found.to_string().contains("expected: the result for the others, times the factor"));
+    assert!(
+        found
+            .to_string()
+            .contains("expected: the result for the arguments without a prime, times the factor")
+    );
     let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x; }");
     let over = package.function("f").over((0.0..=1.0, 0.0..=1.0));
     let error =
