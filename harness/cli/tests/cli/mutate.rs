@@ -111,7 +111,7 @@ fn mutate_fails_if_the_score_is_below_the_bound() {
     assert!(error.contains("1 test fails") && error.contains("fix these tests"), "{error}");
     std::fs::remove_file(folder.path().join("shaders/calc.test.toml")).expect("removed");
     let error = karat(folder.path(), &["mutate"]).error();
-    assert!(error.contains("there is no test"), "{error}");
+    assert!(error.contains("the package has no test"), "{error}");
 }
 
 /// GitHub gets a warning for each line with surviving mutants, with its path in the repository. The job's summary gets
