@@ -337,7 +337,9 @@ fn read(
         if index == 0 && record.iter().any(is_name) {
             if let Some(both) = expected.iter().find(|name| columns.iter().any(|(c, _)| c == *name))
             {
-                bail!("--expect can't name `{both}`, because this column has an argument");
+                bail!(
+                    "--expect can't name the column `{both}`: this column has the values of an argument"
+                );
             }
             let head: Vec<&str> = record.iter().collect();
             let own: Vec<&str> = columns.iter().map(|(name, _)| &**name).collect();
