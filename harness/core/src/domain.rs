@@ -5,10 +5,11 @@
 //! on the seed and on *i*, so any case can be sampled again without the cases before it. A finite domain ([`Just`],
 //! [`Grid`], [`OneOf`] and products of them) is enumerated completely.
 //!
-//! In one of eight sampled tuples, two components of the same type are tied: one component becomes equal to the other,
-//! opposite to it, or close to one of these. Functions of two directions often fail for tied directions.
+//! In one of eight sampled tuples, two components of the same type are tied: one component becomes equal or opposite to
+//! the other component, or close to the equal or the opposite value. Functions of two directions often fail for tied
+//! directions.
 //!
-//! Karat simplifies a case that fails, within its domain. See [`Domain::shrink`].
+//! Karat replaces a failing case by simpler values of the same domain. See [`Domain::shrink`].
 
 mod composed;
 mod direction;
@@ -135,10 +136,10 @@ pub trait Domain: Send + Sync {
         None
     }
 
-    /// Two values that bound the domain: each component of every value lies between the same components of these two.
-    /// `None` if the domain has no such bounds. `stays_within` proves its claim for everything between the bounds. The
-    /// interval may contain values that the domain doesn't have. But a value of the domain outside of the interval
-    /// would make the proof false.
+    /// Two values that bound the domain: each component of every value lies between the corresponding components of
+    /// these two values. `None` if the domain has no such bounds. `stays_within` proves its claim for everything
+    /// between the bounds. The interval may contain values that the domain doesn't have. But a value of the domain
+    /// outside of the interval would make the proof false.
     ///
     /// ```
     /// use karat::{Domain, UnitRgb};
@@ -209,7 +210,7 @@ pub trait Domain: Send + Sync {
     }
 
     /// Makes values of a structure or a vector from the domains of its members, in order. Unlike [`map`](Domain::map),
-    /// this keeps the members apart, so Karat can simplify and tie them.
+    /// this function keeps the members separate, so Karat can simplify and tie them.
     ///
     /// ```
     /// use glam::{Vec2, Vec3};

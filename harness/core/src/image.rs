@@ -36,7 +36,7 @@ pub struct Image {
     width: u32,
     height: u32,
     pixels: Vec<[f32; 4]>,
-    /// The file from which the image was read, for verdicts.
+    /// The file from which the image was read. Verdicts list this file.
     origin: Option<Arc<FileRead>>,
 }
 

@@ -86,8 +86,8 @@ fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
 #[doc(hidden)]
 pub struct Lines {
     child: Child,
-    /// The channel to the thread that writes to the process, so that a process that doesn't read its input blocks
-    /// nothing else. `None` after the input was closed, which makes the process end.
+    /// The channel to the thread that writes to the process. If the process doesn't read its input, only this thread
+    /// blocks. `None` after the input was closed, which makes the process end.
     to: Option<Sender<Vec<u8>>>,
     from: Receiver<String>,
     end: u8,
@@ -98,7 +98,7 @@ pub struct Lines {
 
 impl Lines {
     /// Starts a program in which the byte `end` ends each message. The length of a message is limited, because a faulty
-    /// process may never end one.
+    /// process may never end its message.
     #[doc(hidden)]
     pub fn start(
         command: &mut Command,

@@ -102,7 +102,8 @@ pub fn passing<T>(work: impl FnOnce() -> T) -> T {
     done.unwrap_or_else(|payload| resume_unwind(Box::new(Passing(payload))))
 }
 
-/// Checks if panics of this thread are caught. Pass the result to the thread's helpers.
+/// Checks if panics of this thread are caught. Pass the result to [`helping`] on other threads that do a part of this
+/// thread's work.
 #[must_use]
 pub fn are_caught() -> bool {
     CAUGHT.get()

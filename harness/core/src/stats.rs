@@ -1,4 +1,4 @@
-//! Statistical tests of random samples. They run on the CPU, without a device.
+//! Statistical tests of random samples. The tests run on the CPU, without a GPU.
 //!
 //! Each test compares observed values with expected values. It returns a p-value: the probability that chance causes a
 //! difference at least as large as the observed one. It returns [`NoVerdict`] if there are too few samples, only one

@@ -76,8 +76,8 @@ pub struct Abs(pub f64);
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub enum Tolerance {
-    /// Limits the distance in `f32` steps. Steps that are smaller than a step at `band` count as large as a step at
-    /// `band`.
+    /// Limits the distance in `f32` steps. A step that is smaller than the step at `band` counts as a step of that
+    /// size.
     Ulp {
         /// The largest distance that passes.
         bound: f64,

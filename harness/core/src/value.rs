@@ -266,7 +266,7 @@ impl Shape {
 
     /// Checks if a host value of this shape can stand for the WGSL type `wgsl`.
     ///
-    /// Two structures match if their members match. The structures' own names may differ. If `result` is set, the
+    /// Two structures match if their members match. The structures' own names may differ. If `result` is `true`, the
     /// host's `f32` also matches `f16`, because a reference computes in `f64` for both types.
     ///
     /// ```

@@ -1,6 +1,6 @@
 //! Excerpts of authors' files, with shortened lines and escaped terminal commands.
 //!
-//! Only the shown text changes. Lines and columns stay those of the author's file.
+//! Only the shown text changes: the numbers of lines and columns stay those of the author's file.
 
 use std::ops::Range;
 
@@ -169,7 +169,7 @@ fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
     kept
 }
 
-/// The columns that a character takes. Wide characters count as one column.
+/// The number of columns that a character takes in a message. Wide characters count as one column.
 fn columns(character: char) -> usize {
     visible(character.encode_utf8(&mut [0; 4])).chars().count()
 }

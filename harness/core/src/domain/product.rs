@@ -24,7 +24,7 @@ impl Domain for () {
     }
 }
 
-/// Expands to `$value`. The index `$index` only makes a macro repeat this for each component.
+/// Expands to `$value`. A macro mentions `$index` only to repeat `$value` for each component.
 macro_rules! at {
     ($index:tt, $value:expr) => {
         $value

@@ -8,7 +8,7 @@ use super::{Domain, Emptiness, Source, infinite, shrink};
 /// Values at which shaders often behave differently. A range that contains such a value also samples it.
 const LANDMARKS: [f32; 5] = [0.0, 1.0, -1.0, 0.5, f32::MIN_POSITIVE];
 
-/// Selects one of two numbers without a branch: `a` if `first` is set.
+/// Selects one of two numbers without a branch: `a` if `first` is `true`.
 #[inline(always)]
 fn either(first: bool, a: f64, b: f64) -> f64 {
     let mask = 0_u64.wrapping_sub(u64::from(first));

@@ -3,7 +3,7 @@
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 
-/// The random numbers of one case. The seed and the case's index determine them.
+/// The random numbers of one case. The seed and the case's index determine these numbers.
 ///
 /// ```
 /// use karat::unstable::domain::Source;

@@ -22,8 +22,8 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// `None` if matrices of this size don't transform points. Only square matrices and matrices of three by four do.
-    /// If `perspective` is set, one matrix of four rows and columns is a perspective projection.
+    /// `None` if matrices of this size don't transform points. Only square matrices and matrices of three by four
+    /// transform points. If `perspective` is `true`, one matrix of four rows and columns is a perspective projection.
     pub(super) fn of(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
         let (columns, rows) = (usize::from(columns), usize::from(rows));
         // A matrix of three columns and four rows is the transpose of a matrix of four columns and three rows.

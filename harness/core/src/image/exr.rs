@@ -55,7 +55,7 @@ pub enum Precision {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrFile {
-    /// The parts. The first one is the frame.
+    /// The parts. The first part is the frame.
     pub parts: Vec<Part>,
     /// The value of the first part's string attribute `karat`.
     pub metadata: Option<String>,
@@ -105,11 +105,11 @@ impl ExrFile {
 
     /// Reads all parts that contain colours or greys. It skips other parts (depth, normals).
     ///
-    /// From each part, it reads the channels R, G, B and A, or Y and A. It takes channels without a layer if the part
-    /// has them, and otherwise the channels of the first layer that has colours or greys (`beauty.R`). If A is missing,
-    /// it is 1. Y is copied to R, G and B. Samples may be 16-bit or 32-bit floats or 32-bit unsigned integers, and
-    /// become `f32`. The image is the part's data window, wherever it is in the display window. If a part has several
-    /// levels, the function reads the largest. It doesn't convert values to other
+    /// From each part, it reads the channels R, G, B and A, or Y and A. If the part has channels without a layer, the
+    /// function reads these, and otherwise the channels of the first layer that has colours or greys (`beauty.R`). If
+    /// the channel A is missing, alpha is 1. Y is copied to R, G and B. Samples may be 16-bit or 32-bit floats or
+    /// 32-bit unsigned integers, and become `f32`. The image is the part's data window, wherever it is in the display
+    /// window. If a part has several levels, the function reads the largest. It doesn't convert values to other
     /// [`chromaticities`](Self::chromaticities).
     ///
     /// ```no_run

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Writes a temporary file in the same folder, then renames it. So the path has either the whole old file or the whole
 /// new file. Concurrent writers use different temporary files, and the last rename wins. If the path is a link, the
-/// link stays, and its target is replaced. A device, a pipe or a file that this process has open (`/dev/stdout`) is
-/// written directly.
+/// link stays, and its target is replaced. The function writes directly to a device file, to a pipe, and to a file that
+/// this process has open (`/dev/stdout`).
 ///
 /// ```no_run
 /// karat::unstable::image::write_whole("report.html".as_ref(), b"<!doctype html>")?;
@@ -45,8 +45,8 @@ pub fn append_line(folder: &Path, ending: &str, line: &str) {
     }
 }
 
-/// A file that was written under a temporary name, and isn't renamed yet. If it is dropped before the rename, it is
-/// removed.
+/// A file that was written under a temporary name, and isn't renamed yet. If this value is dropped before the rename,
+/// the file is removed.
 ///
 /// The file stays locked while its writer has it: see [`is_leftover`].
 #[derive(Debug)]
@@ -127,7 +127,7 @@ pub fn is_leftover(path: &Path) -> bool {
     is_beside(path) && unheld(path).is_some()
 }
 
-/// Removes a file if it [is a leftover](is_leftover). Returns `true` if it was removed.
+/// Removes a file if it [is a leftover](is_leftover). Returns `true` if the file was removed.
 #[doc(hidden)]
 pub fn remove_leftover(path: &Path) -> bool {
     // The lock is held until the file is removed, because the file's writer may be about to lock it.

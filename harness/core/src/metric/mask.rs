@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnostic::FileRead;
 use crate::image::{ExrFile, Image};
 
-/// The name of the part of a file that is 1 for compared pixels, and 0 for all others.
+/// The name of the part of an image file that contains the mask: 1 for compared pixels, and 0 for all others.
 pub const MASK: &str = "mask";
 
 /// A rectangle of pixels.

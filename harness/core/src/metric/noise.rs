@@ -1,9 +1,9 @@
 //! Tests if two noisy images have the same expected value.
 //!
 //! Two runs of a path tracer give different pixels, because of noise. The means of tiles differ much less, and the
-//! variances of both images say how much they may differ: Welch's z. Tiles have several sizes, from 16 pixels to the
-//! whole frame, so they show small faults and faint faults. Neighbouring tiles overlap by half, so no fault is divided
-//! among four tiles. Sidak's correction divides the significance among all tiles.
+//! variances of both images say how much the means may differ: Welch's z. Tiles have several sizes, from 16 pixels to
+//! the whole frame, so they show small faults and faint faults. Neighbouring tiles overlap by half, so no fault is
+//! divided among four tiles. Sidak's correction divides the significance among all tiles.
 //!
 //! A light error of some per cent matters as much in dark regions as in bright regions, but most of the noise is in
 //! bright regions. So each pixel is weighted by the brightness of its neighbours. The pixel's own brightness isn't
@@ -46,8 +46,8 @@ const SIGNIFICANCE: f64 = 0.01;
 const SCATTER: f64 = 2.0;
 
 /// The least brightness of neighbours that affects a weight, as a share of the golden's key. Darker neighbours count as
-/// if they had this brightness. If the key is middle grey, this is 6 of a screen's 255 steps. Noise below that is
-/// hardly visible, and must not outweigh other differences.
+/// if they had this brightness. If the key is middle grey, this is 6 of a screen's 255 steps. Noise below this
+/// brightness is hardly visible, and must not outweigh other differences.
 const BLACK: f64 = 0.01;
 
 /// The larger of two ratios, with the bound 1. The first ratio is the largest z of a tile's mean in any channel,

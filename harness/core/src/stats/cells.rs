@@ -119,8 +119,8 @@ impl Cells {
     }
 }
 
-/// A gap of at most this share of the range may be a single step between neighbouring `f32`. There, even a correct
-/// sampler returns equal samples.
+/// A gap of at most this share of the range may be a single step between neighbouring `f32`. At such a distance, even a
+/// correct sampler returns equal samples.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
 /// The bounds that divide values into `parts` parts with about the same number of values. Equal values stay in one
@@ -163,8 +163,8 @@ fn bounds(inner: &[f64], part: usize, ends: (f64, f64)) -> (f64, f64) {
     (low, inner.get(part).copied().unwrap_or(ends.1))
 }
 
-/// The bounds of the parts into which `low..high` is divided. One part is `start..end`. From there outwards, each part
-/// is twice as wide as the previous part.
+/// The bounds of the parts into which `low..high` is divided. One part is `start..end`. On both sides of this part,
+/// each further part is twice as wide as the previous one.
 fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
     // The range of one sample has the width 0. At most 30 doublings of the least width reach any support's end.
     let width = (end - start).max(1e-9 * (high - low));

@@ -169,7 +169,7 @@ fn add(sum: &mut [f64], values: &[f64]) {
     }
 }
 
-/// The nodes in the unit square, with their weights. If `line` is set, the support has only one coordinate, and the
+/// The nodes in the unit square, with their weights. If `line` is `true`, the support has only one coordinate, and the
 /// second coordinate of each node is 1/2.
 fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     let second = if line { &[(0.5, 1.0)] } else { nodes };

@@ -46,7 +46,7 @@ pub(super) fn spacing(magnitude: f64) -> f64 {
 }
 
 /// The distance between two neighbouring `f32` in the binade of `magnitude`. All larger `f32` have at least this
-/// distance. Unlike [`spacing`], the function doesn't round first, and it has no minimum.
+/// distance. Unlike [`spacing`], the function doesn't round `magnitude` first, and its result has no minimum.
 #[inline]
 pub(super) fn least_spacing(magnitude: f64) -> f64 {
     // A number without its 52 fraction bits is its binade's power of two.

@@ -1,11 +1,12 @@
-//! Selects the channels of a part that have its colours.
+//! Selects the channels that contain the colours of a part.
 
 use super::header::{Channel, PartHeader, Sample};
 use crate::image::Precision;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Selection {
-    /// For each channel of the part, the channels of a pixel that it fills.
+    /// For each channel of the part, the indices of the pixel's components (0 to 3 for R, G, B, A) that the channel
+    /// fills.
     pub(super) fills: Vec<&'static [usize]>,
     pub(super) precision: Precision,
     /// `true` if there are three colours, `false` if there is one grey.
