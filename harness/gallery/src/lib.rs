@@ -61,13 +61,13 @@ impl RenderOptions {
         Self { size: None, samples: None, environment: None, path }
     }
 
-    /// Returns the requested size, or this size if none is requested.
+    /// Returns the requested size, or `width` and `height` if no size is requested.
     #[must_use]
     pub fn size_or(&self, width: u32, height: u32) -> (u32, u32) {
         self.size.unwrap_or((width, height))
     }
 
-    /// Returns the requested number of samples, or this number if none is requested.
+    /// Returns the requested number of samples, or `samples` if no number is requested.
     #[must_use]
     pub fn samples_or(&self, samples: u32) -> u32 {
         self.samples.unwrap_or(samples)
@@ -317,7 +317,7 @@ impl Gallery {
     }
 }
 
-/// Prints the steps of a pixel as JSON.
+/// Prints as JSON the steps by which the selected frame computes a pixel.
 fn traced<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,
@@ -341,7 +341,7 @@ fn traced<'e>(
     }
 }
 
-/// Prints values of frames. Returns the names of the frames without such a value.
+/// Prints values of frames. Returns the names of the frames that don't have these values, or can't run.
 fn tapped<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,

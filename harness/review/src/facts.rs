@@ -69,9 +69,9 @@ impl fmt::Display for Cause {
 pub(crate) struct Fact {
     /// The name of the property: `adapter.name`.
     pub name: String,
-    /// The golden's value. Empty if the golden has none.
+    /// The golden's value. Empty if the golden doesn't have this property.
     pub golden: String,
-    /// The frame's value. Empty if the frame has none.
+    /// The frame's value. Empty if the frame doesn't have this property.
     pub actual: String,
     /// `true` if both golden and frame have a value and the values differ.
     pub differs: bool,

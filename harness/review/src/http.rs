@@ -21,7 +21,7 @@ const MOST_HEADERS: usize = 100;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The time for reading and dropping the rest of a request after the response.
 const LINGER: Duration = Duration::from_secs(2);
-/// The largest number of connections at a time. A browser opens six, and one more that it may need soon.
+/// The largest number of connections at a time. A browser opens six connections, and one more that it may need soon.
 const MOST_OPEN: usize = 64;
 /// The pause after a connection that couldn't be accepted. Without it, a lasting error would make the server spin.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -37,7 +37,7 @@ const HEADERS: &str = "Cache-Control: no-store\r\n\
 /// The frame policy without an editor: no other page may show this page in a frame.
 const UNFRAMED: &str = "'none'";
 /// The frame policy for an editor that shows the page in a panel. The windows of VS Code have their own URL schemes; in
-/// a browser they are pages of this machine. Any other page would need to know the token.
+/// a browser, VS Code's windows are pages from this machine. Any other page would need to know the token.
 const FRAMED: &str = "vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*";
 
 /// A response: status, content type, body.

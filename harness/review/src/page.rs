@@ -42,11 +42,11 @@ const SCRIPTS: [&str; 26] = [
     include_str!("page/main.js"),
 ];
 
-/// The way in which the browser gets the page.
+/// The source from which the browser loads the page.
 pub(super) enum Mode {
     /// From files. The reader types decisions in a terminal.
     Files,
-    /// From Karat's server. The token makes the nonce of the policy secret.
+    /// From Karat's server. The policy's nonce is a hash that includes the token, so the nonce is secret.
     Served {
         /// The token in the URL.
         token: String,

@@ -49,8 +49,8 @@ impl Asked {
         Self { pixels: Some(pixels), busy: Arc::default() }
     }
 
-    /// Replies to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`. The last one may end in
-    /// `/<commit>`. Returns `None` for other questions.
+    /// Replies to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`. A `trace` question may end
+    /// in `/<commit>`. Returns `None` for other questions.
     pub(super) fn answer(&self, entry: &Entry, question: &str) -> Option<Value> {
         let pixels = self.pixels.as_ref()?;
         let frame = match entry {
@@ -89,7 +89,7 @@ impl Asked {
     }
 }
 
-/// The number of traced pixels in a page without a server. Each takes about a second.
+/// The number of traced pixels in a page without a server. Each trace takes about a second.
 const IN_ADVANCE: usize = 3;
 
 impl Asked {

@@ -10,8 +10,8 @@ use naga::{
 ///
 /// GLSL has no groups, and HLSL numbers the registers of buffers, textures and samplers separately. So Karat numbers
 /// all resources in one sequence for GLSL and HLSL: first the resources that the entry point uses, in the order of
-/// groups and bindings, then all others. A number means the same resource in GLSL, in HLSL, and in the SPIR-V that
-/// compilers make from GLSL and HLSL.
+/// groups and bindings, then all others. The same number means the same resource in GLSL, in HLSL, and in the SPIR-V
+/// that compilers make from GLSL and HLSL.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bindings(Vec<Resource>);
 

@@ -13,7 +13,7 @@ const MOST_WRITTEN: u64 = 16 << 20;
 /// The number of output bytes that Karat keeps.
 const MOST_KEPT: u64 = 64 << 10;
 
-/// The first pause between two checks that look if a program has ended. Later pauses are longer.
+/// The first pause between two checks if a program has ended. Later pauses are longer.
 const FIRST_PAUSE: Duration = Duration::from_micros(500);
 const LONGEST_PAUSE: Duration = Duration::from_millis(20);
 

@@ -48,7 +48,7 @@ const RESTRICT: BoundsCheckPolicies = BoundsCheckPolicies {
     binding_array: BoundsCheckPolicy::Unchecked,
 };
 
-/// The words for [`RESTRICT`] in reports.
+/// The description of [`RESTRICT`] in reports.
 const RESTRICTED: &str = "restricts indices";
 
 pub(crate) fn write(

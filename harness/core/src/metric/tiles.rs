@@ -25,9 +25,9 @@ pub struct ErrorMap {
     values: Vec<f32>,
 }
 
-/// The possible ends of the scale in a picture of errors. The scales of other tools always end at 1. So pictures of
-/// large errors look the same in other tools and in Karat, but other tools show small errors as black. Errors below
-/// 0.001 are invisible to people, so a smaller end would make invisible errors look bright.
+/// The possible ends of the scale in a picture of errors. The scales of other tools always end at 1. So Karat's
+/// pictures of large errors are comparable with the pictures of other tools, which show small errors as black. Errors
+/// below 0.001 are invisible to people, so a smaller end would make invisible errors look bright.
 const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 impl ErrorMap {
