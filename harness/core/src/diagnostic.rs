@@ -75,7 +75,7 @@ impl SourceFile {
     }
 
     /// Converts a byte offset in `text` to a byte offset in the author's text. An offset inside a value becomes the
-    /// start of its placeholder.
+    /// start of the value's placeholder.
     #[must_use]
     pub fn written_at(&self, offset: usize) -> usize {
         let (mut text, mut written) = (0, 0);
@@ -101,7 +101,7 @@ impl SourceFile {
         (!self.name.starts_with('<')).then(|| FileRead::of(file, self.written().as_bytes()))
     }
 
-    /// Line and column of a byte offset. Both begin at 1, and columns count characters.
+    /// The line and the column of a byte offset. Line and column begin at 1, and columns count characters.
     #[must_use]
     pub fn line_column(&self, offset: usize) -> (usize, usize) {
         let written = self.written();
@@ -212,8 +212,7 @@ impl Diagnostic {
         let mut files = Excerpts::default();
         let mut known: Vec<(&Arc<SourceFile>, usize)> = Vec::new();
         let mut labels = Vec::new();
-        // Drops ranges that end after the end of the text, or that begin inside a character: an excerpt can't show
-        // them.
+        // Moves an end of a range that is after the text or inside a character: an excerpt can't show such a range.
         let within = |span: &Span| {
             let text = &span.file.text;
             text.floor_char_boundary(span.range.start)..text.floor_char_boundary(span.range.end)
@@ -294,8 +293,8 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
         .map(|(_, _, name)| name)
 }
 
-/// BLAKE3 of a shader's text, in hexadecimal. The line ends `\n` and `\r\n` give the same hash, because git may change
-/// line ends.
+/// The BLAKE3 hash of a shader's text, in hexadecimal. The line ends `\n` and `\r\n` give the same hash, because git
+/// may change line ends.
 #[must_use]
 pub fn text_hash(text: &[u8]) -> String {
     let mut hasher = blake3::Hasher::new();

@@ -50,8 +50,8 @@ pub use stream::{Held, Numbering, Stream, Typed};
 
 use crate::value::{Arguments, Shareable};
 
-/// The number of samples in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter that
-/// accepts 1 % of the samples fails by chance in one of 5e8 cases.
+/// The number of consecutive samples that a [`filter`](Domain::filter) may reject before the check gives up. A filter
+/// that accepts 1 % of the samples fails by chance in one of 5e8 cases.
 const REJECTIONS: u32 = 2000;
 
 /// The number of simpler grid points that are tried for a failing grid point.
@@ -99,7 +99,7 @@ pub trait Domain: Send + Sync {
     /// The type of the values.
     type Value: Clone + Debug + Send + Sync + 'static;
 
-    /// Samples a value. `None` if a filter rejected too many values in a row.
+    /// Samples a value. `None` if a filter rejected too many consecutive values.
     fn draw(&self, source: &mut Source) -> Option<Self::Value>;
 
     /// Values that are always tried first. The simplest and most extreme values come first.
@@ -107,8 +107,8 @@ pub trait Domain: Send + Sync {
         Vec::new()
     }
 
-    /// Checks if the domain has no value: for example, a range that ends before it starts. This doesn't detect a filter
-    /// that rejects everything.
+    /// Checks if the domain has no value: for example, a range that ends before it starts. The function doesn't detect
+    /// a filter that rejects everything.
     fn is_empty(&self) -> bool {
         self.emptiness().is_some()
     }
@@ -159,8 +159,8 @@ pub trait Domain: Send + Sync {
         Vec::new()
     }
 
-    /// A case from [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw), with the data for simplifying
-    /// it. Domains that are made of other domains override this method. All other domains need only
+    /// A case from [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw), with the data that Karat needs
+    /// to simplify the case. Domains that are made of other domains override this method. All other domains need only
     /// [`shrink`](Self::shrink).
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
         let value = match origin {
@@ -310,7 +310,7 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for Just<T> {
     }
 }
 
-/// The listed values. Karat tries each of them.
+/// The listed values. Karat tries each value.
 ///
 /// ```
 /// use karat::{Domain, OneOf};

@@ -114,7 +114,7 @@ impl Kind {
         self != Self::Unwritten
     }
 
-    /// Checks if this kind of hazard is an index that selects another element than the intended one.
+    /// Checks if a hazard of this kind is an index that selects a wrong element.
     #[must_use]
     pub fn is_of_index(self) -> bool {
         matches!(self, Self::OutOfRange | Self::Wrapped)

@@ -52,7 +52,7 @@ thread_local! {
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// A panic of a caller's own code. It isn't caught, although the code runs inside of [`caught`].
+/// A panic of a caller's own code. [`caught`] doesn't catch this panic, although the code runs inside of [`caught`].
 struct Passing(Box<dyn Any + Send>);
 
 /// Runs `work`, and catches its panic.

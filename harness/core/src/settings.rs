@@ -1,7 +1,8 @@
 //! The settings in environment variables. Karat reads and checks every variable whose name begins with `KARAT_`, once.
 //!
-//! If Karat ignored a misspelt variable, a run that should require a path or replay a case could pass without doing so.
-//! So an unknown name or value is an error, with a suggestion. A variable with an empty value counts as not set.
+//! If Karat ignored a misspelt variable, a run that should require a path or replay a case could pass although the path
+//! is missing or the case didn't run. So an unknown name or value is an error, with a suggestion. A variable with an
+//! empty value counts as not set.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -436,7 +437,8 @@ fn duration(text: &str) -> Option<Duration> {
     (!duration.is_zero()).then_some(duration)
 }
 
-/// The path, in cargo's home, of a file that Karat can make again. It outlives the `target` folder of a project.
+/// The path, in cargo's home, of a file that Karat can make again. Cargo's home outlives the `target` folder of a
+/// project.
 #[doc(hidden)]
 pub fn kept(file: &str) -> Option<PathBuf> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);

@@ -16,7 +16,8 @@ use std::fmt;
 
 use crate::value::Scalar;
 
-/// A factor above the rounding error of a few `f64` operations. It turns an estimate of a ratio into an upper bound.
+/// A factor above the rounding error of a few `f64` operations. This factor turns an estimate of a ratio into an upper
+/// bound.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
 /// Units in the last place: the number of `f32` steps between the result and the reference.
@@ -81,8 +82,7 @@ pub enum Tolerance {
     Ulp {
         /// The largest distance that passes.
         bound: f64,
-        /// The magnitude below which the error is absolute. There, the error may be `bound` steps of the size that
-        /// steps have at `band`.
+        /// The magnitude below which the bound is absolute: the error may be `bound` times the step at `band`.
         band: f64,
     },
     /// The relative error, as in [`Rel`].

@@ -163,7 +163,7 @@ pub enum Shape {
     Array {
         /// The type of an element.
         element: Box<Shape>,
-        /// The number of elements. It is at least 1.
+        /// The number of elements, at least 1.
         length: u32,
     },
     /// A structure in WGSL.
@@ -422,7 +422,7 @@ pub fn format_lane(scalar: Scalar, lane: u32) -> String {
 }
 
 /// An `f32` in decimal, with the fewest digits that give the same bits, and with an exponent if plain digits would be
-/// long. `-0`, `NaN` and `inf` are written as such.
+/// long. The other results are `-0`, `NaN`, `inf` and `-inf`.
 ///
 /// ```
 /// use karat::unstable::value::format_f32;

@@ -1,5 +1,5 @@
-//! The arguments of `karat render` and of galleries. `karat render` parses them, and writes them again for the gallery
-//! that it runs.
+//! The arguments of `karat render` and of galleries. `karat render` parses these arguments, and passes them on to the
+//! gallery that it runs.
 
 use std::ffi::OsString;
 use std::path::PathBuf;

@@ -44,13 +44,13 @@ const HEAD: Style = Style::HEAD;
 pub struct RenderOptions {
     /// The width and height in pixels, each from 1 to 16384. `None` means the frame's own size.
     pub size: Option<(u32, u32)>,
-    /// The number of samples per pixel, or another number that the frame defines. It is at least 1. `None` means the
-    /// frame's own number.
+    /// The number of samples per pixel, or another number that the frame defines, at least 1. `None` means the frame's
+    /// own number.
     pub samples: Option<u32>,
     /// A file with the light around the scene, such as an EXR panorama. The file existed when the options were read.
     /// `None` means the frame's own light.
     pub environment: Option<PathBuf>,
-    /// The path on which the frame is drawn. It is open.
+    /// The open path on which the frame is drawn.
     pub path: Path,
 }
 
@@ -156,9 +156,9 @@ impl Gallery {
         Self::default()
     }
 
-    /// Adds a frame. The first frame is the project's scene. `name` becomes the name of its files: use letters, digits,
-    /// `-`, `_` and `/`. `about` says in one line what the frame shows. The gallery calls `describe` when it renders
-    /// the frame.
+    /// Adds a frame. The first frame is the project's scene. `name` becomes the name of the frame's files: use letters,
+    /// digits, `-`, `_` and `/`. `about` says in one line what the frame shows. The gallery calls `describe` when it
+    /// renders the frame.
     pub fn frame(
         mut self,
         name: &str,
@@ -286,7 +286,7 @@ impl Gallery {
         self.entries.iter().map(line).collect()
     }
 
-    /// Returns the requested frames in the gallery's order. There is at least one.
+    /// Returns the requested frames in the gallery's order. Returns at least one frame.
     fn select(&self, arguments: &RenderArguments) -> Result<Vec<&Entry>, GalleryError> {
         if arguments.all {
             return Ok(self.entries.iter().collect());

@@ -26,7 +26,7 @@ const UNIT: f64 = 4e-3;
 enum Mapping {
     /// Black means false, white means true.
     Truth,
-    /// One number. The colours of magma go from the smallest to the largest value.
+    /// One number. The colour scale magma goes from the smallest to the largest value.
     Range([f64; 2]),
     /// One number of both signs. Blue is below 0, black is 0, red is above 0. The brightest colour is the largest
     /// absolute value.
@@ -37,7 +37,7 @@ enum Mapping {
     Channels([f64; 2]),
 }
 
-/// Writes the images of a value into a folder, as `<frame>.<value>.exr` and `.png`, and describes them.
+/// Writes the images of a value into a folder, as `<frame>.<value>.exr` and `.png`, and describes the images.
 ///
 /// # Errors
 /// Returns an error if a file can't be written.

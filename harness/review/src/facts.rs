@@ -73,7 +73,7 @@ pub(crate) struct Fact {
     pub golden: String,
     /// The frame's value. Empty if the frame doesn't have this property.
     pub actual: String,
-    /// `true` if both golden and frame have a value and the values differ.
+    /// `true` if golden and frame both have a value, and the values differ.
     pub differs: bool,
 }
 

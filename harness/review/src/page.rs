@@ -44,7 +44,7 @@ const SCRIPTS: [&str; 26] = [
 
 /// The source from which the browser loads the page.
 pub(super) enum Mode {
-    /// From files. The reader types decisions in a terminal.
+    /// From files. The reader accepts and rejects frames in a terminal.
     Files,
     /// From Karat's server. The policy's nonce is a hash that includes the token, so the nonce is secret.
     Served {

@@ -93,8 +93,8 @@ impl Asked {
 const IN_ADVANCE: usize = 3;
 
 impl Asked {
-    /// Returns the traces of the pixels that differ most from the golden. The first of the golden's `versions` gives
-    /// the commit for [`Pixels::trace`]. If a trace with this commit isn't possible, the trace has no commit. Returns
+    /// Returns the traces of the pixels that differ most from the golden. [`Pixels::trace`] receives the commit of the
+    /// first of the golden's `versions`. If a trace with this commit isn't possible, the trace has no commit. Returns
     /// null if no pixel can be traced.
     pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
         let mut all = serde_json::Map::new();

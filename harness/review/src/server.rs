@@ -98,8 +98,8 @@ impl Server {
         self.desk.review.pending()
     }
 
-    /// Answers requests until another thread stops the server. Then it completes a decision that has begun, begins no
-    /// other decision, and doesn't wait for clients.
+    /// Answers requests until another thread stops the server. After that, the server completes a decision that has
+    /// begun, begins no other decision, and doesn't wait for clients.
     pub fn run(&self) {
         let desk = Arc::clone(&self.desk);
         self.http.run(move |request| desk.answer(request));

@@ -100,7 +100,7 @@ impl Bindings {
     }
 }
 
-/// Checks if an entry point uses a variable. Without an entry point, each variable counts as used.
+/// Checks if an entry point uses a variable. If no entry point is given, each variable counts as used.
 pub(crate) fn uses(
     module: &Module,
     info: &ModuleInfo,

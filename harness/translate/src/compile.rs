@@ -199,8 +199,8 @@ fn spirv(bytes: &[u8]) -> Option<Vec<u32>> {
 /// The magic number at the start of SPIR-V.
 const MAGIC: u32 = 0x0723_0203;
 
-/// The error that `spirv-val` finds in SPIR-V. Drivers don't check a compiler's output. Without `spirv-val` there is no
-/// check.
+/// The error that `spirv-val` finds in SPIR-V. Drivers don't check a compiler's output. If `spirv-val` isn't installed,
+/// Karat doesn't check the SPIR-V.
 fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     let Ok((program, _)) = tool::program("spirv-val") else { return Ok(None) };
     let folder = tempfile::tempdir()?;

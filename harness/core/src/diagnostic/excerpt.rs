@@ -109,7 +109,7 @@ impl<'a> Excerpt<'a> {
     }
 
     /// Converts an offset in the author's text to an offset in the shown text. An offset inside of a changed range
-    /// becomes the start of its replacement.
+    /// becomes the start of the range's replacement.
     pub(super) fn shown(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(from, _)| from.end <= byte);
         match self.changes.get(after) {
@@ -282,14 +282,14 @@ mod tests {
             assert_eq!(&excerpt.text[excerpt.shown(1005)..], "next\n");
         });
         assert_eq!(shown, format!("…{}HERE{}…\nnext\n", "a".repeat(40), "b".repeat(56)));
-        // Near one end of the line, more text towards the other end is shown. Two positions give two parts.
+        // Near one end of the line, the excerpt shows more text on the other side. Two positions give two parts.
         let at = |places: &[(usize, usize)]| excerpt(&long, places, |_| ());
         assert_eq!(at(&[(0, 1)]), format!("{}…\nnext\n", "a".repeat(100)));
         assert_eq!(at(&[(1003, 1004)]), format!("…{}\nnext\n", "b".repeat(100)));
         assert_eq!(at(&[(1005, 1006)]), format!("{}…\nnext\n", "a".repeat(100)));
         let two = format!("{}…{}…\nnext\n", "a".repeat(100), "b".repeat(100));
         assert_eq!(at(&[(0, 1), (700, 701)]), two);
-        // For a range that is longer than a line, the beginning of the range is shown, and the text after it.
+        // For a range that is longer than a line, the excerpt shows the beginning and the text after it.
         let shown = excerpt(&long, &[(10, 900)], |excerpt| {
             assert_eq!(&excerpt.text[..excerpt.shown_end(900)], "a".repeat(100) + "…");
         });

@@ -24,8 +24,8 @@ use crate::value::{Scalar, Shape, Shareable, format_lane};
 const TIES: u64 = 8;
 
 /// Makes a float close to a given float: the difference is the given float times 2^-8 to 2^-23. The subtraction of such
-/// floats loses digits. This shows faults in variances and gradients, which lose digits only for such values. For an
-/// integer, the result is the given integer or the next larger one.
+/// floats loses digits. Such pairs of floats show faults in variances and gradients, which lose digits only for such
+/// values. For an integer, the result is the given integer or the next larger integer.
 fn nearly(word: u32, source: &mut Source) -> u32 {
     let like = f32::from_bits(word);
     let bits = source.bits();

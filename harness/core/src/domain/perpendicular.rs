@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::{direction, shrink};
 
-/// If the perpendicular part of a vector is shorter than this, the digits of its direction are lost. So an axis
-/// replaces a unit vector that is nearly parallel to another one.
+/// If the perpendicular part of a vector is shorter than this length, the part's direction has lost its digits. So an
+/// axis replaces a unit vector that is nearly parallel to another vector.
 const SHORT: f64 = 1e-3;
 
-/// If the directions of two vectors differ by at most this, the vectors count as parallel, because `f32` rounding
+/// If the directions of two vectors differ by at most this value, the vectors count as parallel, because `f32` rounding
 /// causes such differences.
 const PARALLEL: f64 = 1e-6;
 

@@ -252,7 +252,7 @@ trait Tied<'a>: Domain {
     fn tied(&'a self, parts: Self::Parts, ties: Rc<[Tie]>) -> Shrinkable<'a, Self::Value>;
 }
 
-/// The components that determine others and aren't determined by others. Each occurs once.
+/// The components that determine other components, but that no other component determines. Each component occurs once.
 fn roots(ties: &[Tie]) -> Vec<usize> {
     let mut roots: Vec<usize> = Vec::new();
     for tie in ties {

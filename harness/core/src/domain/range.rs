@@ -20,8 +20,8 @@ impl Domain for RangeInclusive<f32> {
 
     /// Of 16 samples, 1 is an end, 3 are at a logarithmic distance from an end, 1 is a landmark in the range (0, 1,
     /// 1/2, ...), and 11 are uniform. If 0 is inside the range, it counts as an end of the negative and of the positive
-    /// part. Then 4 of the 11 samples are at a logarithmic distance from 0. Half of these 4 use the size of the range
-    /// as the scale. The other half use the scale 1, because most sums have their last digits there.
+    /// part. Then 4 of the 11 samples are at a logarithmic distance from 0. Two of these 4 samples use the size of the
+    /// range as the scale. The other two use the scale 1, because most sums have their last digits there.
     fn draw(&self, source: &mut Source) -> Option<f32> {
         let (start, end) = (*self.start(), *self.end());
         let (low, high) = (f64::from(start), f64::from(end));

@@ -2,8 +2,9 @@
 //!
 //! Many functions fail if two arguments are related: two equal directions have no angle between them, and two opposite
 //! directions have no half vector. Independent components are related only at edges. So some samples replace one
-//! component by a value made from another component of the same type: an equal value, the opposite, or a value close to
-//! one of these. If the component's own domain doesn't have this value, the component keeps its sampled value.
+//! component by a value made from another component of the same type: an equal value, the opposite value, or a value
+//! close to the equal or the opposite value. If the component's own domain doesn't have this value, the component keeps
+//! its sampled value.
 
 use std::any::{Any, TypeId};
 
@@ -79,8 +80,8 @@ pub(super) fn draw(
     ties
 }
 
-/// Chooses two random components of the same type, of which the second has no tie yet. `None` if there are no such
-/// components.
+/// Chooses two random components of the same type, such that the second component has no tie yet. `None` if there are
+/// no such components.
 fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, usize)> {
     let index = source.below(pairs(types, ties, usize::MAX).0 as u64);
     pairs(types, ties, usize::try_from(index).ok()?).1
@@ -130,8 +131,9 @@ impl Tie {
         self.of_related(domain, from, again)
     }
 
-    /// The value that keeps the tie after `from` was simplified. A mapped domain can't check if it has this value. It
-    /// uses `simpler`, the component's own simpler value at the same index, if the tie is an equality.
+    /// The value that keeps the tie after `from` was simplified. A mapped domain can't check if it has this value. If
+    /// the tie is an equality, the function then returns `simpler`, the component's own simpler value at the same
+    /// index.
     pub(super) fn simpler<'a, D: Domain>(
         &self,
         domain: &'a D,

@@ -8,7 +8,8 @@ use super::{Domain, Emptiness, Source, UnitVector};
 /// The largest logarithm of a scale, to base 2: scales are from a quarter to four.
 const SCALES: f64 = 2.0;
 
-/// The sine and the cosine of an eighth of a turn. A quaternion of these two rotates by a quarter turn.
+/// The sine and the cosine of an eighth of a turn. A quaternion with this sine and this cosine rotates by a quarter
+/// turn.
 const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// The largest distance that a matrix moves along each axis.

@@ -107,10 +107,10 @@ impl Flip {
         reach
     }
 
-    /// The errors of a rectangle of the frame. It contains the pixels that differ by more than [`Gate::default`]
-    /// allows, and all pixels that they affect. The errors are equal, bit for bit, to those of the whole frame. If a
-    /// differing pixel is too bright for the golden's exposures, FLIP also uses darker exposures. If a differing pixel
-    /// is too dark, FLIP also uses brighter exposures, up to the limit of the gate.
+    /// The errors of a rectangle of the frame. The rectangle contains the pixels that differ by more than
+    /// [`Gate::default`] allows, and all pixels whose errors they affect. The errors are equal, bit for bit, to those
+    /// of the whole frame. If a differing pixel is too bright for the golden's exposures, FLIP also uses darker
+    /// exposures. If a differing pixel is too dark, FLIP also uses brighter exposures, up to the limit of the gate.
     ///
     /// ```
     /// use karat::Image;

@@ -9,8 +9,8 @@ use super::{Measured, Metric};
 use crate::image::{Image, Precision};
 use crate::tolerance::power;
 
-/// The largest relative difference of a channel, unless a frame sets another. It is twice the step of half floats, the
-/// format of goldens.
+/// The largest relative difference of a channel, unless a frame sets another limit. This default is twice the step of
+/// half floats, the format of goldens.
 pub const DEFAULT_RELATIVE: f32 = 1e-3;
 
 /// An alpha below this value is compared as if it were this value. An opacity of one per cent is invisible, and `1 -

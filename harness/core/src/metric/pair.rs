@@ -363,7 +363,8 @@ fn same_size(golden: &Image, actual: &Image) -> Result<(), PairError> {
     Err(PairError::Size { golden: size(golden), actual: size(actual) })
 }
 
-/// Returns 0 in each lane, or NaN if a value isn't finite. It processes four channels at once, without branches.
+/// Returns 0 in each lane, or NaN if a value isn't finite. The function processes four channels at once, without
+/// branches.
 fn vanishing(pixels: &[[f32; 4]], start: Vec4) -> Vec4 {
     pixels.iter().fold(start, |sum, pixel| sum + Vec4::from_array(*pixel) * 0.0)
 }

@@ -3,8 +3,8 @@
 use super::mask::Rect;
 use super::pair::Pair;
 
-/// The side of a tile, in pixels. It is a quarter of a degree of vision, about the reach of FLIP's filters, so a small
-/// fault fills a tile.
+/// The side of a tile, in pixels. This side is a quarter of a degree of vision, about the reach of FLIP's filters, so a
+/// small fault fills a tile.
 pub const TILE: u32 = 16;
 
 /// The side of a cell, in pixels. A tile consists of four cells, and the next tile begins one cell further.
@@ -79,7 +79,7 @@ impl ErrorMap {
     }
 
     /// The error that has the brightest colour in a picture of these errors: the smallest of 1, 0.5, 0.2, 0.1 and so on
-    /// down to 0.001 that is at least as large as every error. 1 if there is no error.
+    /// down to 0.001 that is at least as large as every error. The result is 1 if there is no error.
     ///
     /// ```
     /// use karat::unstable::metric::ErrorMap;

@@ -10,7 +10,7 @@ use super::{Rectangle, Support};
 ///
 /// Many samples may be equal, for example if a sampler has lost a dimension. Then the cell around the equal samples is
 /// narrower than the distance to the neighbouring samples. The density predicts fewer samples in this cell, and some
-/// samples in the empty cells beside it, so the test rejects the sampler.
+/// samples in the empty neighbouring cells, so the test rejects the sampler.
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
@@ -93,8 +93,9 @@ impl Cells {
     }
 
     /// Divides a cell into parts, so that a quadrature rule of moderate order samples the density well in each part.
-    /// One part is around the pilot samples. The other parts lie beside it, and each is twice as wide as the previous
-    /// part. A density may fall quickly next to the samples, and a rule over a whole wide cell would miss this fall.
+    /// One part is around the pilot samples. The other parts lie on both sides of this part, and each is twice as wide
+    /// as the previous part. A density may fall quickly next to the samples, and a rule over a whole wide cell would
+    /// miss this fall.
     ///
     /// # Panics
     /// If there is no such cell.

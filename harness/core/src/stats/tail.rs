@@ -88,8 +88,8 @@ pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) 
     high
 }
 
-/// The probability of a number of successes at least as extreme as `successes` in `trials` trials. It is twice the
-/// smaller tail, whose terms are summed exactly.
+/// The probability of a number of successes at least as extreme as `successes` in `trials` trials. This probability is
+/// twice the smaller tail, whose terms are summed exactly.
 #[must_use]
 pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     if successes > trials || !(0.0..=1.0).contains(&probability) {
