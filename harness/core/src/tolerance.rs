@@ -251,7 +251,7 @@ impl fmt::Display for LaneError {
 #[doc(hidden)]
 pub fn times_allowed(ratio: f64) -> String {
     match ratio.is_infinite() {
-        // No ratio can be given for the bound 0.
+        // For the bound 0, there is no finite ratio.
         true => "and nothing is allowed".to_owned(),
         false => format!("{} times what is allowed", significant(ratio)),
     }
@@ -499,8 +499,8 @@ impl Tolerance {
                 LaneError::new(relative, *bound, Unit::Rel)
             }
             Self::Abs(bound) => {
-                // Under an absolute bound, only the result 0 counts as flushed. As the result for a subnormal number,
-                // it has the error 0.
+                // Under an absolute bound, only the result 0 counts as flushed. If the expected number is subnormal,
+                // the result 0 has the error 0.
                 let flushed = value == 0.0 && expected.abs() < f64::from(f32::MIN_POSITIVE);
                 LaneError::new(if flushed { 0.0 } else { error }, *bound, Unit::Abs)
             }

@@ -24,7 +24,7 @@ const UNIT: f64 = 4e-3;
 
 /// The mapping from numbers to colours.
 enum Mapping {
-    /// Black means false, white means true.
+    /// Booleans: black means false, white means true.
     Truth,
     /// One number. The colour scale magma goes from the smallest to the largest value.
     Range([f64; 2]),
@@ -33,7 +33,8 @@ enum Mapping {
     Signed(f64),
     /// Three numbers that form a unit vector. Red, green and blue are half of 1 + x, 1 + y and 1 + z.
     Direction,
-    /// Two to four numbers as red, green, blue, from the smallest to the largest of all numbers.
+    /// Two to four numbers as red, green and blue: a channel is 0 for the smallest of all numbers, and 1 for the
+    /// largest.
     Channels([f64; 2]),
 }
 

@@ -185,8 +185,8 @@ fn gate(margin: &CriterionMargin) -> Value {
     })
 }
 
-/// Returns the bounds of the gate, from the test or by default. The page needs the bounds to find the pixels that the
-/// gate rejected. A margin states its bounds only in its name: `gate rel 1e-3 or abs 1e-5`.
+/// Returns the bounds of the gate: the bounds that the test sets, or the default bounds. The page needs the bounds to
+/// find the pixels that the gate rejected. A margin states its bounds only in its name: `gate rel 1e-3 or abs 1e-5`.
 fn bounds(margins: &[CriterionMargin]) -> Value {
     let gate = margins.iter().find(|margin| margin.criterion == FrameCriterion::Gate);
     let bound = |word: &str| {

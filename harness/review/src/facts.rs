@@ -100,8 +100,8 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
     };
     let mut names: Vec<&String> = golden.iter().chain(&actual).map(|(name, _)| name).collect();
     let mut seen = std::collections::BTreeSet::new();
-    // The reference and the names of golden and frame aren't interesting here. The page shows the finding and the
-    // modules elsewhere.
+    // The list leaves out the frame's name and the hash of the golden. The page shows the finding and the modules
+    // elsewhere.
     let aside = |name: &str| {
         let shown = ["finding.", "modules."].iter().any(|group| name.starts_with(group));
         shown || ["case", "compared_with"].contains(&name)

@@ -36,7 +36,7 @@ pub(super) fn differences(
     commit: &str,
     paths: &[String],
 ) -> Option<Vec<(String, String)>> {
-    /// The largest number of bytes to show.
+    /// The largest size of all differences together, in bytes.
     const LONGEST: usize = 200_000;
     let mut arguments =
         vec!["diff", "--no-ext-diff", "--no-textconv", "--no-color", "--no-renames"];

@@ -341,7 +341,7 @@ impl<'a> Request<'a> {
     /// Returns the value of a header that occurs at most once.
     ///
     /// # Errors
-    /// Returns an error if the header occurs more often.
+    /// Returns an error if the header occurs more than once.
     pub fn header(&self, name: &str) -> Result<Option<&str>, Repeated> {
         let mut named = self.headers.iter().filter(|(other, _)| other.eq_ignore_ascii_case(name));
         let first = named.next().map(|(_, value)| value.as_str());

@@ -380,7 +380,7 @@ impl Review {
         Server::bind(self, port)
     }
 
-    /// Returns the currently pending frames, without frames that belong to other goldens.
+    /// Returns the currently pending frames. A frame that belongs to goldens in another folder counts as unusable.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let PendingFrames { frames, mut unusable } = self.waiting.pending();

@@ -89,7 +89,7 @@ impl Since {
         let folder = golden.parent().ok_or(Untold::NoGit)?;
         let name = git::literal(&golden.file_name().unwrap_or_default().to_string_lossy());
         let root = git::text(folder, &["rev-parse", "--show-toplevel"]).ok_or(Untold::NoGit)?;
-        // A repository without commits doesn't have the golden.
+        // A repository without commits doesn't contain the golden.
         let commit =
             git::text(folder, &["log", "-n", "1", "--format=%h", "--", &name]).unwrap_or_default();
         let dirty =

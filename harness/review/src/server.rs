@@ -253,7 +253,7 @@ impl Desk {
             because: decision.because.clone(),
             by: None,
             any_adapter: decision.any_adapter,
-            // If the frame was compared with a profile's golden, it replaces that golden.
+            // If the frame was compared with a profile's golden, the frame replaces that golden.
             profile: (decision.profile || !pending.provenance.compared_profile.is_empty())
                 .then(|| pending.profile().to_string()),
             ci_may_write: self.review.ci_may_write,

@@ -369,7 +369,7 @@ impl Known {
     }
 }
 
-/// An installed compiler, for [`compile`](crate::compile()).
+/// The path and the version of an installed compiler, for [`compile`](crate::compile()).
 pub(crate) fn program(name: &str) -> Result<(&'static Path, &'static str), &'static Missing> {
     let of_name = Tool::all().iter().find(|tool| match tool {
         Ok(tool) => tool.name() == name,

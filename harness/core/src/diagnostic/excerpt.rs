@@ -38,7 +38,7 @@ impl<'a> Excerpt<'a> {
             excerpt.lines.push(excerpt.text.len());
             let content = line.trim_end_matches(['\r', '\n']);
             let at = start..start + content.len();
-            // A range over several lines ends with its first line.
+            // For a range over several lines, the line that contains the range's end also shows this end.
             let points = places.iter().flat_map(|place| {
                 let one = place.end <= end;
                 [Some(place.start), (!one || place.start < start).then_some(place.end)]
@@ -277,7 +277,7 @@ mod tests {
             let place = excerpt.text.find("HERE").expect("it is shown");
             assert_eq!((excerpt.shown(500), excerpt.shown_end(504)), (place, place + 4));
             assert_eq!(excerpt.author(place), 500);
-            // An offset in cut text becomes that of the mark `…`. Offsets in later lines move with these lines.
+            // An offset in cut text becomes the offset of the mark `…`. Offsets in later lines move with these lines.
             assert_eq!(excerpt.shown(3), 0);
             assert_eq!(&excerpt.text[excerpt.shown(1005)..], "next\n");
         });
@@ -308,7 +308,7 @@ mod tests {
             }
         });
         assert_eq!(shown, "é\\u{1b}[2J\\u{9b}x\r\nrest");
-        // The width counts escaped characters.
+        // Each character of an escape counts as one column.
         let long = "\u{1b}".repeat(60) + "x";
         let shown = excerpt(&long, &[(60, 61)], |_| ());
         assert_eq!(shown, format!("…{}x", r"\u{1b}".repeat(16)));

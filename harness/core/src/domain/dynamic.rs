@@ -34,7 +34,7 @@ fn nearly(word: u32, source: &mut Source) -> u32 {
             let step = like * (1.0 / 256.0) / f32::from(1_u16 << (bits >> 1 & 15));
             (if bits & 1 == 0 { like + step } else { like - step }).to_bits()
         }
-        // This is a small integer, which has the bits of a subnormal float.
+        // The word is a small integer, which has the bits of a subnormal float.
         false => word.saturating_add(bits & 1),
     }
 }

@@ -34,7 +34,7 @@ pub trait Stream: Send + Sync {
     /// Appends the rows of the cases in `range`, up to the first case without a value. Returns the number of appended
     /// rows.
     fn rows(&self, cases: &Numbering, range: Range<u64>, rows: &mut Vec<u32>) -> u64 {
-        // This is a loop, because tests are compiled with few optimisations, and the code runs for each case.
+        // The code runs for each case, and tests are compiled with few optimisations, so this code is a plain loop.
         let mut index = range.start;
         while index < range.end {
             let mut source = cases.source(index);

@@ -64,7 +64,7 @@ impl<'a> Staged<'a> {
             std::fs::create_dir_all(folder)?;
         }
         let (beside, mut file) = create_beside(place)?;
-        // Without this, the system may report a full disk only after the rename.
+        // Without the sync, the system may report a full disk only after the rename.
         let written = file.write_all(bytes).and_then(|()| file.sync_all());
         let staged = Self { beside, place, _held: file };
         written.map(|()| staged)
@@ -159,7 +159,7 @@ pub fn is_beside(path: &Path) -> bool {
 
 /// Opens and locks the file. `None` if another process has the lock.
 fn unheld(path: &Path) -> Option<File> {
-    // Karat makes no links, and opening a pipe would wait.
+    // Karat makes no links, so a link isn't a leftover. Opening a pipe would wait.
     if !path.symlink_metadata().ok()?.is_file() {
         return None;
     }

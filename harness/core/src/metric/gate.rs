@@ -227,7 +227,7 @@ fn largest(pair: &Pair<'_>, (relative, floor): (Vec4, Vec4)) -> Option<f32> {
         for (golden, actual) in golden.chunks(STRIP).zip(actual.chunks(STRIP)) {
             for (golden, actual) in golden.iter().zip(actual) {
                 let ratio = ratio(*golden, *actual, relative, floor);
-                // NaN is within no bound.
+                // A ratio of NaN counts as an outlier.
                 all &= ratio.cmple(Vec4::ONE);
                 largest = largest.max(ratio);
             }

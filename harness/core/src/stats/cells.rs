@@ -174,7 +174,7 @@ fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
         std::iter::from_fn(move || {
             let at = step - width;
             step *= 2.0;
-            // Another cut would leave less than half a step to the end.
+            // The last cut leaves at least half a step to the end.
             (at + 0.5 * step <= gap).then_some(at)
         })
     };

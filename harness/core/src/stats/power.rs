@@ -200,7 +200,8 @@ mod tests {
             kolmogorov_power(&[(0.5, 0.5 + shift), (0.1, 0.1)], 1000.0, slack, 0.05)
                 .expect("a power")
         };
-        // The critical distance at 5 % is 1.358 / sqrt(1000) = 0.043. With this shift, half of the runs exceed it.
+        // The critical distance at 5 % is 1.358 / sqrt(1000) = 0.043. If the true shift is as large, half of the runs
+        // exceed this distance.
         assert!((power(0.0427, 0.0) - 0.5).abs() < 0.02 && power(0.0, 0.0) < 0.05);
         assert!(power(0.1, 0.0) > 0.999 && power(-0.1, 0.0) > 0.999 && power(0.1, 0.06) < 0.5);
         assert!(kolmogorov_power(&[], 10.0, 0.0, 0.1).is_err());

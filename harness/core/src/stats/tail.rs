@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn binomial_tails_are_exact() {
-        // In 10 coin tosses, 8 or more heads have the probability 56/1024. The tail doubles it.
+        // In 10 coin tosses, 8 or more heads have the probability 56/1024. `binomial_tail` doubles this probability.
         assert!(close(binomial_tail(8, 10, 0.5), 112.0 / 1024.0, 1e-12));
         assert!(close(binomial_tail(2, 10, 0.5), 112.0 / 1024.0, 1e-12));
         assert_eq!(binomial_tail(5, 10, 0.5), 1.0);

@@ -81,8 +81,8 @@ mod tests {
 
     #[test]
     fn squares_of_b44_are_followed_to_their_last_value() {
-        // All differences are 0. A difference is stored plus 32, as 0b100000. Before the 15 differences is a shift of
-        // 0.
+        // All differences are 0. A difference is stored plus 32, as 0b100000. A shift of 0 stands before the 15
+        // differences.
         let mut square =
             [0x80, 0x00, 0x02, 0x08, 0x20, 0x82, 0x08, 0x20, 0x82, 0x08, 0x20, 0x82, 0x08, 0x20];
         assert!(!leads_below_zero(&square));

@@ -25,7 +25,7 @@ pub(super) fn select(part: &PartHeader) -> Option<Selection> {
         part.channels.iter().any(|channel| split(channel) == (layer, name))
     };
     let coloured = |layer: &str| ["R", "G", "B"].iter().all(|name| has(layer, name));
-    // X, Y and Z are a vector. Y with RY and BY are colours in another encoding.
+    // Channels X, Y and Z contain a vector. Channels Y, RY and BY contain colours in another encoding.
     let grey =
         |layer: &str| has(layer, "Y") && !["X", "Z", "RY", "BY"].iter().any(|n| has(layer, n));
     let (layer, coloured) = pick(&coloured)
