@@ -24,7 +24,7 @@ pub struct Resource {
     pub translated: (u32, u32),
     /// The resource's kind.
     pub kind: Kind,
-    /// `true` if the entry point uses the resource, and for each resource in the translation of a whole shader.
+    /// `true` if the entry point uses the resource. In the translation of a whole shader, always `true`.
     pub used: bool,
 }
 

@@ -536,9 +536,9 @@ impl Dynamic {
         Self { parts, owners, names, shapes, edges, relations: Vec::new(), filter: None }
     }
 
-    /// Turns the vector in these lanes so that it is perpendicular to other vectors, which begin at the lanes `to` and
-    /// have the same number of components. Add a relation after the relations of the vectors on which it depends, and
-    /// before a filter.
+    /// Makes the vector in `lanes` perpendicular to other vectors. These begin at the lanes `to`, and have the same
+    /// number of components. Add a relation after the relations of the vectors on which it depends, and before a
+    /// filter.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};

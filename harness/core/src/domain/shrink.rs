@@ -60,7 +60,7 @@ impl<T: std::fmt::Debug> std::fmt::Debug for Shrinkable<'_, T> {
 }
 
 impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
-    /// A value with simpler values. `simpler` lists them, the simplest first.
+    /// Makes a value whose simpler values `simpler` lists, the simplest first.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;

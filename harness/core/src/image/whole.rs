@@ -104,7 +104,7 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
                 match file.try_lock() {
                     Err(TryLockError::WouldBlock) => {}
                     Ok(()) if !beside.exists() => {}
-                    // Some file systems don't support locks. On them, leftovers stay.
+                    // Some file systems don't support locks. On these file systems, leftovers stay.
                     Ok(()) | Err(TryLockError::Error(_)) => return Ok((beside, file)),
                 }
             }

@@ -132,7 +132,7 @@ fn header(layer: &Layer<'_>, window: Vec2<usize>) -> Header {
         .with_attributes(LayerAttributes { layer_name: name, ..LayerAttributes::default() })
 }
 
-/// Compresses a block of rows. Each row has one channel after another.
+/// Compresses a block of rows. In each row, all samples of a channel come before the samples of the next channel.
 fn compress(
     header: &Header,
     layer: &Layer<'_>,
