@@ -1,7 +1,7 @@
 //! Messages that point into the author's files.
 //!
-//! A [`Diagnostic`] carries its sources, so it can be shown anywhere: as text with an excerpt
-//! (`Display`), or as data ([`Diagnostic::location`]).
+//! A [`Diagnostic`] contains the text of each file that it points into, so a caller can show it anywhere: as text with
+//! an excerpt (`Display`), or as data ([`Diagnostic::location`]).
 
 mod blame;
 mod excerpt;
@@ -33,14 +33,14 @@ pub struct SourceFile {
     pub values: Vec<Value>,
 }
 
-/// A value in a text, and the author's text that it replaces.
+/// A value in a file's text, and the placeholder that the value replaces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Value {
     /// The range of the value's bytes in the text.
     pub at: Range<usize>,
-    /// The author's text: `{{ N }}`.
+    /// The placeholder as the author wrote it: `{{ N }}`.
     pub placeholder: String,
-    /// Set if messages show the author's text instead of the value.
+    /// `true` if messages show the placeholder instead of the value.
     pub hidden: bool,
 }
 
@@ -75,7 +75,7 @@ impl SourceFile {
     }
 
     /// Converts a byte offset in `text` to a byte offset in the author's text. An offset inside a value becomes the
-    /// start of its placeholder.
+    /// start of the value's placeholder.
     #[must_use]
     pub fn written_at(&self, offset: usize) -> usize {
         let (mut text, mut written) = (0, 0);
@@ -101,7 +101,7 @@ impl SourceFile {
         (!self.name.starts_with('<')).then(|| FileRead::of(file, self.written().as_bytes()))
     }
 
-    /// Line and column of a byte offset. Both begin at 1, and columns count characters.
+    /// The line and the column of a byte offset. Line and column begin at 1, and columns count characters.
     #[must_use]
     pub fn line_column(&self, offset: usize) -> (usize, usize) {
         let written = self.written();
@@ -130,7 +130,7 @@ impl Span {
         (self.file.written(), range)
     }
 
-    /// The part of the span on its first line, because the whole span could fill a screen.
+    /// Returns the part of the span that is on the span's first line. The whole span could fill a screen.
     #[doc(hidden)]
     pub fn first_line(&self) -> Self {
         let text = self.file.text.get(self.range.clone()).unwrap_or_default();
@@ -141,7 +141,7 @@ impl Span {
 }
 
 impl fmt::Display for Span {
-    /// Writes `file:line:column`. Terminals and editors can open the file at such a position.
+    /// Writes `file:line:column`. Terminals and editors can open a file at a position in this form.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (line, column) = self.file.line_column(self.range.start);
         write!(f, "{}:{line}:{column}", self.file.name)
@@ -153,7 +153,7 @@ impl fmt::Display for Span {
 pub struct Diagnostic {
     /// The problem, in one sentence.
     pub message: String,
-    /// The positions in files, the most important one first. Each has a remark, which may be empty.
+    /// The positions in files, the most important one first. Each position has a remark, which may be empty.
     pub labels: Vec<(Span, String)>,
     /// The next steps.
     pub notes: Vec<String>,
@@ -162,7 +162,7 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// A message without a position.
+    /// Makes a message without a position.
     pub fn new(message: impl Into<String>) -> Self {
         Self { message: message.into(), labels: Vec::new(), notes: Vec::new(), mend: None }
     }
@@ -212,8 +212,7 @@ impl Diagnostic {
         let mut files = Excerpts::default();
         let mut known: Vec<(&Arc<SourceFile>, usize)> = Vec::new();
         let mut labels = Vec::new();
-        // Drops ranges that end after the end of the text, or that begin inside a character: an excerpt can't show
-        // them.
+        // Moves an end of a range that is after the text or inside a character: an excerpt can't show such a range.
         let within = |span: &Span| {
             let text = &span.file.text;
             text.floor_char_boundary(span.range.start)..text.floor_char_boundary(span.range.end)
@@ -259,7 +258,7 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
-/// Replaces names that Karat generated, such as `karat_value_12`, by words that describe the author's line.
+/// Replaces each name that Karat generated, such as `karat_value_12`, by a description that the author understands.
 fn without_made_up(text: &str) -> String {
     const MADE_UP: [&str; 3] = ["karat_value_", "karat_assert_", "karat_print_"];
     let mut text = text.to_owned();
@@ -294,8 +293,8 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
         .map(|(_, _, name)| name)
 }
 
-/// BLAKE3 of a shader's text, in hexadecimal. The line ends `\n` and `\r\n` give the same hash, because git may change
-/// line ends.
+/// The BLAKE3 hash of a shader's text, in hexadecimal. The line ends `\n` and `\r\n` give the same hash, because git
+/// may change line ends.
 #[must_use]
 pub fn text_hash(text: &[u8]) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -324,7 +323,8 @@ impl FileRead {
         Self { hash: blake3::hash(bytes).to_hex().to_string(), ..Self::missing(file) }
     }
 
-    /// A file that is missing or can't be read. Results that depend on the file change when the file appears.
+    /// Makes the record of a file that is missing or can't be read. Results that depend on the file change when the
+    /// file appears.
     #[must_use]
     pub fn missing(file: &Path) -> Self {
         let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
@@ -338,7 +338,8 @@ impl FileRead {
     }
 }
 
-/// The bytes of an author's file. Reading a pipe, a socket or a device may never end, so the function fails for them.
+/// The bytes of an author's file. Reading a pipe, a socket or a device file (`/dev/zero`) may never end, so the
+/// function returns an error for these.
 ///
 /// # Errors
 /// If the path doesn't exist, isn't a file, or can't be read.

@@ -5,10 +5,11 @@
 //! on the seed and on *i*, so any case can be sampled again without the cases before it. A finite domain ([`Just`],
 //! [`Grid`], [`OneOf`] and products of them) is enumerated completely.
 //!
-//! In one of eight sampled tuples, two components of the same type are tied: one component becomes equal to the other,
-//! opposite to it, or close to one of these. Functions of two directions often fail for tied directions.
+//! In one of eight sampled tuples, two components of the same type are tied: one component becomes equal or opposite to
+//! the other component, or close to the equal or the opposite value. Functions of two directions often fail for tied
+//! directions.
 //!
-//! Karat simplifies a case that fails, within its domain. See [`Domain::shrink`].
+//! Karat replaces a failing case by simpler values of the same domain. See [`Domain::shrink`].
 
 mod composed;
 mod direction;
@@ -49,8 +50,8 @@ pub use stream::{Held, Numbering, Stream, Typed};
 
 use crate::value::{Arguments, Shareable};
 
-/// The number of samples in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter that
-/// accepts 1 % of the samples fails by chance in one of 5e8 cases.
+/// The number of consecutive samples that a [`filter`](Domain::filter) may reject before the check gives up. A filter
+/// that accepts 1 % of the samples fails by chance in one of 5e8 cases.
 const REJECTIONS: u32 = 2000;
 
 /// The number of simpler grid points that are tried for a failing grid point.
@@ -98,7 +99,7 @@ pub trait Domain: Send + Sync {
     /// The type of the values.
     type Value: Clone + Debug + Send + Sync + 'static;
 
-    /// Samples a value. `None` if a filter rejected too many values in a row.
+    /// Samples a value. `None` if a filter rejected too many consecutive values.
     fn draw(&self, source: &mut Source) -> Option<Self::Value>;
 
     /// Values that are always tried first. The simplest and most extreme values come first.
@@ -106,8 +107,8 @@ pub trait Domain: Send + Sync {
         Vec::new()
     }
 
-    /// Checks if the domain has no value: for example, a range that ends before it starts. This doesn't detect a filter
-    /// that rejects everything.
+    /// Checks if the domain has no value: for example, a range that ends before it starts. The function doesn't detect
+    /// a filter that rejects everything.
     fn is_empty(&self) -> bool {
         self.emptiness().is_some()
     }
@@ -135,10 +136,10 @@ pub trait Domain: Send + Sync {
         None
     }
 
-    /// Two values that bound the domain: each component of every value lies between the same components of these two.
-    /// `None` if the domain has no such bounds. `stays_within` proves its claim for everything between the bounds. The
-    /// interval may contain values that the domain doesn't have. But a value of the domain outside of the interval
-    /// would make the proof false.
+    /// Two values that bound the domain: each component of every value lies between the corresponding components of
+    /// these two values. `None` if the domain has no such bounds. `stays_within` proves its claim for everything
+    /// between the bounds. The interval may contain values that the domain doesn't have. But a value of the domain
+    /// outside of the interval would make the proof false.
     ///
     /// ```
     /// use karat::{Domain, UnitRgb};
@@ -158,8 +159,8 @@ pub trait Domain: Send + Sync {
         Vec::new()
     }
 
-    /// A case from [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw), with the data for simplifying
-    /// it. Domains that are made of other domains override this method. All other domains need only
+    /// A case from [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw), with the data that Karat needs
+    /// to simplify the case. Domains that are made of other domains override this method. All other domains need only
     /// [`shrink`](Self::shrink).
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
         let value = match origin {
@@ -209,7 +210,7 @@ pub trait Domain: Send + Sync {
     }
 
     /// Makes values of a structure or a vector from the domains of its members, in order. Unlike [`map`](Domain::map),
-    /// this keeps the members apart, so Karat can simplify and tie them.
+    /// this function keeps the members separate, so Karat can simplify and tie them.
     ///
     /// ```
     /// use glam::{Vec2, Vec3};
@@ -309,7 +310,7 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for Just<T> {
     }
 }
 
-/// The listed values. Karat tries each of them.
+/// The listed values. Karat tries each value.
 ///
 /// ```
 /// use karat::{Domain, OneOf};

@@ -3,18 +3,20 @@
 //!
 //! `karat` contains Karat's own expectations, and `wgsl_test` has the expectations of the WGSL community's test runner.
 //! The first argument of each expectation is a number that identifies the call. The linker inserts this number after
-//! the `(`. If an expectation may have failed, private variables store its values. Then the host decides with
-//! [`Wanted`] if the expectation failed.
+//! the `(`. If an expectation may have failed, private variables store its values. The host then uses [`Wanted`] to
+//! decide if the expectation failed.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::sync::LazyLock;
 
-/// The number of `u32`s that an expectation stores if it may have failed: the number of its call, its kind with its
-/// number of components, four for the values, four for the expected values, and two for the bounds.
+/// The number of `u32`s that an expectation stores if it may have failed: the number of the call, the kind of the
+/// expectation with the number of components, four for the values, four for the expected values, and two for the
+/// bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// The number of failed expectations that a case stores. A message lists these, and counts the others.
+/// The number of failed expectations that a case stores. A message lists these expectations, and counts all other
+/// failed expectations.
 pub const MOST_KEPT: usize = 3;
 
 /// The number of `u32`s in a test's result: the number of evaluated expectations, the number that may have failed, and

@@ -1,4 +1,4 @@
-//! The kinds of hazards in shaders. Operations, passes and reports use the same list.
+//! The kinds of hazards in shaders. The checks of operations, the checks of passes and the reports use these kinds.
 
 /// The kind of a hazard. The worst kinds come first.
 #[derive(
@@ -34,7 +34,7 @@ pub enum Kind {
     EqualWrites,
     /// WGSL allows any result for these operands.
     Unbounded,
-    /// The engine stopped a loop after too many rounds.
+    /// The engine stopped a loop after too many iterations.
     Endless,
     /// An invocation reads workgroup memory that no invocation has written. WGSL (7.3) says that this memory is zero,
     /// but hosts may turn this initialization off.
@@ -42,7 +42,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind's name. `karat.toml` and JSON use it in lower case, with `_` for blanks.
+    /// The kind's name. `karat.toml` and JSON use the name in lower case, with `_` instead of blanks.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -114,7 +114,7 @@ impl Kind {
         self != Self::Unwritten
     }
 
-    /// Checks if this kind of hazard is an index that selects another element than the intended one.
+    /// Checks if a hazard of this kind is an index that selects a wrong element.
     #[must_use]
     pub fn is_of_index(self) -> bool {
         matches!(self, Self::OutOfRange | Self::Wrapped)

@@ -36,7 +36,7 @@ pub struct Image {
     width: u32,
     height: u32,
     pixels: Vec<[f32; 4]>,
-    /// The file from which the image was read, for verdicts.
+    /// The file from which the image was read. Verdicts list this file.
     origin: Option<Arc<FileRead>>,
 }
 
@@ -253,7 +253,7 @@ pub fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Converts linear light to sRGB (IEC 61966-2-1). Both are from 0 to 1.
+/// Converts linear light to sRGB (IEC 61966-2-1). Argument and result are from 0 to 1.
 #[doc(hidden)]
 pub fn encode_srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }

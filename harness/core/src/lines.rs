@@ -50,7 +50,7 @@ pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Ou
     let out = all_of(child.stdout.take().expect("it is piped"), most);
     let err = all_of(child.stderr.take().expect("it is piped"), most);
     let began = Instant::now();
-    // After the program ends, programs that it started may still write. The time limit includes them.
+    // After the program ends, programs that it started may still write. The time limit also applies to them.
     let left = || patience.saturating_sub(began.elapsed());
     let said = (|| {
         let (stdout, stderr) = (out.recv_timeout(left()).ok()?, err.recv_timeout(left()).ok()?);
@@ -69,8 +69,8 @@ pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Ou
     })
 }
 
-/// Reads a stream on another thread. If the stream has more than `most` bytes, one byte more is read to show this, and
-/// the stream is closed.
+/// Reads a stream on another thread. If the stream has more than `most` bytes, the function reads one byte more, so
+/// that the caller sees this, and closes the stream.
 fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
@@ -86,8 +86,8 @@ fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
 #[doc(hidden)]
 pub struct Lines {
     child: Child,
-    /// The channel to the thread that writes to the process, so that a process that doesn't read its input blocks
-    /// nothing else. `None` after the input was closed, which makes the process end.
+    /// The channel to the thread that writes to the process. If the process doesn't read its input, only this thread
+    /// blocks. `None` after the input was closed, which makes the process end.
     to: Option<Sender<Vec<u8>>>,
     from: Receiver<String>,
     end: u8,
@@ -98,7 +98,7 @@ pub struct Lines {
 
 impl Lines {
     /// Starts a program in which the byte `end` ends each message. The length of a message is limited, because a faulty
-    /// process may never end one.
+    /// process may never end its message.
     #[doc(hidden)]
     pub fn start(
         command: &mut Command,

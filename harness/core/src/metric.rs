@@ -1,8 +1,8 @@
 //! Metrics: numbers that measure the difference between a frame and its golden.
 //!
-//! A [`Pair`] is a golden and a frame of the same size. All their pixels are finite. Pixels outside a [`Mask`] are
-//! equal in both images. A [`Metric`] measures one number for the pair, and the frame's tolerance decides if the number
-//! is small enough. NaN fails.
+//! A [`Pair`] is a golden and a frame of the same size. All pixels of both images are finite. Pixels outside a [`Mask`]
+//! are equal in both images. A [`Metric`] measures one number for the pair, and the frame's tolerance decides if the
+//! number is small enough. NaN fails.
 //!
 //! [`Gate`] measures the difference of each channel, and allows no outliers. [`Flip`] measures the difference that a
 //! person would see. [`Noise`] measures the difference that the noise of the two images doesn't explain.

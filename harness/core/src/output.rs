@@ -31,8 +31,8 @@ impl Style {
     pub const PLAIN: Self = Self("");
 }
 
-/// Stands for the escape character in Karat's own styles until the text is written. The mark is too long for foreign
-/// text to guess.
+/// Stands for the escape character in Karat's own styles until the text is written. The mark is so long that no foreign
+/// text can contain it by guessing.
 static MARK: LazyLock<String> = LazyLock::new(|| {
     let number = || RandomState::new().build_hasher().finish();
     format!("\u{1b}{:016x}{:016x}", number(), number())
@@ -107,7 +107,7 @@ pub fn headline(message: &str) -> &str {
     line.strip_prefix("error: ").unwrap_or(line)
 }
 
-/// A text on one line: like [`visible`], and line ends and tabs are escaped, too.
+/// A text on one line: like [`visible`], but line ends and tabs are also escaped.
 #[must_use]
 pub fn one_line(text: &str) -> Cow<'_, str> {
     let ends = |character: char| matches!(character, '\n' | '\r' | '\t') || commands(character);
@@ -132,7 +132,7 @@ pub fn name(text: &str) -> Cow<'_, str> {
     name_within(text, LONGEST_NAME)
 }
 
-/// Like [`name`], with another limit in bytes. A file's name can have 255 bytes.
+/// Like [`name`], with the limit `most` in bytes. For example, a file's name can have 255 bytes.
 #[doc(hidden)]
 pub fn name_within(text: &str, most: usize) -> Cow<'_, str> {
     let shown = one_line(text);

@@ -52,7 +52,7 @@ thread_local! {
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// A panic of a caller's own code. It isn't caught, although the code runs inside of [`caught`].
+/// A panic of a caller's own code. [`caught`] doesn't catch this panic, although the code runs inside of [`caught`].
 struct Passing(Box<dyn Any + Send>);
 
 /// Runs `work`, and catches its panic.
@@ -102,7 +102,8 @@ pub fn passing<T>(work: impl FnOnce() -> T) -> T {
     done.unwrap_or_else(|payload| resume_unwind(Box::new(Passing(payload))))
 }
 
-/// Checks if panics of this thread are caught. Pass the result to the thread's helpers.
+/// Checks if panics of this thread are caught. Pass the result to [`helping`] on other threads that do a part of this
+/// thread's work.
 #[must_use]
 pub fn are_caught() -> bool {
     CAUGHT.get()

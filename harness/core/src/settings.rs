@@ -1,7 +1,8 @@
 //! The settings in environment variables. Karat reads and checks every variable whose name begins with `KARAT_`, once.
 //!
-//! If Karat ignored a misspelt variable, a run that should require a path or replay a case could pass without doing so.
-//! So an unknown name or value is an error, with a suggestion. A variable with an empty value counts as not set.
+//! If Karat ignored a misspelt variable, a run that should require a path or replay a case could pass although the path
+//! is missing or the case didn't run. So an unknown name or value is an error, with a suggestion. A variable with an
+//! empty value counts as not set.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -86,8 +87,8 @@ const BROWSER: &str = "KARAT_BROWSER";
 /// The largest number of orders. Karat runs all passes in each order, so a run with this many orders takes hours.
 const MOST_SCHEDULES: u64 = 1 << 16;
 
-/// The default limit for the iterations (rounds) of a case's loops: far more than a fast pixel runs. The engine runs
-/// this many in a few seconds at most, so it detects endless loops.
+/// The default limit for the loop iterations of a case: far more than a pixel of a fast shader needs. The engine runs
+/// this many iterations in at most a few seconds, so it soon detects an endless loop.
 const FUEL_ROUNDS: u64 = 1 << 20;
 
 /// The default time limit of a shader: long enough for any test's shader on a software rasteriser.
@@ -104,7 +105,7 @@ pub struct Settings {
     /// The names of paths that must open.
     #[doc(hidden)]
     pub require: Option<String>,
-    /// Programs that run jobs. Each has a name, a program, and the program's arguments.
+    /// Programs that run jobs. Each executor has a name, a program, and the program's arguments.
     #[doc(hidden)]
     pub executors: Vec<(String, Vec<String>)>,
     /// A part of the name of the adapter to use.
@@ -113,8 +114,8 @@ pub struct Settings {
     /// The time limit of a shader.
     #[doc(hidden)]
     pub deadline: Duration,
-    /// The largest number of iterations of all loops together that a case may run in the engine. Iterations of loops
-    /// with a bound that the IR shows don't count.
+    /// The largest number of iterations of all loops together that a case may run in the engine. If the IR shows a
+    /// bound for a loop, the loop's iterations don't count.
     #[doc(hidden)]
     pub fuel: u64,
     /// The number of orders of invocations in which the engine runs compute passes.
@@ -232,7 +233,7 @@ pub fn tint() -> Option<PathBuf> {
     set(TINT).map(PathBuf::from)
 }
 
-/// The folder for verdicts. Karat writes there also if another setting is invalid.
+/// The folder for verdicts. Karat writes into this folder even if another setting is invalid.
 #[doc(hidden)]
 pub fn record() -> Option<PathBuf> {
     set(RECORD).map(PathBuf::from)
@@ -351,7 +352,7 @@ impl Settings {
     }
 }
 
-/// Reads `on`, the default, or `off`.
+/// Reads a setting with the value `on` (the default) or `off`.
 fn switch(name: &'static str, value: Option<String>) -> Result<bool, SettingsError> {
     match value.as_deref() {
         None | Some("on") => Ok(true),
@@ -383,7 +384,7 @@ fn refused(name: &'static str, value: &str, expected: &'static str) -> SettingsE
 }
 
 impl SelectedCase {
-    /// Reads `function/check/index` or `index`. A colon and the steps of a simplification may follow.
+    /// Reads `function/check/index` or `index`. After the index, a colon and the steps of a simplification may follow.
     fn parse(text: &str) -> Option<Self> {
         let (check, case) = match text.rsplit_once('/') {
             Some((check, case)) => (Some(check.to_owned()), case),
@@ -436,7 +437,8 @@ fn duration(text: &str) -> Option<Duration> {
     (!duration.is_zero()).then_some(duration)
 }
 
-/// The path, in cargo's home, of a file that Karat can make again. It outlives the `target` folder of a project.
+/// The path, in cargo's home, of a file that Karat can make again. Cargo's home outlives the `target` folder of a
+/// project.
 #[doc(hidden)]
 pub fn kept(file: &str) -> Option<PathBuf> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);

@@ -1,12 +1,12 @@
-//! Statistical tests of random samples. They run on the CPU, without a device.
+//! Statistical tests of random samples. The tests run on the CPU, without a GPU.
 //!
-//! Each test compares observed values with expected values. It returns a p-value: the probability that chance causes a
-//! difference at least as large as the observed one. It returns [`NoVerdict`] if there are too few samples, only one
-//! cell, or a value that isn't a number. A test never returns NaN. [`accepts`] decides if a p-value is large enough,
-//! and rejects NaN.
+//! Each test compares observed values with expected values. The test returns a p-value: the probability that chance
+//! causes a difference at least as large as the observed one. The test returns [`NoVerdict`] if there are too few
+//! samples, only one cell, or a value that isn't a number. A test never returns NaN. [`accepts`] decides if a p-value
+//! is large enough, and rejects NaN.
 //!
-//! [`Cells`] divides the support into the cells of a histogram: a pilot run chooses the cells so that each gets about
-//! as many samples as the others. The expected number of samples in a cell is an adaptive integral of the density
+//! [`Cells`] divides the support into the cells of a histogram: a pilot run chooses the cells so that all cells get
+//! about the same number of samples. The expected number of samples in a cell is an adaptive integral of the density
 //! ([`integrate`]).
 
 mod cells;

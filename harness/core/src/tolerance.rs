@@ -16,7 +16,8 @@ use std::fmt;
 
 use crate::value::Scalar;
 
-/// A factor above the rounding error of a few `f64` operations. It turns an estimate of a ratio into an upper bound.
+/// A factor above the rounding error of a few `f64` operations. This factor turns an estimate of a ratio into an upper
+/// bound.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
 /// Units in the last place: the number of `f32` steps between the result and the reference.
@@ -76,13 +77,12 @@ pub struct Abs(pub f64);
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub enum Tolerance {
-    /// Limits the distance in `f32` steps. Steps that are smaller than a step at `band` count as large as a step at
-    /// `band`.
+    /// Limits the distance in `f32` steps. A step that is smaller than the step at `band` counts as a step of that
+    /// size.
     Ulp {
         /// The largest distance that passes.
         bound: f64,
-        /// The magnitude below which the error is absolute. There, the error may be `bound` steps of the size that
-        /// steps have at `band`.
+        /// The magnitude below which the bound is absolute: the error may be `bound` times the step at `band`.
         band: f64,
     },
     /// The relative error, as in [`Rel`].
@@ -251,7 +251,7 @@ impl fmt::Display for LaneError {
 #[doc(hidden)]
 pub fn times_allowed(ratio: f64) -> String {
     match ratio.is_infinite() {
-        // No ratio can be given for the bound 0.
+        // For the bound 0, there is no finite ratio.
         true => "and nothing is allowed".to_owned(),
         false => format!("{} times what is allowed", significant(ratio)),
     }
@@ -499,8 +499,8 @@ impl Tolerance {
                 LaneError::new(relative, *bound, Unit::Rel)
             }
             Self::Abs(bound) => {
-                // Under an absolute bound, only the result 0 counts as flushed. As the result for a subnormal number,
-                // it has the error 0.
+                // Under an absolute bound, only the result 0 counts as flushed. If the expected number is subnormal,
+                // the result 0 has the error 0.
                 let flushed = value == 0.0 && expected.abs() < f64::from(f32::MIN_POSITIVE);
                 LaneError::new(if flushed { 0.0 } else { error }, *bound, Unit::Abs)
             }

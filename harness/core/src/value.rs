@@ -163,7 +163,7 @@ pub enum Shape {
     Array {
         /// The type of an element.
         element: Box<Shape>,
-        /// The number of elements. It is at least 1.
+        /// The number of elements, at least 1.
         length: u32,
     },
     /// A structure in WGSL.
@@ -266,7 +266,7 @@ impl Shape {
 
     /// Checks if a host value of this shape can stand for the WGSL type `wgsl`.
     ///
-    /// Two structures match if their members match. The structures' own names may differ. If `result` is set, the
+    /// Two structures match if their members match. The structures' own names may differ. If `result` is `true`, the
     /// host's `f32` also matches `f16`, because a reference computes in `f64` for both types.
     ///
     /// ```
@@ -422,7 +422,7 @@ pub fn format_lane(scalar: Scalar, lane: u32) -> String {
 }
 
 /// An `f32` in decimal, with the fewest digits that give the same bits, and with an exponent if plain digits would be
-/// long. `-0`, `NaN` and `inf` are written as such.
+/// long. The other results are `-0`, `NaN`, `inf` and `-inf`.
 ///
 /// ```
 /// use karat::unstable::value::format_f32;

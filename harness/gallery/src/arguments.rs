@@ -1,5 +1,5 @@
-//! The arguments of `karat render` and of galleries. `karat render` parses them, and writes them again for the gallery
-//! that it runs.
+//! The arguments of `karat render` and of galleries. `karat render` parses these arguments, and passes them on to the
+//! gallery that it runs.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -125,7 +125,7 @@ impl RenderArguments {
     /// Returns the arguments in the form of a command line.
     #[must_use]
     pub fn words(&self) -> Vec<OsString> {
-        // This names all fields, so that none is forgotten.
+        // The pattern names all fields, so that the code forgets none.
         let Self {
             frames,
             first,
@@ -213,7 +213,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         if digits.is_empty() || !digits.bytes().all(|digit| digit.is_ascii_digit()) {
             return Err(form());
         }
-        // Digits that overflow are out of range, too.
+        // A number that overflows is also out of range.
         match digits.parse() {
             Ok(side) if (1..=LONGEST_SIDE).contains(&side) => Ok(side),
             _ => Err(format!(

@@ -44,13 +44,13 @@ const HEAD: Style = Style::HEAD;
 pub struct RenderOptions {
     /// The width and height in pixels, each from 1 to 16384. `None` means the frame's own size.
     pub size: Option<(u32, u32)>,
-    /// The number of samples per pixel, or another number that the frame defines. It is at least 1. `None` means the
-    /// frame's own number.
+    /// The number of samples per pixel, or another number that the frame defines, at least 1. `None` means the frame's
+    /// own number.
     pub samples: Option<u32>,
     /// A file with the light around the scene, such as an EXR panorama. The file existed when the options were read.
     /// `None` means the frame's own light.
     pub environment: Option<PathBuf>,
-    /// The path on which the frame is drawn. It is open.
+    /// The open path on which the frame is drawn.
     pub path: Path,
 }
 
@@ -61,13 +61,13 @@ impl RenderOptions {
         Self { size: None, samples: None, environment: None, path }
     }
 
-    /// Returns the requested size, or this size if none is requested.
+    /// Returns the requested size, or `width` and `height` if no size is requested.
     #[must_use]
     pub fn size_or(&self, width: u32, height: u32) -> (u32, u32) {
         self.size.unwrap_or((width, height))
     }
 
-    /// Returns the requested number of samples, or this number if none is requested.
+    /// Returns the requested number of samples, or `samples` if no number is requested.
     #[must_use]
     pub fn samples_or(&self, samples: u32) -> u32 {
         self.samples.unwrap_or(samples)
@@ -156,9 +156,9 @@ impl Gallery {
         Self::default()
     }
 
-    /// Adds a frame. The first frame is the project's scene. `name` becomes the name of its files: use letters, digits,
-    /// `-`, `_` and `/`. `about` says in one line what the frame shows. The gallery calls `describe` when it renders
-    /// the frame.
+    /// Adds a frame. The first frame is the project's scene. `name` becomes the name of the frame's files: use letters,
+    /// digits, `-`, `_` and `/`. `about` says in one line what the frame shows. The gallery calls `describe` when it
+    /// renders the frame.
     pub fn frame(
         mut self,
         name: &str,
@@ -286,7 +286,7 @@ impl Gallery {
         self.entries.iter().map(line).collect()
     }
 
-    /// Returns the requested frames in the gallery's order. There is at least one.
+    /// Returns the requested frames in the gallery's order. Returns at least one frame.
     fn select(&self, arguments: &RenderArguments) -> Result<Vec<&Entry>, GalleryError> {
         if arguments.all {
             return Ok(self.entries.iter().collect());
@@ -317,7 +317,7 @@ impl Gallery {
     }
 }
 
-/// Prints the steps of a pixel as JSON.
+/// Prints as JSON the steps by which the selected frame computes a pixel.
 fn traced<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,
@@ -341,7 +341,7 @@ fn traced<'e>(
     }
 }
 
-/// Prints values of frames. Returns the names of the frames without such a value.
+/// Prints values of frames. Returns the names of the frames that don't have these values, or can't run.
 fn tapped<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,

@@ -12,7 +12,7 @@ use karat::{Frame, Path};
 use crate::steps::rows;
 use crate::taps::write_tapped;
 
-/// A frame, or the passes of a test. Its values can be shown.
+/// A frame, or the passes of a test, with values that Karat can print.
 pub trait Tappable {
     /// Lists the values that have names, each in one line.
     ///
@@ -20,7 +20,7 @@ pub trait Tappable {
     /// Returns an error if the frame or pass isn't valid.
     fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
 
-    /// Lists the locations of the lines that print.
+    /// Lists the locations of the shader's lines that print a value (`//karat: print x`).
     ///
     /// # Errors
     /// Returns an error if the frame or pass isn't valid.
@@ -92,7 +92,7 @@ impl Tappable for Frame<'_> {
                 ));
             }
         };
-        // A step with another number of components isn't the whole value.
+        // A step with another number of components has only a part of the value.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
                 "the engine's step computes {} of the value's components: `karat trace` shows all steps",

@@ -24,20 +24,21 @@ const UNIT: f64 = 4e-3;
 
 /// The mapping from numbers to colours.
 enum Mapping {
-    /// Black means false, white means true.
+    /// Booleans: black means false, white means true.
     Truth,
-    /// One number. The colours of magma go from the smallest to the largest value.
+    /// One number. The colour scale magma goes from the smallest to the largest value.
     Range([f64; 2]),
     /// One number of both signs. Blue is below 0, black is 0, red is above 0. The brightest colour is the largest
     /// absolute value.
     Signed(f64),
     /// Three numbers that form a unit vector. Red, green and blue are half of 1 + x, 1 + y and 1 + z.
     Direction,
-    /// Two to four numbers as red, green, blue, from the smallest to the largest of all numbers.
+    /// Two to four numbers as red, green and blue: a channel is 0 for the smallest of all numbers, and 1 for the
+    /// largest.
     Channels([f64; 2]),
 }
 
-/// Writes the images of a value into a folder, as `<frame>.<value>.exr` and `.png`, and describes them.
+/// Writes the images of a value into a folder, as `<frame>.<value>.exr` and `.png`, and describes the images.
 ///
 /// # Errors
 /// Returns an error if a file can't be written.

@@ -1,4 +1,4 @@
-//! A traced pixel as JSON. One process writes it, and another process reads it.
+//! A traced pixel as JSON. One process writes the JSON, and another process reads it.
 
 use karat::unstable::frame::TracedPixel;
 use karat::unstable::value::format_f32;

@@ -10,7 +10,8 @@ use karat::unstable::image::ExrFile;
 use karat::unstable::metric::DEFAULT_RELATIVE;
 use karat::unstable::value::format_lane;
 
-/// Returns the script of a pending frame. Its text has no `<` and no line separators, so that a page can also embed it.
+/// Returns the script of a pending frame. The script's text has no `<` and no line separators, so that a page can also
+/// embed it.
 pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
     let part = |Part { name, golden, actual }: &Part| {
         let golden = golden.as_ref();
@@ -132,7 +133,8 @@ pub(super) fn function(index: usize, failure: &Failure) -> String {
     received(&data)
 }
 
-/// Returns the rows of a table that differ. JSON has no infinity, which a new or deleted row has.
+/// Returns the rows of a table that differ. A new or deleted row has an infinite difference, which becomes null,
+/// because JSON has no infinity.
 fn table(rows: &Rows) -> Value {
     let row = |row: &ChangedRow| {
         json!({
@@ -161,8 +163,8 @@ fn received(data: &Value) -> String {
 }
 
 /// Returns a measurement of the test, with its bound, as JSON. NaN and infinity become strings, because JSON has
-/// neither. So Rust, and not the page, computes `passes`. `place` has the corners of a rectangle that includes its
-/// right column and bottom row of pixels.
+/// neither. Because the page can't compare these strings with the bound, Rust computes `passes`. `place` has the
+/// corners of a rectangle that includes its right column and bottom row of pixels.
 fn gate(margin: &CriterionMargin) -> Value {
     let CriterionMargin { name, value, bound, note, .. } = margin;
     let corners = margin.place.map(|place| {
@@ -183,8 +185,8 @@ fn gate(margin: &CriterionMargin) -> Value {
     })
 }
 
-/// Returns the bounds of the gate, from the test or by default. The page needs them to find the refused pixels again. A
-/// margin has its bounds only in its name: `gate rel 1e-3 or abs 1e-5`.
+/// Returns the bounds of the gate: the bounds that the test sets, or the default bounds. The page needs the bounds to
+/// find the pixels that the gate rejected. A margin states its bounds only in its name: `gate rel 1e-3 or abs 1e-5`.
 fn bounds(margins: &[CriterionMargin]) -> Value {
     let gate = margins.iter().find(|margin| margin.criterion == FrameCriterion::Gate);
     let bound = |word: &str| {

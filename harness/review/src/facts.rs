@@ -69,11 +69,11 @@ impl fmt::Display for Cause {
 pub(crate) struct Fact {
     /// The name of the property: `adapter.name`.
     pub name: String,
-    /// The golden's value. Empty if the golden has none.
+    /// The golden's value. Empty if the golden doesn't have this property.
     pub golden: String,
-    /// The frame's value. Empty if the frame has none.
+    /// The frame's value. Empty if the frame doesn't have this property.
     pub actual: String,
-    /// `true` if both golden and frame have a value and the values differ.
+    /// `true` if golden and frame both have a value, and the values differ.
     pub differs: bool,
 }
 
@@ -100,8 +100,8 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
     };
     let mut names: Vec<&String> = golden.iter().chain(&actual).map(|(name, _)| name).collect();
     let mut seen = std::collections::BTreeSet::new();
-    // The reference and the names of golden and frame aren't interesting here. The page shows the finding and the
-    // modules elsewhere.
+    // The list leaves out the frame's name and the hash of the golden. The page shows the finding and the modules
+    // elsewhere.
     let aside = |name: &str| {
         let shown = ["finding.", "modules."].iter().any(|group| name.starts_with(group));
         shown || ["case", "compared_with"].contains(&name)

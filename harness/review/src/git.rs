@@ -29,14 +29,14 @@ pub(super) fn bytes(folder: &Path, arguments: &[&str]) -> Option<Vec<u8>> {
     ran.status.success().then_some(ran.stdout)
 }
 
-/// Returns the differences between files of the working tree and a commit. Each file is one text, with its path
-/// relative to the repository. Returns `None` if git fails.
+/// Returns the differences between files of the working tree and a commit. Each entry has a file's path relative to the
+/// repository, and the differences in this file as text. Returns `None` if git fails.
 pub(super) fn differences(
     folder: &Path,
     commit: &str,
     paths: &[String],
 ) -> Option<Vec<(String, String)>> {
-    /// The largest number of bytes to show.
+    /// The largest size of all differences together, in bytes.
     const LONGEST: usize = 200_000;
     let mut arguments =
         vec!["diff", "--no-ext-diff", "--no-textconv", "--no-color", "--no-renames"];

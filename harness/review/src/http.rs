@@ -1,9 +1,9 @@
 //! An HTTP/1.1 server for a page on this machine: one request per connection, each in a thread of its own.
 //!
 //! Every program on this machine can connect, so the server never waits long for a client. A request must arrive within
-//! a time limit, its head and its body have a largest size, and the server doesn't trust announced lengths. If there
-//! are too many connections, the server closes the oldest one without a valid request. So silent clients can't block
-//! others. Stopping doesn't wait for clients.
+//! a time limit, the sizes of its head and its body are limited, and the server doesn't trust announced lengths. If
+//! there are too many connections, the server closes the oldest one without a valid request. So silent clients can't
+//! block others. Stopping doesn't wait for clients.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// The largest size of a head, in bytes. It contains the cookies of every server on this machine, on any port.
+/// The largest size of a head, in bytes. The head contains the cookies of every server on this machine, on any port.
 const LONGEST_HEAD: usize = 16 << 10;
 /// The largest number of headers. Browsers send about twenty.
 const MOST_HEADERS: usize = 100;
@@ -21,9 +21,10 @@ const MOST_HEADERS: usize = 100;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The time for reading and dropping the rest of a request after the response.
 const LINGER: Duration = Duration::from_secs(2);
-/// The largest number of connections at a time. A browser opens six, and one more that it may need soon.
+/// The largest number of connections at a time. A browser opens six connections, and one more that it may need soon.
 const MOST_OPEN: usize = 64;
-/// The pause after a connection that couldn't be accepted. Without it, a lasting error would make the server spin.
+/// The pause after a connection that couldn't be accepted. Without this pause, a lasting error would make the server
+/// spin.
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// The headers of each response: browsers use the response only as this type, and don't store it.
@@ -34,10 +35,10 @@ const HEADERS: &str = "Cache-Control: no-store\r\n\
     Referrer-Policy: same-origin\r\n\
     Connection: close\r\n";
 
-/// The frame policy without an editor: no other page may show this page in a frame.
+/// The policy for HTML frames without an editor: no other page may show this page in a frame.
 const UNFRAMED: &str = "'none'";
-/// The frame policy for an editor that shows the page in a panel. The windows of VS Code have their own URL schemes; in
-/// a browser they are pages of this machine. Any other page would need to know the token.
+/// The policy for HTML frames with an editor that shows the page in a panel. The windows of VS Code have their own URL
+/// schemes; in a browser, VS Code's windows are pages from this machine. Any other page would need to know the token.
 const FRAMED: &str = "vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*";
 
 /// A response: status, content type, body.
@@ -77,7 +78,8 @@ impl Stopper {
 }
 
 impl Http {
-    /// Binds a port, or any free port if `port` is 0. With `in_editor`, an editor may show the page in a frame.
+    /// Binds a port, or any free port if `port` is 0. If `in_editor` is `true`, an editor may show the page in an HTML
+    /// frame.
     ///
     /// # Errors
     /// Returns an error if the port is taken.
@@ -101,8 +103,8 @@ impl Http {
         Stopper { address: self.address, stopped: Arc::clone(&self.stopped) }
     }
 
-    /// Answers requests until a [`Stopper`] stops the server. Then it doesn't wait for threads that are still
-    /// answering.
+    /// Answers requests until a [`Stopper`] stops the server. After that, the function doesn't wait for threads that
+    /// are still answering.
     pub fn run(&self, answer: impl Fn(&mut Request) -> Answer + Send + Sync + 'static) {
         let answer = Arc::new(answer);
         while !self.stopped.load(Ordering::SeqCst) {
@@ -252,7 +254,7 @@ impl Door {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
-    /// Returns the part of a request's path behind the secret. It is empty for the page. `printed` names the command
+    /// Returns the part of a request's path after the secret, which is empty for the page. `printed` names the command
     /// that printed the URL.
     ///
     /// # Errors
@@ -339,7 +341,7 @@ impl<'a> Request<'a> {
     /// Returns the value of a header that occurs at most once.
     ///
     /// # Errors
-    /// Returns an error if the header occurs more often.
+    /// Returns an error if the header occurs more than once.
     pub fn header(&self, name: &str) -> Result<Option<&str>, Repeated> {
         let mut named = self.headers.iter().filter(|(other, _)| other.eq_ignore_ascii_case(name));
         let first = named.next().map(|(_, value)| value.as_str());

@@ -42,7 +42,7 @@ pub struct Failure {
     pub replays: Vec<String>,
     /// The largest error divided by its bound.
     pub ratio: Option<f64>,
-    /// The plots as HTML. All text in it is escaped.
+    /// The plots as HTML. All text in the HTML is escaped.
     pub figures: String,
 }
 

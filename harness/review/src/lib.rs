@@ -1,9 +1,9 @@
 //! The review page: pending frames beside their goldens, in HDR.
 //!
 //! The review is one page, and works offline. [`Review::write`] writes the page as files, which show the differences
-//! and the commands to type. [`Review::serve`] serves the same page to this machine only, and there you can accept and
-//! reject frames. A [`Case`] is the data of one frame. When you look at a frame, the page loads its pixels from a
-//! script `data/<n>.js`, because pages from `file://` may only load scripts.
+//! and the commands to type. [`Review::serve`] serves the same page to this machine only, and on the served page you
+//! can accept and reject frames. A [`Case`] is the data of one frame. When you look at a frame, the page loads the
+//! frame's pixels from a script `data/<n>.js`, because pages from `file://` may only load scripts.
 //!
 //! The browser computes the displayed image from the stored floats. [`Goldens`] determines verdicts, and accepts
 //! frames.
@@ -62,7 +62,7 @@ pub struct Case {
     pub margins: Vec<CriterionMargin>,
     /// The difference as a sentence.
     pub verdict: String,
-    /// The metadata in the golden's file. `None` if there is no golden, or if it has no metadata.
+    /// The metadata in the golden's file. `None` if there is no golden, or if the golden has no metadata.
     pub golden_provenance: Option<Provenance>,
     /// The metadata in the frame's file.
     pub actual_provenance: Provenance,
@@ -103,7 +103,7 @@ pub struct Map {
     pub name: String,
     /// The meaning of the map's values, as a sentence.
     pub about: String,
-    /// The values of the map. If all three colours are equal, the page shows them in false colour.
+    /// The values of the map. If red, green and blue are equal everywhere, the page shows the map in false colours.
     pub image: Image,
     /// The values at the lower and the upper end of the false colours.
     pub range: [f32; 2],
@@ -146,7 +146,7 @@ pub enum ReviewError {
 #[derive(Clone, Debug)]
 pub struct Review {
     goldens: Goldens,
-    /// The folder of the pending frames. It may differ from the folder of the goldens.
+    /// The folder of the pending frames, which may differ from the folder of the goldens.
     waiting: Goldens,
     arguments: String,
     run: LastRun,
@@ -234,13 +234,13 @@ impl Review {
         self
     }
 
-    /// Checks if there are entries besides pending frames.
+    /// Checks if the page has entries that aren't pending frames.
     #[must_use]
     pub fn has_more(&self) -> bool {
         !self.run.failures.is_empty() || !self.others(&PendingFrames::default()).is_empty()
     }
 
-    /// Returns the entries besides pending frames.
+    /// Returns the entries that aren't pending frames.
     fn others(&self, pending: &PendingFrames) -> Vec<Entry> {
         let mut entries = Vec::new();
         if self.accepted {
@@ -330,7 +330,7 @@ impl Review {
         }
     }
 
-    /// Returns the modules that changed since the golden, by their hashes if both sides have hashes.
+    /// Returns the modules that changed since the golden, by their hashes if golden and frame have hashes.
     fn changed_modules(&self, golden: &Path, case: &Case) -> serde_json::Value {
         let known = case.golden_provenance.as_ref();
         let by_hash = known.zip(self.goldens.project()).and_then(|(known, project)| {
@@ -380,7 +380,7 @@ impl Review {
         Server::bind(self, port)
     }
 
-    /// Returns the currently pending frames, without frames that belong to other goldens.
+    /// Returns the currently pending frames. A frame that belongs to goldens in another folder counts as unusable.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let PendingFrames { frames, mut unusable } = self.waiting.pending();
@@ -394,8 +394,8 @@ impl Review {
     }
 }
 
-/// Returns the script of an older version of a golden. The page loads it on demand. For a table, it has the rows that
-/// differ from those in `now`.
+/// Returns the script of an older version of a golden. The page loads this script on demand. For a table, the script
+/// has the rows that differ from the rows in `now`.
 fn version_script(index: usize, golden: &Path, now: &Path, commit: &str) -> String {
     let older = if is_table(golden) {
         let now = Table::read(now).map_err(|error| error.to_string());

@@ -63,7 +63,7 @@ impl Case {
             let (image, mask) = (&actual.parts[0].image, actual.mask());
             let pair = match &mask {
                 Some(mask) => Pair::masked(golden_image, image, mask),
-                // The test chose its pinned pixels from all pixels.
+                // The golden's exposures were computed from all pixels, so they apply only without a mask.
                 None => Pair::new(golden_image, image)
                     .map(|pair| exposures.into_iter().fold(pair, Pair::with_exposures)),
             };

@@ -17,8 +17,8 @@ pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {
     errors.into_iter().chain(worst_exposures(pair)).collect()
 }
 
-/// Returns the exposure at which each pixel differs most. Dark exposures show errors in highlights, bright ones show
-/// errors in shadows.
+/// Returns the exposure at which each pixel differs most. Dark exposures show errors in highlights, and bright
+/// exposures show errors in shadows.
 fn worst_exposures(pair: &Pair<'_>) -> Option<Map> {
     let exposures = Flip::LARGEST_TILE.exposures(pair).ok()?;
     let (start, stop) = exposures.range()?.into_inner();

@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 
 use super::git;
 
-/// The largest number of versions of a module in which Karat searches for the golden's version. Each takes a process.
+/// The largest number of versions of a module in which Karat searches for the golden's version. The check of each
+/// version needs a process.
 const MOST: &str = "50";
 
 /// Returns the modules whose hashes differ. Returns `None` if golden or frame have no hashes, as in old files. Module
@@ -88,7 +89,7 @@ impl Since {
         let folder = golden.parent().ok_or(Untold::NoGit)?;
         let name = git::literal(&golden.file_name().unwrap_or_default().to_string_lossy());
         let root = git::text(folder, &["rev-parse", "--show-toplevel"]).ok_or(Untold::NoGit)?;
-        // A repository without commits doesn't have the golden.
+        // A repository without commits doesn't contain the golden.
         let commit =
             git::text(folder, &["log", "-n", "1", "--format=%h", "--", &name]).unwrap_or_default();
         let dirty =

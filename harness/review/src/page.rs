@@ -42,11 +42,11 @@ const SCRIPTS: [&str; 26] = [
     include_str!("page/main.js"),
 ];
 
-/// The way in which the browser gets the page.
+/// The source from which the browser loads the page.
 pub(super) enum Mode {
-    /// From files. The reader types decisions in a terminal.
+    /// From files. The reader accepts and rejects frames in a terminal.
     Files,
-    /// From Karat's server. The token makes the nonce of the policy secret.
+    /// From Karat's server. The policy's nonce is a hash that includes the token, so the nonce is secret.
     Served {
         /// The token in the URL.
         token: String,
@@ -111,7 +111,7 @@ pub(super) fn html(
     // name or reason can contain it.
     let nonce =
         blake3::hash(format!("{token}{index}{script}").as_bytes()).to_hex()[..32].to_owned();
-    // All placeholders are replaced in one pass, so that inserted text isn't searched for placeholders.
+    // One loop replaces all placeholders, so that it doesn't search inserted text for placeholders.
     let mut page = String::with_capacity(HTML.len() + CSS.len() + script.len() + index.len());
     for (position, piece) in HTML.split("{{").enumerate() {
         let Some((mark, rest)) = piece.split_once("}}").filter(|_| position > 0) else {

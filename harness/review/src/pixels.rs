@@ -49,8 +49,8 @@ impl Asked {
         Self { pixels: Some(pixels), busy: Arc::default() }
     }
 
-    /// Replies to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`. The last one may end in
-    /// `/<commit>`. Returns `None` for other questions.
+    /// Replies to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`. A `trace` question may end
+    /// in `/<commit>`. Returns `None` for other questions.
     pub(super) fn answer(&self, entry: &Entry, question: &str) -> Option<Value> {
         let pixels = self.pixels.as_ref()?;
         let frame = match entry {
@@ -89,12 +89,12 @@ impl Asked {
     }
 }
 
-/// The number of traced pixels in a page without a server. Each takes about a second.
+/// The number of traced pixels in a page without a server. Each trace takes about a second.
 const IN_ADVANCE: usize = 3;
 
 impl Asked {
-    /// Returns the traces of the pixels that differ most from the golden. The first of the golden's `versions` gives
-    /// the commit for [`Pixels::trace`]. If a trace with this commit isn't possible, the trace has no commit. Returns
+    /// Returns the traces of the pixels that differ most from the golden. [`Pixels::trace`] receives the commit of the
+    /// first of the golden's `versions`. If a trace with this commit isn't possible, the trace has no commit. Returns
     /// null if no pixel can be traced.
     pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
         let mut all = serde_json::Map::new();

@@ -1,8 +1,9 @@
 //! Serves the review to this machine only.
 //!
-//! Reaching the port isn't enough to decide. Every request needs the token of the URL and this server's `Host`, so that
-//! an attacker can't rebind another name to 127.0.0.1. If there is an `Origin`, it must be this server's. Changes are
-//! POSTs of JSON. A decision names a frame, which must be pending. No part of a request becomes a file path.
+//! A client that reaches the port can't accept or reject frames without the token. Every request needs the token of the
+//! URL. Every request also needs this server's `Host`, so that an attacker can't rebind another name to 127.0.0.1. If a
+//! request has an `Origin`, the origin must be this server's. Requests that change something are POSTs of JSON. A
+//! decision names a frame, which must be pending. No part of a request becomes a file path.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -39,8 +40,8 @@ struct Desk {
     door: Door,
     /// The entries, by the numbers of their data files. The numbers don't change while the server runs.
     numbered: Mutex<Vec<Entry>>,
-    /// The lock of the thread that carries out a decision. The value is `true` after the review has ended: then no
-    /// decision is accepted.
+    /// The lock that a thread holds while it carries out a decision. The value is `true` after the review has ended:
+    /// from then on, the server accepts no decision.
     ended: Mutex<bool>,
 }
 
@@ -97,8 +98,8 @@ impl Server {
         self.desk.review.pending()
     }
 
-    /// Answers requests until another thread stops the server. Then it completes a decision that has begun, begins no
-    /// other decision, and doesn't wait for clients.
+    /// Answers requests until another thread stops the server. After that, the server completes a decision that has
+    /// begun, begins no other decision, and doesn't wait for clients.
     pub fn run(&self) {
         let desk = Arc::clone(&self.desk);
         self.http.run(move |request| desk.answer(request));
@@ -252,7 +253,7 @@ impl Desk {
             because: decision.because.clone(),
             by: None,
             any_adapter: decision.any_adapter,
-            // If the frame was compared with a profile's golden, it replaces that golden.
+            // If the frame was compared with a profile's golden, the frame replaces that golden.
             profile: (decision.profile || !pending.provenance.compared_profile.is_empty())
                 .then(|| pending.profile().to_string()),
             ci_may_write: self.review.ci_may_write,

@@ -14,7 +14,8 @@ use crate::{Stage, Target, Tool, Translation, Validation, Verdict};
 const FILES: usize = 32;
 
 impl Tool {
-    /// Checks several translations in fewer processes. The results are those of [`validate`](Self::validate).
+    /// Checks several translations in fewer processes. The results are the same as those of
+    /// [`validate`](Self::validate).
     ///
     /// # Errors
     /// As [`validate`](Self::validate) for each translation.

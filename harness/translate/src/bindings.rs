@@ -10,8 +10,8 @@ use naga::{
 ///
 /// GLSL has no groups, and HLSL numbers the registers of buffers, textures and samplers separately. So Karat numbers
 /// all resources in one sequence for GLSL and HLSL: first the resources that the entry point uses, in the order of
-/// groups and bindings, then all others. A number means the same resource in GLSL, in HLSL, and in the SPIR-V that
-/// compilers make from GLSL and HLSL.
+/// groups and bindings, then all others. The same number means the same resource in GLSL, in HLSL, and in the SPIR-V
+/// that compilers make from GLSL and HLSL.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bindings(Vec<Resource>);
 
@@ -24,7 +24,7 @@ pub struct Resource {
     pub translated: (u32, u32),
     /// The resource's kind.
     pub kind: Kind,
-    /// `true` if the entry point uses the resource, and for each resource in the translation of a whole shader.
+    /// `true` if the entry point uses the resource. In the translation of a whole shader, always `true`.
     pub used: bool,
 }
 
@@ -100,7 +100,7 @@ impl Bindings {
     }
 }
 
-/// Checks if an entry point uses a variable. Without an entry point, each variable counts as used.
+/// Checks if an entry point uses a variable. If no entry point is given, each variable counts as used.
 pub(crate) fn uses(
     module: &Module,
     info: &ModuleInfo,

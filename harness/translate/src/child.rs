@@ -4,7 +4,7 @@ use std::io::{self, Read, Seek};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// The time limit of a validator or a compiler for one shader. Each usually needs about 30 ms.
+/// The time limit of a validator or a compiler for one shader. A validator or a compiler usually needs about 30 ms.
 const DEADLINE: Duration = Duration::from_secs(30);
 
 /// The maximum number of bytes that a program may write. Validators and compilers write far less about one shader.
@@ -13,7 +13,7 @@ const MOST_WRITTEN: u64 = 16 << 20;
 /// The number of output bytes that Karat keeps.
 const MOST_KEPT: u64 = 64 << 10;
 
-/// The first pause between two checks that look if a program has ended. Later pauses are longer.
+/// The first pause between two checks if a program has ended. Later pauses are longer.
 const FIRST_PAUSE: Duration = Duration::from_micros(500);
 const LONGEST_PAUSE: Duration = Duration::from_millis(20);
 
@@ -40,7 +40,7 @@ pub(crate) struct Ran {
 }
 
 impl Ran {
-    /// The reason why the program gave no verdict; `None` if it gave one.
+    /// The reason why the program gave no verdict; `None` if it gave a verdict.
     pub(crate) fn broke(&self) -> Option<String> {
         Some(match self.end {
             End::Bad if self.output.is_empty() => {

@@ -176,8 +176,8 @@ pub(crate) fn run(
     let file = arguments.last().expect("the file is the last argument");
     std::fs::write(folder.path().join(file), text)?;
     let ran = child::run(Command::new(program).args(arguments).current_dir(folder.path()))?;
-    // A compiler writes no file for source text that it rejects. It may also fail to write one for text that it
-    // accepts.
+    // A compiler writes no file for source text that it rejects. A compiler may also fail to write a file for text that
+    // it accepts.
     let written = match std::fs::read(folder.path().join(OUTPUT)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
         read => Some(read?),
@@ -199,8 +199,8 @@ fn spirv(bytes: &[u8]) -> Option<Vec<u32>> {
 /// The magic number at the start of SPIR-V.
 const MAGIC: u32 = 0x0723_0203;
 
-/// The error that `spirv-val` finds in SPIR-V. Drivers don't check a compiler's output. Without `spirv-val` there is no
-/// check.
+/// The error that `spirv-val` finds in SPIR-V. Drivers don't check a compiler's output. If `spirv-val` isn't installed,
+/// Karat doesn't check the SPIR-V.
 fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     let Ok((program, _)) = tool::program("spirv-val") else { return Ok(None) };
     let folder = tempfile::tempdir()?;
@@ -237,8 +237,8 @@ fn counts_words(words: &[u32]) -> bool {
     lengths.into_iter().any(|length| !multiplied(length))
 }
 
-/// naga's HLSL for a compiler that [counts words](counts_words). In the changed text, naga's own length function
-/// converts the length to bytes.
+/// naga's HLSL for a compiler that [counts words](counts_words). The function changes naga's length function, so that
+/// it converts the length to bytes.
 fn with_bytes(translation: &Translation) -> Translation {
     const ASKED: &str = "buffer.GetDimensions(ret);";
     let text = translation.code.text().expect("compilers read text");

@@ -14,7 +14,7 @@ use crate::bindings::uses;
 /// The names of a WGSL structure's members, with their offsets in bytes.
 pub(crate) type Members = Vec<(String, u32)>;
 
-/// The structures, also nested ones, in the uniform buffers that an entry point uses. Without an entry point, the
+/// The structures, also nested ones, in the uniform buffers that an entry point uses. If no entry point is given, the
 /// structures in all uniform buffers.
 pub(crate) fn uniform_structures(
     module: &Module,

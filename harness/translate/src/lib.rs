@@ -1,9 +1,9 @@
 //! Translates WGSL into every language that naga writes, and checks the translations with other tools.
 //!
 //! wgpu passes each driver a translation: SPIR-V to Vulkan, GLSL to OpenGL, HLSL to Direct3D, MSL to Metal. This crate
-//! makes all these translations on any machine, with wgpu's options ([`Shader::translate`]). It checks translations
-//! with the installed validators ([`Tool::validate`]). It also compiles GLSL and HLSL to SPIR-V ([`compile`]), so that
-//! a Vulkan driver can run a translation for OpenGL or Direct3D.
+//! makes all these translations on any machine, with wgpu's options ([`Shader::translate`]). The crate checks
+//! translations with the installed validators ([`Tool::validate`]). The crate also compiles GLSL and HLSL to SPIR-V
+//! ([`compile`]), so that a Vulkan driver can run a translation for OpenGL or Direct3D.
 //!
 //! ```
 //! use karat_translate::{Shader, Target};

@@ -48,12 +48,12 @@ pub struct Tool {
 struct Known {
     name: &'static str,
     targets: &'static [Target],
-    /// The arguments that make the program print its version. `says` is a part of that output which no other program
-    /// with this name prints.
+    /// The arguments that make the program print its version. `says` is a part of the printed text, and no other
+    /// program with this name prints that part.
     asked: &'static [&'static str],
     says: &'static str,
     remedy: &'static str,
-    /// The languages for which one process of the tool checks several files, and prints the name of each.
+    /// The languages for which one process of the tool checks several files, and prints the name of each file.
     several: &'static [Target],
     /// The arguments for a check. The last argument is the file.
     arguments: fn(Target, &EntryPoint, file: &str) -> Vec<String>,
@@ -369,7 +369,7 @@ impl Known {
     }
 }
 
-/// An installed compiler, for [`compile`](crate::compile()).
+/// The path and the version of an installed compiler, for [`compile`](crate::compile()).
 pub(crate) fn program(name: &str) -> Result<(&'static Path, &'static str), &'static Missing> {
     let of_name = Tool::all().iter().find(|tool| match tool {
         Ok(tool) => tool.name() == name,

@@ -17,7 +17,8 @@ use crate::{Bindings, Code, Shader, Stage, Target, Translation};
 
 struct Written {
     code: Code,
-    /// The entry points' names in the output: of all entry points in the module's order, or of the requested one.
+    /// The entry points' names in the output: the names of all entry points in the module's order, or the name of the
+    /// requested entry point.
     entry_points: Vec<String>,
     bindings: Bindings,
     options: String,
@@ -48,7 +49,7 @@ const RESTRICT: BoundsCheckPolicies = BoundsCheckPolicies {
     binding_array: BoundsCheckPolicy::Unchecked,
 };
 
-/// The words for [`RESTRICT`] in reports.
+/// The description of [`RESTRICT`] in reports.
 const RESTRICTED: &str = "restricts indices";
 
 pub(crate) fn write(

@@ -135,7 +135,7 @@ fn a_fault_is_seen_by_each_tool_that_judges_it() {
         let mut translation = translate(target, "add");
         match &mut translation.code {
             Code::Text(text) => *text = text.replacen("total =", "undeclared_name =", 1),
-            // Gives the last instruction that has a result type an undefined result type.
+            // Replaces the result type of the last instruction that has a result type by an undefined type.
             Code::Words(words) => {
                 let last = words.len() - 8;
                 words[last..].fill(0x0002_0001);
@@ -217,8 +217,8 @@ fn glsl_and_hlsl_become_spirv() {
             Ok(words) => {
                 assert_eq!(words[0], 0x0723_0203, "the magic number of SPIR-V");
                 let back = Shader::from_spirv(&words);
-                // naga can't read everything that other compilers write. If naga can read the SPIR-V, it has one entry
-                // point.
+                // naga can't read everything that other compilers write. If naga can read the SPIR-V, the shader has
+                // one entry point.
                 if let Ok(back) = back {
                     assert_eq!(back.entry_points().len(), 1);
                 }

@@ -67,7 +67,7 @@ impl<'f> Blame<'f> {
         Self { message, at: if is_placed { At::Text } else { At::Setting(setting) } }
     }
 
-    /// If the test as a whole is the cause, replaces it by the first of these settings that the test has.
+    /// If the test as a whole is the cause, replaces this cause by the first of these settings that the test has.
     #[must_use]
     pub fn or(self, setting: &'static [&'static str]) -> Self {
         match self.at {

@@ -1,6 +1,6 @@
 //! Excerpts of authors' files, with shortened lines and escaped terminal commands.
 //!
-//! Only the shown text changes. Lines and columns stay those of the author's file.
+//! Only the shown text changes: the numbers of lines and columns stay those of the author's file.
 
 use std::ops::Range;
 
@@ -38,7 +38,7 @@ impl<'a> Excerpt<'a> {
             excerpt.lines.push(excerpt.text.len());
             let content = line.trim_end_matches(['\r', '\n']);
             let at = start..start + content.len();
-            // A range over several lines ends with its first line.
+            // For a range over several lines, the line that contains the range's end also shows this end.
             let points = places.iter().flat_map(|place| {
                 let one = place.end <= end;
                 [Some(place.start), (!one || place.start < start).then_some(place.end)]
@@ -109,7 +109,7 @@ impl<'a> Excerpt<'a> {
     }
 
     /// Converts an offset in the author's text to an offset in the shown text. An offset inside of a changed range
-    /// becomes the start of its replacement.
+    /// becomes the start of the range's replacement.
     pub(super) fn shown(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(from, _)| from.end <= byte);
         match self.changes.get(after) {
@@ -169,7 +169,7 @@ fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
     kept
 }
 
-/// The columns that a character takes. Wide characters count as one column.
+/// The number of columns that a character takes in a message. Wide characters count as one column.
 fn columns(character: char) -> usize {
     visible(character.encode_utf8(&mut [0; 4])).chars().count()
 }
@@ -277,19 +277,19 @@ mod tests {
             let place = excerpt.text.find("HERE").expect("it is shown");
             assert_eq!((excerpt.shown(500), excerpt.shown_end(504)), (place, place + 4));
             assert_eq!(excerpt.author(place), 500);
-            // An offset in cut text becomes that of the mark `…`. Offsets in later lines move with these lines.
+            // An offset in cut text becomes the offset of the mark `…`. Offsets in later lines move with these lines.
             assert_eq!(excerpt.shown(3), 0);
             assert_eq!(&excerpt.text[excerpt.shown(1005)..], "next\n");
         });
         assert_eq!(shown, format!("…{}HERE{}…\nnext\n", "a".repeat(40), "b".repeat(56)));
-        // Near one end of the line, more text towards the other end is shown. Two positions give two parts.
+        // Near one end of the line, the excerpt shows more text on the other side. Two positions give two parts.
         let at = |places: &[(usize, usize)]| excerpt(&long, places, |_| ());
         assert_eq!(at(&[(0, 1)]), format!("{}…\nnext\n", "a".repeat(100)));
         assert_eq!(at(&[(1003, 1004)]), format!("…{}\nnext\n", "b".repeat(100)));
         assert_eq!(at(&[(1005, 1006)]), format!("{}…\nnext\n", "a".repeat(100)));
         let two = format!("{}…{}…\nnext\n", "a".repeat(100), "b".repeat(100));
         assert_eq!(at(&[(0, 1), (700, 701)]), two);
-        // For a range that is longer than a line, the beginning of the range is shown, and the text after it.
+        // For a range that is longer than a line, the excerpt shows the beginning and the text after it.
         let shown = excerpt(&long, &[(10, 900)], |excerpt| {
             assert_eq!(&excerpt.text[..excerpt.shown_end(900)], "a".repeat(100) + "…");
         });
@@ -308,7 +308,7 @@ mod tests {
             }
         });
         assert_eq!(shown, "é\\u{1b}[2J\\u{9b}x\r\nrest");
-        // The width counts escaped characters.
+        // Each character of an escape counts as one column.
         let long = "\u{1b}".repeat(60) + "x";
         let shown = excerpt(&long, &[(60, 61)], |_| ());
         assert_eq!(shown, format!("…{}x", r"\u{1b}".repeat(16)));

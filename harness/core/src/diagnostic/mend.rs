@@ -4,9 +4,10 @@
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Mend {
-    /// A feature in `[features]` that needs a value, which an engine supplies.
+    /// A feature in `[features]` that needs a value. The engine that uses the shaders, such as Bevy, supplies this
+    /// value.
     Feature(String),
-    /// A feature in `[features]`: a name is declared only under a condition with this feature.
+    /// A feature in `[features]` that must be on, because a name is declared only under a condition with this feature.
     Condition(String),
     /// A placeholder that needs a value in `[values]`.
     Value(String),
@@ -14,7 +15,8 @@ pub enum Mend {
     Elsewhere(String),
     /// An undeclared name in capitals. It may be a macro, which needs a value in `[values]`.
     Undeclared(String),
-    /// A text in `[values]` that may be empty: a placeholder on a line of its own, or a macro before brackets.
+    /// A value in `[values]` that may be empty. It replaces a placeholder on a line of its own, or a macro before
+    /// brackets.
     Text(String),
     /// A package in `[dependencies]` from which modules import.
     Dependency(String),

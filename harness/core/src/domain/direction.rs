@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 
 use super::{Domain, Emptiness, Source, shrink};
 
-/// Unit vectors on the whole sphere. They are uniform, except that axes, poles and their close neighbours occur more
-/// often. Components are rounded to `f32`, so lengths differ from 1 by up to 1e-7, as in a shader.
+/// Unit vectors on the whole sphere. Their distribution is uniform, except that axes, poles and their close neighbours
+/// occur more often. Components are rounded to `f32`, so lengths differ from 1 by up to 1e-7, as in a shader.
 ///
 /// ```
 /// use karat::{Domain, UnitVector};
@@ -18,8 +18,8 @@ use super::{Domain, Emptiness, Source, shrink};
 #[derive(Clone, Copy, Debug)]
 pub struct UnitVector;
 
-/// Unit vectors with `z >= 0`. They are uniform, except that the pole, the horizon and their close neighbours occur
-/// more often.
+/// Unit vectors with `z >= 0`. Their distribution is uniform, except that the pole, the horizon and their close
+/// neighbours occur more often.
 ///
 /// ```
 /// use karat::{Domain, Hemisphere};

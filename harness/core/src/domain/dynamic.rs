@@ -20,12 +20,12 @@ use super::{
 };
 use crate::value::{Scalar, Shape, Shareable, format_lane};
 
-/// One of this many sampled tuples ties two parts.
+/// One in `TIES` sampled tuples has two tied parts.
 const TIES: u64 = 8;
 
 /// Makes a float close to a given float: the difference is the given float times 2^-8 to 2^-23. The subtraction of such
-/// floats loses digits. This shows faults in variances and gradients, which lose digits only for such values. For an
-/// integer, the result is the given integer or the next larger one.
+/// floats loses digits. Such pairs of floats show faults in variances and gradients, which lose digits only for such
+/// values. For an integer, the result is the given integer or the next larger integer.
 fn nearly(word: u32, source: &mut Source) -> u32 {
     let like = f32::from_bits(word);
     let bits = source.bits();
@@ -34,7 +34,7 @@ fn nearly(word: u32, source: &mut Source) -> u32 {
             let step = like * (1.0 / 256.0) / f32::from(1_u16 << (bits >> 1 & 15));
             (if bits & 1 == 0 { like + step } else { like - step }).to_bits()
         }
-        // This is a small integer, which has the bits of a subnormal float.
+        // The word is a small integer, which has the bits of a subnormal float.
         false => word.saturating_add(bits & 1),
     }
 }
@@ -135,7 +135,8 @@ impl Words for Listed {
     }
 }
 
-/// A part with additional values. They follow the first two edges, and one sample in eight is an additional value.
+/// A part with additional values. The additional values follow the first two edges, and one sample in eight is an
+/// additional value.
 struct Beside {
     own: Box<dyn Words>,
     more: Vec<Vec<u32>>,
@@ -338,8 +339,8 @@ impl Part {
         })
     }
 
-    /// Vectors of the length `radius`. If `filled` is set, also shorter vectors: see [`Sphere`]. `None` unless the
-    /// vectors have two, three or four components.
+    /// Vectors of the length `radius`. If `filled` is `true`, the part also has shorter vectors: see [`Sphere`]. `None`
+    /// unless the vectors have two, three or four components.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -382,8 +383,8 @@ impl Part {
     /// The names that [`named`](Self::named) knows.
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
-    /// Matrices that rotate, scale, mirror and move points. Each matrix has an inverse. With `perspective`, one matrix
-    /// is a perspective projection. `None` if matrices of this size don't transform points.
+    /// Matrices that rotate, scale, mirror and move points. Each matrix has an inverse. If `perspective` is `true`, one
+    /// of the matrices is a perspective projection. `None` if matrices of this size don't transform points.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -395,10 +396,10 @@ impl Part {
         Some(Self { words: Box::new(Transform::of(columns, rows, perspective)?), described })
     }
 
-    /// Loop counts from 1. Half of them are small. `None` for types that aren't integers.
+    /// Loop counts from 1. Half of the counts are small. `None` for types that aren't integers.
     #[doc(hidden)]
     pub fn counts(scalar: Scalar) -> Option<Self> {
-        /// The largest small count. In every case, a loop finishes this many iterations quickly.
+        /// The largest small count. Any loop finishes this many iterations quickly.
         const FEW: u8 = 8;
         /// A typical number of samples per pixel, or of taps of a filter. Loops rarely need more iterations.
         const MOST: u8 = 64;
@@ -492,7 +493,8 @@ pub struct Dynamic {
     names: Vec<String>,
     shapes: Vec<Shape>,
     edges: Vec<Vec<u32>>,
-    /// The vectors that are made perpendicular to other vectors. Each comes after the vectors on which it depends.
+    /// The vectors that are made perpendicular to other vectors. Each vector comes after the vectors on which it
+    /// depends.
     relations: Vec<Perpendicular>,
     filter: Option<Filter>,
 }
@@ -534,9 +536,9 @@ impl Dynamic {
         Self { parts, owners, names, shapes, edges, relations: Vec::new(), filter: None }
     }
 
-    /// Turns the vector in these lanes so that it is perpendicular to other vectors, which begin at the lanes `to` and
-    /// have the same number of components. Add a relation after the relations of the vectors on which it depends, and
-    /// before a filter.
+    /// Makes the vector in `lanes` perpendicular to other vectors. These begin at the lanes `to`, and have the same
+    /// number of components. Add a relation after the relations of the vectors on which it depends, and before a
+    /// filter.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};

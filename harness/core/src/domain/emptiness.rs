@@ -33,7 +33,7 @@ impl Emptiness {
         Self { part: None, what, fault: fault.to_owned() }
     }
 
-    /// Adds that the empty domain is part `part` of a tuple.
+    /// Says that the empty domain is part `part` of a tuple.
     pub(super) fn in_part(self, part: usize) -> Self {
         Self { part: Some(part), ..self }
     }

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::{direction, shrink};
 
-/// If the perpendicular part of a vector is shorter than this, the digits of its direction are lost. So an axis
-/// replaces a unit vector that is nearly parallel to another one.
+/// If the perpendicular part of a vector is shorter than this length, the part's direction has lost its digits. So an
+/// axis replaces a unit vector that is nearly parallel to another vector.
 const SHORT: f64 = 1e-3;
 
-/// If the directions of two vectors differ by at most this, the vectors count as parallel, because `f32` rounding
+/// If the directions of two vectors differ by at most this value, the vectors count as parallel, because `f32` rounding
 /// causes such differences.
 const PARALLEL: f64 = 1e-6;
 
@@ -58,7 +58,7 @@ impl Perpendicular {
         // Tries the axes in the order Z, X, Y, like the edges of a unit vector.
         let axes = (0..own.len()).map(|at| axis((at + own.len() - 1) % own.len()));
         for start in std::iter::once(own.clone()).chain(axes) {
-            // The second call removes the rounding errors of the first.
+            // The second call removes the rounding errors of the first call.
             let rest = without(&without(&start, &others), &others);
             let length = dot(&rest, &rest).sqrt();
             if length > SHORT {
@@ -154,7 +154,7 @@ mod tests {
     fn nothing_is_perpendicular_to_two_vectors_of_a_plane() {
         let domain = Dynamic::new(&vectors(&["a", "b", "c"], 2), vec![unit(2), unit(2), unit(2)])
             .perpendicular(4..6, vec![0, 2], "a, b");
-        // A third vector can be perpendicular to `a` and `b` only if these are parallel. Some edges are parallel.
+        // A third vector can be perpendicular to `a` and `b` only if `a` and `b` are parallel. Some edges are parallel.
         assert!(domain.edges() < 50, "{}", domain.edges());
         let near = |row: &Vec<u32>| {
             let [ax, ay, bx, by] = [0, 1, 2, 3].map(|lane| f32::from_bits(row[lane]));

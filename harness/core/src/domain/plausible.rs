@@ -10,10 +10,10 @@ use crate::value::Scalar;
 pub(super) struct Plausible<T>(Vec<T>);
 
 /// The largest unconstrained float. Positions in metres and times in milliseconds are below a million. Squares of
-/// larger numbers lose their digits in sums, and that says nothing about a shader.
+/// larger numbers lose their digits in sums, and this loss isn't a fault of the shader.
 const LARGEST: f32 = 1_048_576.0;
 
-/// The largest unconstrained float in half precision, which has all integers up to this one.
+/// The largest unconstrained float in half precision, which can represent all integers up to this float.
 pub(super) const LARGEST_HALF: f32 = 2048.0;
 
 /// Half of the floats are between minus this number and this number.

@@ -24,7 +24,7 @@ impl Domain for () {
     }
 }
 
-/// Expands to `$value`. The index `$index` only makes a macro repeat this for each component.
+/// Expands to `$value`. A macro mentions `$index` only to repeat `$value` for each component.
 macro_rules! at {
     ($index:tt, $value:expr) => {
         $value
@@ -252,7 +252,7 @@ trait Tied<'a>: Domain {
     fn tied(&'a self, parts: Self::Parts, ties: Rc<[Tie]>) -> Shrinkable<'a, Self::Value>;
 }
 
-/// The components that determine others and aren't determined by others. Each occurs once.
+/// The components that determine other components, but that no other component determines. Each component occurs once.
 fn roots(ties: &[Tie]) -> Vec<usize> {
     let mut roots: Vec<usize> = Vec::new();
     for tie in ties {

@@ -8,7 +8,7 @@ use super::{Domain, Emptiness, Source, infinite, shrink};
 /// Values at which shaders often behave differently. A range that contains such a value also samples it.
 const LANDMARKS: [f32; 5] = [0.0, 1.0, -1.0, 0.5, f32::MIN_POSITIVE];
 
-/// Selects one of two numbers without a branch: `a` if `first` is set.
+/// Selects one of two numbers without a branch: `a` if `first` is `true`.
 #[inline(always)]
 fn either(first: bool, a: f64, b: f64) -> f64 {
     let mask = 0_u64.wrapping_sub(u64::from(first));
@@ -20,8 +20,8 @@ impl Domain for RangeInclusive<f32> {
 
     /// Of 16 samples, 1 is an end, 3 are at a logarithmic distance from an end, 1 is a landmark in the range (0, 1,
     /// 1/2, ...), and 11 are uniform. If 0 is inside the range, it counts as an end of the negative and of the positive
-    /// part. Then 4 of the 11 samples are at a logarithmic distance from 0. Half of these 4 use the size of the range
-    /// as the scale. The other half use the scale 1, because most sums have their last digits there.
+    /// part. Then 4 of the 11 samples are at a logarithmic distance from 0. Two of these 4 samples use the size of the
+    /// range as the scale. The other two use the scale 1, because most sums have their last digits there.
     fn draw(&self, source: &mut Source) -> Option<f32> {
         let (start, end) = (*self.start(), *self.end());
         let (low, high) = (f64::from(start), f64::from(end));

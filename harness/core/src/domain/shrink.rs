@@ -1,8 +1,9 @@
 //! Simplifies a failing value within its domain.
 //!
 //! A domain lists its values that are simpler than a given value. A mapping can't be inverted, so Karat simplifies the
-//! value before the mapping. For this, it samples the case again as a [`Shrinkable`], which keeps the values before the
-//! mapping. A value is simple if it is easy to read in a report: 0, 1, few decimal digits, a small exponent, no sign.
+//! value before the mapping. To get this value, Karat samples the case again as a [`Shrinkable`], which keeps the
+//! values before the mapping. A value is simple if it is easy to read in a report: 0, 1, few decimal digits, a small
+//! exponent, no sign.
 
 use std::rc::Rc;
 
@@ -59,7 +60,7 @@ impl<T: std::fmt::Debug> std::fmt::Debug for Shrinkable<'_, T> {
 }
 
 impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
-    /// A value with simpler values. `simpler` lists them, the simplest first.
+    /// Makes a value whose simpler values `simpler` lists, the simplest first.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;

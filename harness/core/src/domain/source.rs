@@ -3,7 +3,7 @@
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 
-/// The random numbers of one case. The seed and the case's index determine them.
+/// The random numbers of one case. The seed and the case's index determine these numbers.
 ///
 /// ```
 /// use karat::unstable::domain::Source;
@@ -14,7 +14,8 @@ use rand_pcg::rand_core::Rng;
 #[derive(Clone, Debug)]
 pub struct Source(Pcg32);
 
-/// 2^64 divided by the golden ratio. The multiplication spreads consecutive indices over all bits of the state.
+/// 2^64 divided by the golden ratio. A multiplication by this number spreads consecutive indices over all bits of the
+/// state.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl Source {
@@ -95,7 +96,7 @@ pub(super) fn unit(bits: u32) -> f64 {
 /// it. This is faster than an exponential function, and precise enough here.
 #[inline]
 pub(super) fn log_distance(bits: u32) -> f64 {
-    // An f64 adds 1023 to its exponent, so this is 2^-binade.
+    // An `f64` stores its exponent plus 1023, so this number is 2^-binade.
     let binade = f64::from_bits(u64::from(1023 - bits % 24) << 52);
     (0.5 + 0.5 * f64::from(bits >> 5) / f64::from(1_u32 << 27)) * binade
 }

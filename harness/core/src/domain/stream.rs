@@ -28,13 +28,13 @@ pub trait Stream: Send + Sync {
     /// The number of edges.
     fn edges(&self) -> usize;
 
-    /// Appends the row of the value at `origin` to `rows`. Returns `false` if the domain has no value there.
+    /// Appends the row of the value at `origin` to `rows`. Returns `false` if the domain has no value at `origin`.
     fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool;
 
     /// Appends the rows of the cases in `range`, up to the first case without a value. Returns the number of appended
     /// rows.
     fn rows(&self, cases: &Numbering, range: Range<u64>, rows: &mut Vec<u32>) -> u64 {
-        // This is a loop, because tests are compiled with few optimisations, and the code runs for each case.
+        // The code runs for each case, and tests are compiled with few optimisations, so this code is a plain loop.
         let mut index = range.start;
         while index < range.end {
             let mut source = cases.source(index);
@@ -65,8 +65,8 @@ pub trait Stream: Send + Sync {
     /// The rows of simpler values, the simplest first.
     fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>>;
 
-    /// A description of each argument's domain, for readers who didn't choose the domain. Empty if the test's author
-    /// chose it.
+    /// A description of each argument's domain, for readers who didn't choose the domain. The description is empty if
+    /// the test's author chose the domain.
     fn described(&self) -> String {
         String::new()
     }
@@ -131,8 +131,8 @@ pub struct Numbering {
 }
 
 impl Numbering {
-    /// Numbers all values of a finite domain, if there are at most `enumerated`. For other domains, there are `limit`
-    /// cases. Up to half of them are edges, and the others are samples.
+    /// If a finite domain has at most `enumerated` values, each value is a case. For any other domain, there are
+    /// `limit` cases: up to half of the cases are edges, and the others are samples.
     #[doc(hidden)]
     pub fn of(stream: &dyn Stream, seed: u64, limit: u64, enumerated: u64) -> Self {
         match stream.size() {
@@ -195,7 +195,7 @@ impl<D: Domain> Typed<D> {
         Self { domain, edges: OnceLock::new(), words: None, hold: |value| Held::of(value, vec![]) }
     }
 
-    /// A domain of arguments. Its rows have the arguments' words.
+    /// A domain of arguments. The rows of this domain contain the arguments' words.
     #[doc(hidden)]
     pub fn arguments(domain: D) -> Self
     where

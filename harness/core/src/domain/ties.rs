@@ -2,8 +2,9 @@
 //!
 //! Many functions fail if two arguments are related: two equal directions have no angle between them, and two opposite
 //! directions have no half vector. Independent components are related only at edges. So some samples replace one
-//! component by a value made from another component of the same type: an equal value, the opposite, or a value close to
-//! one of these. If the component's own domain doesn't have this value, the component keeps its sampled value.
+//! component by a value made from another component of the same type: an equal value, the opposite value, or a value
+//! close to the equal or the opposite value. If the component's own domain doesn't have this value, the component keeps
+//! its sampled value.
 
 use std::any::{Any, TypeId};
 
@@ -12,10 +13,10 @@ use glam::{Vec2, Vec3, Vec4};
 use super::direction::LENGTH;
 use super::{Domain, Origin, Shrinkable, Source};
 
-/// One of this many samples of a tuple has a tie, if components have the same type.
+/// One in `TIED` samples of a tuple has a tie, if two components have the same type.
 const TIED: u64 = 8;
 
-/// One of this many samples with a tie has a second tie, which relates a third component.
+/// One in `TIED_AGAIN` samples with a tie has a second tie, which ties a third component.
 const TIED_AGAIN: u64 = 4;
 
 /// A relation by which one component determines another.
@@ -40,8 +41,9 @@ enum Relation {
     NearOpposite,
 }
 
-/// Decides if a sampled tuple has ties. Takes no random number if all components have different types. This runs for
-/// each sample, so it is compiled in this crate, because tests are compiled with few optimisations.
+/// Decides if a sampled tuple has ties. Uses no random number if all components have different types. The function
+/// isn't generic, so it is compiled in this crate. A generic function would be compiled with the tests, which have few
+/// optimisations, and this one runs for each sample.
 pub(super) fn are_drawn(types: &[TypeId], source: &mut Source) -> bool {
     let alike = (1..types.len()).any(|one| (0..one).any(|other| types[one] == types[other]));
     alike && source.below(TIED) == 0
@@ -78,16 +80,16 @@ pub(super) fn draw(
     ties
 }
 
-/// Chooses two random components of the same type, of which the second has no tie yet. `None` if there are no such
-/// components.
+/// Chooses two random components of the same type, such that the second component has no tie yet. `None` if there are
+/// no such components.
 fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, usize)> {
     let index = source.below(pairs(types, ties, usize::MAX).0 as u64);
     pairs(types, ties, usize::try_from(index).ok()?).1
 }
 
 /// Counts the pairs of components of the same type in which the second component has no tie yet, and returns the pair
-/// with the index `wanted`. The function is a loop, because tests are compiled with few optimisations, and it runs for
-/// one sample in eight.
+/// with the index `wanted`. The function runs for one sample in eight, so it is a plain loop, which is fast even with
+/// few optimisations.
 fn pairs(types: &[TypeId], ties: &[Tie], wanted: usize) -> (usize, Option<(usize, usize)>) {
     let (mut count, mut found) = (0, None);
     for from in 0..types.len() {
@@ -129,8 +131,9 @@ impl Tie {
         self.of_related(domain, from, again)
     }
 
-    /// The value that keeps the tie after `from` was simplified. A mapped domain can't check if it has this value. It
-    /// uses `simpler`, the component's own simpler value at the same index, if the tie is an equality.
+    /// The value that keeps the tie after `from` was simplified. A mapped domain can't check if it has this value. If
+    /// the tie is an equality, the function then returns `simpler`, the component's own simpler value at the same
+    /// index.
     pub(super) fn simpler<'a, D: Domain>(
         &self,
         domain: &'a D,
@@ -266,7 +269,7 @@ mod tests {
     }
 
     /// The test has three directions, one of them from a narrower domain. In some cases two directions are equal, and
-    /// in other cases all three are.
+    /// in other cases all three directions are equal.
     // Lesson 64
     #[test]
     fn three_drawn_directions_are_sometimes_equal() {

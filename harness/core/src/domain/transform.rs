@@ -8,7 +8,8 @@ use super::{Domain, Emptiness, Source, UnitVector};
 /// The largest logarithm of a scale, to base 2: scales are from a quarter to four.
 const SCALES: f64 = 2.0;
 
-/// The sine and the cosine of an eighth of a turn. A quaternion of these two rotates by a quarter turn.
+/// The sine and the cosine of an eighth of a turn. A quaternion with this sine and this cosine rotates by a quarter
+/// turn.
 const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// The largest distance that a matrix moves along each axis.
@@ -22,8 +23,8 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// `None` if matrices of this size don't transform points. Only square matrices and matrices of three by four do.
-    /// If `perspective` is set, one matrix of four rows and columns is a perspective projection.
+    /// `None` if matrices of this size don't transform points. Only square matrices and matrices of three by four
+    /// transform points. If `perspective` is `true`, one matrix of four rows and columns is a perspective projection.
     pub(super) fn of(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
         let (columns, rows) = (usize::from(columns), usize::from(rows));
         // A matrix of three columns and four rows is the transpose of a matrix of four columns and three rows.

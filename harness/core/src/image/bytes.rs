@@ -54,7 +54,7 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     let announced = file.metadata().map_err(failed)?.len();
     let mut bytes = Vec::new();
     if announced <= LARGEST_DECODED {
-        // A device or a pipe has no known length, and reading it may never end.
+        // A device file or a pipe has no known length, and may have no end.
         file.take(LARGEST_DECODED + 1).read_to_end(&mut bytes).map_err(failed)?;
     }
     let length = announced.max(bytes.len() as u64);

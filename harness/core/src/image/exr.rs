@@ -1,7 +1,7 @@
 //! Reads and writes OpenEXR files.
 //!
 //! A file may be hostile or damaged: one wrong byte in a header can announce gigabytes. So `header` checks the header
-//! against the file's length and Karat's limits before it reserves memory, and `chunks` and `guard` check each chunk
+//! against the file's length and Karat's limits before Karat reserves memory, and `chunks` and `guard` check each chunk
 //! before it is decompressed. The codecs and the writer are those of the `exr` crate.
 
 mod block;
@@ -40,7 +40,7 @@ pub enum Precision {
     Float,
 }
 
-/// An OpenEXR file of one or more parts: a frame, and other data of its pixels.
+/// An OpenEXR file of one or more parts: a frame, and further data of the frame's pixels.
 ///
 /// ```no_run
 /// use karat::Image;
@@ -55,7 +55,7 @@ pub enum Precision {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrFile {
-    /// The parts. The first one is the frame.
+    /// The parts. The first part is the frame.
     pub parts: Vec<Part>,
     /// The value of the first part's string attribute `karat`.
     pub metadata: Option<String>,
@@ -103,13 +103,13 @@ impl ExrFile {
     /// primaries.
     pub const BT709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
-    /// Reads all parts that contain colours or greys. It skips other parts (depth, normals).
+    /// Reads all parts that contain colours or greys. The function skips other parts (depth, normals).
     ///
-    /// From each part, it reads the channels R, G, B and A, or Y and A. It takes channels without a layer if the part
-    /// has them, and otherwise the channels of the first layer that has colours or greys (`beauty.R`). If A is missing,
-    /// it is 1. Y is copied to R, G and B. Samples may be 16-bit or 32-bit floats or 32-bit unsigned integers, and
-    /// become `f32`. The image is the part's data window, wherever it is in the display window. If a part has several
-    /// levels, the function reads the largest. It doesn't convert values to other
+    /// From each part, the function reads the channels R, G, B and A, or Y and A. The function prefers colours to
+    /// greys, and channels without a layer to channels of a layer (`beauty.R`). If the channel A is missing, alpha
+    /// is 1. Y is copied to R, G and B. Samples may be 16-bit or 32-bit floats or 32-bit unsigned integers, and become
+    /// `f32`. The image is the part's data window, wherever it is in the display window. If a part has several levels,
+    /// the function reads the largest. The function doesn't convert values to other
     /// [`chromaticities`](Self::chromaticities).
     ///
     /// ```no_run
@@ -122,7 +122,7 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// If the file is missing, unreadable or damaged; if it is longer than 512 MB; if a side is longer than 16384
+    /// If the file is missing, unreadable or damaged; if the file is longer than 512 MB; if a side is longer than 16384
     /// pixels; if a part has over 32 channels; or if a part's pixels take over 512 MB or over 2000 times the file's
     /// length. Deep data, chroma of a lower resolution and the compressions HTJ2K, ZSTD and LJ2K aren't supported.
     pub fn read(path: &Path) -> Result<Self, ImageError> {

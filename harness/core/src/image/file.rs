@@ -11,10 +11,10 @@ impl Image {
     /// Reads an OpenEXR image, as [`read_exr`](Self::read_exr) does, or a PNG image. The file's content decides the
     /// format, not its name.
     ///
-    /// A PNG is converted to linear values. Its values count as encoded in sRGB, unless the file has a gAMA chunk and
-    /// no sRGB chunk. Karat ignores colour profiles and cICP chunks. Greys become RGB. Alpha stays unchanged, and isn't
-    /// multiplied into the colours. If the file has no alpha, alpha is 1. From an animation, Karat reads the first
-    /// frame.
+    /// A PNG is converted to linear values. The values of a PNG count as encoded in sRGB, unless the file has a gAMA
+    /// chunk and no sRGB chunk. Karat ignores colour profiles and cICP chunks. Greys become RGB. Alpha stays unchanged,
+    /// and isn't multiplied into the colours. If the file has no alpha, alpha is 1. From an animation, Karat reads the
+    /// first frame.
     ///
     /// ```no_run
     /// use karat::Image;

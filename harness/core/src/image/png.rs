@@ -80,7 +80,7 @@ impl Image {
     }
 }
 
-/// Writes colours unchanged. Each pixel has four bytes, 8-bit sRGB and alpha. Pixels are in rows.
+/// Writes colours unchanged. Each pixel has four bytes: three for 8-bit sRGB, and one for alpha. Pixels are in rows.
 ///
 /// # Errors
 /// If the file can't be written.

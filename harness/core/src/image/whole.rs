@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Writes a temporary file in the same folder, then renames it. So the path has either the whole old file or the whole
 /// new file. Concurrent writers use different temporary files, and the last rename wins. If the path is a link, the
-/// link stays, and its target is replaced. A device, a pipe or a file that this process has open (`/dev/stdout`) is
-/// written directly.
+/// link stays, and its target is replaced. The function writes directly to a device file, to a pipe, and to a file that
+/// this process has open (`/dev/stdout`).
 ///
 /// ```no_run
 /// karat::unstable::image::write_whole("report.html".as_ref(), b"<!doctype html>")?;
@@ -45,8 +45,8 @@ pub fn append_line(folder: &Path, ending: &str, line: &str) {
     }
 }
 
-/// A file that was written under a temporary name, and isn't renamed yet. If it is dropped before the rename, it is
-/// removed.
+/// A file that was written under a temporary name, and isn't renamed yet. If this value is dropped before the rename,
+/// the file is removed.
 ///
 /// The file stays locked while its writer has it: see [`is_leftover`].
 #[derive(Debug)]
@@ -64,7 +64,7 @@ impl<'a> Staged<'a> {
             std::fs::create_dir_all(folder)?;
         }
         let (beside, mut file) = create_beside(place)?;
-        // Without this, the system may report a full disk only after the rename.
+        // Without the sync, the system may report a full disk only after the rename.
         let written = file.write_all(bytes).and_then(|()| file.sync_all());
         let staged = Self { beside, place, _held: file };
         written.map(|()| staged)
@@ -104,7 +104,7 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
                 match file.try_lock() {
                     Err(TryLockError::WouldBlock) => {}
                     Ok(()) if !beside.exists() => {}
-                    // Some file systems don't support locks. On them, leftovers stay.
+                    // Some file systems don't support locks. On these file systems, leftovers stay.
                     Ok(()) | Err(TryLockError::Error(_)) => return Ok((beside, file)),
                 }
             }
@@ -127,7 +127,7 @@ pub fn is_leftover(path: &Path) -> bool {
     is_beside(path) && unheld(path).is_some()
 }
 
-/// Removes a file if it [is a leftover](is_leftover). Returns `true` if it was removed.
+/// Removes a file if it [is a leftover](is_leftover). Returns `true` if the file was removed.
 #[doc(hidden)]
 pub fn remove_leftover(path: &Path) -> bool {
     // The lock is held until the file is removed, because the file's writer may be about to lock it.
@@ -159,7 +159,7 @@ pub fn is_beside(path: &Path) -> bool {
 
 /// Opens and locks the file. `None` if another process has the lock.
 fn unheld(path: &Path) -> Option<File> {
-    // Karat makes no links, and opening a pipe would wait.
+    // Karat makes no links, so a link isn't a leftover. Opening a pipe would wait.
     if !path.symlink_metadata().ok()?.is_file() {
         return None;
     }

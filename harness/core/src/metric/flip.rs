@@ -35,7 +35,8 @@ use crate::image::Image;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
-    /// Pixels per degree of vision. A display with 3840 pixels that is 0.7 m wide, seen from 0.7 m, has 67.
+    /// Pixels per degree of vision. A display with 3840 pixels that is 0.7 m wide, seen from 0.7 m, has 67 pixels per
+    /// degree.
     pub pixels_per_degree: f32,
     /// The method that turns the errors of all pixels into one number.
     pub pool: Pool,
@@ -106,10 +107,10 @@ impl Flip {
         reach
     }
 
-    /// The errors of a rectangle of the frame. It contains the pixels that differ by more than [`Gate::default`]
-    /// allows, and all pixels that they affect. The errors are equal, bit for bit, to those of the whole frame. If a
-    /// differing pixel is too bright for the golden's exposures, FLIP also uses darker exposures. If a differing pixel
-    /// is too dark, FLIP also uses brighter exposures, up to the limit of the gate.
+    /// The errors of a rectangle of the frame. The rectangle contains the pixels that differ by more than
+    /// [`Gate::default`] allows, and all pixels whose errors they affect. The errors are equal, bit for bit, to those
+    /// of the whole frame. If a differing pixel is too bright for the golden's exposures, FLIP also uses darker
+    /// exposures. If a differing pixel is too dark, FLIP also uses brighter exposures, up to the limit of the gate.
     ///
     /// ```
     /// use karat::Image;
@@ -133,8 +134,8 @@ impl Flip {
 
     /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops. The exposure is low
     /// for a difference in highlights, and high for a difference in shadows. If several exposures have the largest
-    /// error, the darkest one is taken. The possible exposures are the exposures of [`Pair::exposures`], one for each
-    /// stop, and the exposures that `map` adds.
+    /// error, the map has the darkest of these. The possible exposures are the exposures of [`Pair::exposures`], one
+    /// for each stop, and the exposures that `map` adds.
     ///
     /// ```
     /// use karat::Image;
@@ -156,7 +157,7 @@ impl Flip {
         self.worst(pair).map(|worst| worst.exposures)
     }
 
-    /// The errors of the differing pixels. For the default viewing distance, they are computed only once.
+    /// The errors of the differing pixels. For the default viewing distance, the errors are computed only once.
     fn worst(&self, pair: &Pair<'_>) -> Result<Worst, FlipFailure> {
         if self.pixels_per_degree == flip_rs::DEFAULT_PPD {
             return pair.memo(|| self.compute(pair));
@@ -295,7 +296,7 @@ impl Off {
         unseen.map_or(Ok(off), Err)
     }
 
-    /// The exposures of the pair, and those that are needed to show darker and brighter differing pixels.
+    /// The exposures of the pair, and the exposures that show darker and brighter pixels that differ.
     fn exposures(&self, pair: &Pair<'_>) -> Result<Vec<ExposureRange>, FlipFailure> {
         let exposures = pair.exposures();
         let dark = self.dimmest.0.max(DARK * pair.key());

@@ -9,8 +9,8 @@ use super::{Measured, Metric};
 use crate::image::{Image, Precision};
 use crate::tolerance::power;
 
-/// The largest relative difference of a channel, unless a frame sets another. It is twice the step of half floats, the
-/// format of goldens.
+/// The largest relative difference of a channel, unless a frame sets another limit. This default is twice the step of
+/// half floats, the format of goldens.
 pub const DEFAULT_RELATIVE: f32 = 1e-3;
 
 /// An alpha below this value is compared as if it were this value. An opacity of one per cent is invisible, and `1 -
@@ -110,8 +110,8 @@ impl Gate {
     }
 
     /// The largest difference divided by the allowed difference. `None` if a pixel differs by more than is allowed.
-    /// Computing `absolute` for a dark golden needs another pass over the golden. If every pixel passes by `relative`
-    /// alone, this pass is skipped, and the result only depends on `relative`.
+    /// Computing `absolute` for a dark golden needs another loop over the golden's pixels. If every pixel already
+    /// passes by `relative`, the function skips this loop, and the result depends only on `relative`.
     ///
     /// ```
     /// use karat::Image;
@@ -134,11 +134,11 @@ impl Gate {
         largest(pair, self.bounds(pair))
     }
 
-    /// The precision that a file needs to store an image for this gate. Half floats are enough if rounding to them
-    /// takes at most half of the allowed difference in each compared channel. Then two almost equal frames still pass
-    /// if they are rounded to different neighbours. Floats are needed for values above 65504, for small values in a
-    /// dark image, and for a `relative` below 2^-10. Floats are also used if the image can't be compared, because it
-    /// contains NaN, or because the mask has another size.
+    /// The precision that a file needs to store an image for this gate. Half floats are enough if the rounding to half
+    /// floats changes each compared channel by at most half of the allowed difference. Then two almost equal frames
+    /// still pass if they are rounded to different neighbours. 32-bit floats are needed for values above 65504, for
+    /// small values in a dark image, and for a `relative` below 2^-10. 32-bit floats are also used if the image can't
+    /// be compared, because it contains NaN, or because the mask has another size.
     ///
     /// ```
     /// use karat::Image;
@@ -227,7 +227,7 @@ fn largest(pair: &Pair<'_>, (relative, floor): (Vec4, Vec4)) -> Option<f32> {
         for (golden, actual) in golden.chunks(STRIP).zip(actual.chunks(STRIP)) {
             for (golden, actual) in golden.iter().zip(actual) {
                 let ratio = ratio(*golden, *actual, relative, floor);
-                // NaN is within no bound.
+                // A ratio of NaN counts as an outlier.
                 all &= ratio.cmple(Vec4::ONE);
                 largest = largest.max(ratio);
             }

@@ -1,5 +1,6 @@
 //! LDR-FLIP, the predecessor of HDR-FLIP, compares images as a display shows them (Andersson et al. 2020). Other tools
-//! report LDR-FLIP for PNGs. No tolerance of Karat uses it, because it ignores differences above a display's white.
+//! report LDR-FLIP for PNGs. No tolerance of Karat uses LDR-FLIP, because LDR-FLIP ignores differences above a
+//! display's white.
 
 use flip_rs::{FlipError, ldr_flip};
 

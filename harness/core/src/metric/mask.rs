@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnostic::FileRead;
 use crate::image::{ExrFile, Image};
 
-/// The name of the part of a file that is 1 for compared pixels, and 0 for all others.
+/// The name of the part of an image file that contains the mask: 1 for compared pixels, and 0 for all others.
 pub const MASK: &str = "mask";
 
 /// A rectangle of pixels.
@@ -32,8 +32,8 @@ pub struct Rect {
 }
 
 impl ExrFile {
-    /// The mask that was used to compare this frame or golden, if its test declared one. Karat stores it as the file's
-    /// part `mask`.
+    /// The mask that was used to compare this frame or golden, if the test declared a mask. Karat stores the mask as
+    /// the file's part `mask`.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -74,7 +74,7 @@ impl Rect {
         x.wrapping_sub(self.left) < self.width && y.wrapping_sub(self.top) < self.height
     }
 
-    /// Checks if the rectangle has pixels, and all of them are in an image of this size.
+    /// Checks if the rectangle has pixels, and all its pixels are in an image of this size.
     #[doc(hidden)]
     pub fn fits(&self, width: u32, height: u32) -> bool {
         let inside = |start: u32, length: u32, side: u32| {

@@ -1,14 +1,14 @@
 //! Tests if two noisy images have the same expected value.
 //!
 //! Two runs of a path tracer give different pixels, because of noise. The means of tiles differ much less, and the
-//! variances of both images say how much they may differ: Welch's z. Tiles have several sizes, from 16 pixels to the
-//! whole frame, so they show small faults and faint faults. Neighbouring tiles overlap by half, so no fault is divided
-//! among four tiles. Sidak's correction divides the significance among all tiles.
+//! variances of both images say how much the means may differ: Welch's z. Tiles have several sizes, from 16 pixels to
+//! the whole frame, so they show small faults and faint faults. Neighbouring tiles overlap by half, so no fault is
+//! divided among four tiles. Sidak's correction divides the significance among all tiles.
 //!
 //! A light error of some per cent matters as much in dark regions as in bright regions, but most of the noise is in
-//! bright regions. So each pixel is weighted by the brightness of its neighbours. The pixel's own brightness isn't
-//! used: its noise would be in the weight, and would favour one of the images if golden and frame have different
-//! numbers of samples.
+//! bright regions. So each pixel's difference is divided by the brightness of the pixel's neighbours. The pixel's own
+//! brightness isn't used: its noise would be in the weight, and would favour one of the images if golden and frame have
+//! different numbers of samples.
 //!
 //! If pixels only change places, as with a shifted texture, the means of tiles don't change. So the squared differences
 //! in a tile are also compared with the variances. This is a chi-square test. Its degrees of freedom are the number of
@@ -46,14 +46,14 @@ const SIGNIFICANCE: f64 = 0.01;
 const SCATTER: f64 = 2.0;
 
 /// The least brightness of neighbours that affects a weight, as a share of the golden's key. Darker neighbours count as
-/// if they had this brightness. If the key is middle grey, this is 6 of a screen's 255 steps. Noise below that is
-/// hardly visible, and must not outweigh other differences.
+/// if they had this brightness. If the key is middle grey, this is 6 of a screen's 255 steps. Noise below this
+/// brightness is hardly visible, and must not outweigh other differences.
 const BLACK: f64 = 0.01;
 
 /// The larger of two ratios, with the bound 1. The first ratio is the largest z of a tile's mean in any channel,
 /// divided by the z that noise alone reaches in one of a hundred frames. The second ratio is the scatter of a tile's
-/// pixels, divided by twice the scatter of noise alone. Differences within the default [`Gate`] don't count, because
-/// rounding isn't noise.
+/// pixels, divided by twice the scatter that noise alone reaches in one of a hundred frames. Differences within the
+/// default [`Gate`] don't count, because rounding isn't noise.
 ///
 /// ```
 /// use karat::Image;
@@ -74,7 +74,7 @@ pub struct Noise<'a> {
     pub actual: &'a Image,
 }
 
-/// The sum of the weighted differences in a cell or tile, with the sums that are needed to judge it.
+/// The sum of the weighted differences in a cell or tile, with the other sums that the test needs.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     difference: DVec3,
@@ -124,7 +124,7 @@ impl Sum {
     }
 }
 
-/// The larger number. Unlike `f64::max`, this keeps NaN.
+/// The larger number. Unlike `f64::max`, this function keeps NaN.
 fn larger(worst: f64, value: f64) -> f64 {
     if value <= worst { worst } else { value }
 }

@@ -337,7 +337,8 @@ impl<'a> Pair<'a> {
         *self.key.get_or_init(|| relative::key(&self.compared_pixels()))
     }
 
-    /// The strips of both images that differ in any bit. Each has the index of its first pixel.
+    /// The strips of both images that differ in any bit. Each entry consists of the index of the strip's first pixel,
+    /// the golden's strip and the frame's strip.
     pub(super) fn different(&self) -> impl Iterator<Item = (usize, &[[f32; 4]], &[[f32; 4]])> {
         let (golden, actual) = (self.golden.pixels(), self.actual.pixels());
         let strip = move |range: &Range<usize>| {
@@ -362,7 +363,8 @@ fn same_size(golden: &Image, actual: &Image) -> Result<(), PairError> {
     Err(PairError::Size { golden: size(golden), actual: size(actual) })
 }
 
-/// Returns 0 in each lane, or NaN if a value isn't finite. It processes four channels at once, without branches.
+/// Returns 0 in each lane, or NaN if a value isn't finite. The function processes four channels at once, without
+/// branches.
 fn vanishing(pixels: &[[f32; 4]], start: Vec4) -> Vec4 {
     pixels.iter().fold(start, |sum, pixel| sum + Vec4::from_array(*pixel) * 0.0)
 }

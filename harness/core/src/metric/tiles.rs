@@ -3,8 +3,8 @@
 use super::mask::Rect;
 use super::pair::Pair;
 
-/// The side of a tile, in pixels. It is a quarter of a degree of vision, about the reach of FLIP's filters, so a small
-/// fault fills a tile.
+/// The side of a tile, in pixels. This side is a quarter of a degree of vision, about the reach of FLIP's filters, so a
+/// small fault fills a tile.
 pub const TILE: u32 = 16;
 
 /// The side of a cell, in pixels. A tile consists of four cells, and the next tile begins one cell further.
@@ -25,9 +25,9 @@ pub struct ErrorMap {
     values: Vec<f32>,
 }
 
-/// The possible ends of the scale in a picture of errors. Other tools always end at 1. Their pictures of large errors
-/// are comparable with Karat's, but show small errors as black. Errors below 0.001 are invisible to people, so a
-/// smaller end would make invisible errors look bright.
+/// The possible ends of the scale in a picture of errors. The scales of other tools always end at 1. So Karat's
+/// pictures of large errors are comparable with the pictures of other tools, which show small errors as black. Errors
+/// below 0.001 are invisible to people, so a smaller end would make invisible errors look bright.
 const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 impl ErrorMap {
@@ -79,7 +79,7 @@ impl ErrorMap {
     }
 
     /// The error that has the brightest colour in a picture of these errors: the smallest of 1, 0.5, 0.2, 0.1 and so on
-    /// down to 0.001 that is at least as large as every error. 1 if there is no error.
+    /// down to 0.001 that is at least as large as every error. The result is 1 if there is no error.
     ///
     /// ```
     /// use karat::unstable::metric::ErrorMap;

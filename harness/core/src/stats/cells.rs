@@ -10,7 +10,7 @@ use super::{Rectangle, Support};
 ///
 /// Many samples may be equal, for example if a sampler has lost a dimension. Then the cell around the equal samples is
 /// narrower than the distance to the neighbouring samples. The density predicts fewer samples in this cell, and some
-/// samples in the empty cells beside it, so the test rejects the sampler.
+/// samples in the empty neighbouring cells, so the test rejects the sampler.
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
@@ -93,8 +93,9 @@ impl Cells {
     }
 
     /// Divides a cell into parts, so that a quadrature rule of moderate order samples the density well in each part.
-    /// One part is around the pilot samples. The other parts lie beside it, and each is twice as wide as the previous
-    /// part. A density may fall quickly next to the samples, and a rule over a whole wide cell would miss this fall.
+    /// One part is around the pilot samples. The other parts lie on both sides of this part, and each is twice as wide
+    /// as the previous part. A density may fall quickly next to the samples, and a rule over a whole wide cell would
+    /// miss this fall.
     ///
     /// # Panics
     /// If there is no such cell.
@@ -119,8 +120,8 @@ impl Cells {
     }
 }
 
-/// A gap of at most this share of the range may be a single step between neighbouring `f32`. There, even a correct
-/// sampler returns equal samples.
+/// A gap of at most this share of the range may be a single step between neighbouring `f32`. At such a distance, even a
+/// correct sampler returns equal samples.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
 /// The bounds that divide values into `parts` parts with about the same number of values. Equal values stay in one
@@ -163,8 +164,8 @@ fn bounds(inner: &[f64], part: usize, ends: (f64, f64)) -> (f64, f64) {
     (low, inner.get(part).copied().unwrap_or(ends.1))
 }
 
-/// The bounds of the parts into which `low..high` is divided. One part is `start..end`. From there outwards, each part
-/// is twice as wide as the previous part.
+/// The bounds of the parts into which `low..high` is divided. One part is `start..end`. On both sides of this part,
+/// each further part is twice as wide as the previous one.
 fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
     // The range of one sample has the width 0. At most 30 doublings of the least width reach any support's end.
     let width = (end - start).max(1e-9 * (high - low));
@@ -173,7 +174,7 @@ fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
         std::iter::from_fn(move || {
             let at = step - width;
             step *= 2.0;
-            // Another cut would leave less than half a step to the end.
+            // The last cut leaves at least half a step to the end.
             (at + 0.5 * step <= gap).then_some(at)
         })
     };

@@ -26,7 +26,7 @@ impl ChiSquare {
     /// Compares counts with expected counts. The sum of the counts should equal the sum of the expected counts. Cells
     /// with an expected count below [`POOLED`] are pooled into one. If the pool's expected count is also below
     /// [`POOLED`], the smallest other cell joins the pool. A cell with the expected count 0 isn't in the sum, but a
-    /// sample in it makes the p-value 0.
+    /// sample in such a cell makes the p-value 0.
     ///
     /// # Errors
     /// If there are no samples, if an expected count is negative or not a number, or if only one cell is left.

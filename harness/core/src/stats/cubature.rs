@@ -78,10 +78,10 @@ struct Part {
 
 /// Integrates a function with `components` components over each cell.
 ///
-/// The function applies two quadrature rules to each part of a cell. It divides a part until the rules agree within
-/// `tolerance`, which gets the current estimate of the cell's integral. The tolerance of a part is proportional to the
-/// square root of the part's share of the cell, because the errors of parts add up like independent errors, for example
-/// along an edge of the density.
+/// The function applies two quadrature rules to each part of a cell. If the rules don't agree within the tolerance, the
+/// function divides the part. `tolerance` computes the tolerance from the current estimate of the cell's integral. The
+/// tolerance of a part is proportional to the square root of the part's share of the cell, because the errors of parts
+/// add up like independent errors, for example along an edge of the density.
 ///
 /// `evaluate` receives points and returns the components at each point.
 ///
@@ -145,7 +145,7 @@ pub fn integrate<E>(
         let mut next = Vec::new();
         for (part, [lower, higher]) in pending.iter().zip(results) {
             let errors = lower.iter().zip(&higher).map(|(lower, higher)| (higher - lower).abs());
-            // Unlike `f64::max`, this keeps NaN.
+            // Unlike `f64::max`, this closure keeps NaN.
             let error = errors.fold(0.0, |worst, error| if error <= worst { worst } else { error });
             let share = 0.5_f64.powi(part.depth.cast_signed()).sqrt();
             if error <= share * tolerance(&known[part.cell]) {
@@ -169,7 +169,7 @@ fn add(sum: &mut [f64], values: &[f64]) {
     }
 }
 
-/// The nodes in the unit square, with their weights. If `line` is set, the support has only one coordinate, and the
+/// The nodes in the unit square, with their weights. If `line` is `true`, the support has only one coordinate, and the
 /// second coordinate of each node is 1/2.
 fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     let second = if line { &[(0.5, 1.0)] } else { nodes };

@@ -46,7 +46,7 @@ impl Kolmogorov {
         let mut before = 0;
         for ties in samples.chunk_by(|a, b| a == b) {
             let sample = ties[0];
-            // Both functions may have a step at the sample, so they are compared just before the sample and at it.
+            // Both functions may have a step at the sample, so the code compares them just before and at the sample.
             let own = [distribution(sample.next_down()), distribution(sample)];
             let counted = [before, before + ties.len()].map(|index| index as f64 / count);
             for (value, share) in own.into_iter().zip(counted) {

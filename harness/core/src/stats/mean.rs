@@ -98,8 +98,8 @@ impl Mean {
     ///
     /// # Errors
     /// If there are fewer than 100 samples, or if a number isn't finite. Also if the mean differs from the expected
-    /// mean and its standard error is unknown, because few of the samples decide the mean, or because all samples
-    /// are 0.
+    /// mean, and the standard error of the mean is unknown, because few of the samples decide the mean, or because all
+    /// samples are 0.
     pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
         let found = moments.count;
         if found < FEWEST {

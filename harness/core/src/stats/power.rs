@@ -1,5 +1,5 @@
-//! Computes the power of a test: the probability that it finds a given fault. Also measures how often a test fails by
-//! chance.
+//! Computes the power of a test: the probability that the test finds a given fault. Also measures how often a test
+//! fails by chance.
 
 use super::chi_square::POOLED;
 use super::tail::{
@@ -84,9 +84,10 @@ pub fn mean_power(
 }
 
 /// A lower bound for the probability that Kolmogorov's test rejects at `significance`, if the test gets `samples`
-/// samples of a distribution that differs from the claimed one. Each of `points` has the values of the claimed and of
-/// the actual distribution function at one position. More points give a better bound. The number of samples below a
-/// given position is binomial (Massey 1950). The function approximates this by a normal distribution.
+/// samples of a distribution that differs from the claimed one. Each element of `points` consists of the value of the
+/// claimed distribution function and the value of the actual distribution function at one position. More points give a
+/// better bound. The number of samples below a given position is binomial (Massey 1950). The function approximates this
+/// binomial distribution by a normal distribution.
 ///
 /// # Errors
 /// If a value isn't a probability, if there are no points, if the slack is negative, or if the significance isn't
@@ -199,7 +200,8 @@ mod tests {
             kolmogorov_power(&[(0.5, 0.5 + shift), (0.1, 0.1)], 1000.0, slack, 0.05)
                 .expect("a power")
         };
-        // The critical distance at 5 % is 1.358 / sqrt(1000) = 0.043. With this shift, half of the runs exceed it.
+        // The critical distance at 5 % is 1.358 / sqrt(1000) = 0.043. If the true shift is as large, half of the runs
+        // exceed this distance.
         assert!((power(0.0427, 0.0) - 0.5).abs() < 0.02 && power(0.0, 0.0) < 0.05);
         assert!(power(0.1, 0.0) > 0.999 && power(-0.1, 0.0) > 0.999 && power(0.1, 0.06) < 0.5);
         assert!(kolmogorov_power(&[], 10.0, 0.0, 0.1).is_err());

@@ -84,7 +84,7 @@ impl Support {
                 } else if self == Self::Hemisphere && z < 0.0 {
                     Place::Outside
                 } else {
-                    // Unlike the arc cosine of z, this is exact near +Z.
+                    // Unlike the arc cosine of z, `atan2` is exact near +Z.
                     Place::Inside([across.atan2(z), azimuth()])
                 }
             }

@@ -88,8 +88,8 @@ pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) 
     high
 }
 
-/// The probability of a number of successes at least as extreme as `successes` in `trials` trials. It is twice the
-/// smaller tail, whose terms are summed exactly.
+/// The probability of a number of successes at least as extreme as `successes` in `trials` trials. This probability is
+/// twice the smaller tail, whose terms are summed exactly.
 #[must_use]
 pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     if successes > trials || !(0.0..=1.0).contains(&probability) {
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn binomial_tails_are_exact() {
-        // In 10 coin tosses, 8 or more heads have the probability 56/1024. The tail doubles it.
+        // In 10 coin tosses, 8 or more heads have the probability 56/1024. `binomial_tail` doubles this probability.
         assert!(close(binomial_tail(8, 10, 0.5), 112.0 / 1024.0, 1e-12));
         assert!(close(binomial_tail(2, 10, 0.5), 112.0 / 1024.0, 1e-12));
         assert_eq!(binomial_tail(5, 10, 0.5), 1.0);

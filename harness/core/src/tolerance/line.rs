@@ -1,6 +1,6 @@
 //! The ordered line of all `f32`, measured in steps.
 
-/// The number of `f32` steps between two values. `None` if one of them is NaN.
+/// The number of `f32` steps between two values. `None` if one of the values is NaN.
 ///
 /// `-0` and `+0` are the same point. The line has no gap at zero or at a power of two.
 ///
@@ -45,8 +45,8 @@ pub(super) fn spacing(magnitude: f64) -> f64 {
     f64::from_bits(u64::from(exponent + 1023 - 150) << 52)
 }
 
-/// The distance between two neighbouring `f32` in the binade of `magnitude`. All larger `f32` have at least this
-/// distance. Unlike [`spacing`], the function doesn't round first, and it has no minimum.
+/// The distance between two neighbouring `f32` in the binade of `magnitude`. Larger neighbours have at least this
+/// distance. Unlike [`spacing`], the function doesn't round `magnitude` first, and its result has no minimum.
 #[inline]
 pub(super) fn least_spacing(magnitude: f64) -> f64 {
     // A number without its 52 fraction bits is its binade's power of two.

@@ -5,12 +5,12 @@ use std::fmt;
 use super::{Abs, Rel, Tolerance, Ulp};
 use crate::value::Scalar;
 
-/// The largest width of the range that WGSL allows, unless a check sets another. It leaves three decimal digits, which
-/// the eye and 8-bit channels need. It allows a quarter of the digits of `f32` to be lost.
+/// The largest width that WGSL's range may have, unless a check sets another limit. A range of this width leaves three
+/// decimal digits, which the eye and 8-bit channels need. So a quarter of the digits of `f32` may be lost.
 const NEED: f64 = 1.0 / 1024.0;
 
-/// The largest width of WGSL's range for `f16`, unless a check sets another. The last digit of an `f16` is 2^-10. This
-/// width leaves half of the digits, so that a quotient passes.
+/// The largest width that WGSL's range may have for `f16`, unless a check sets another limit. The last digit of an
+/// `f16` is 2^-10. This width leaves half of the digits, so that a quotient passes.
 const NEED_HALF: f64 = 1.0 / 32.0;
 
 /// The range of values that the WGSL specification allows a function to return for the case's arguments. Karat computes
@@ -19,7 +19,7 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 /// A case passes if both the result and the reference are inside of the range, and if the range is narrow: its width is
 /// at most 2^-10 relative (2^-5 for `f16`), or the tolerance of [`needing`](Self::needing). So a first test needs no
 /// number, and its verdict doesn't depend on the driver. Cases in which WGSL allows a wider range, or any value, fail.
-/// Set a tolerance for them with [`or`](Self::or).
+/// Set a tolerance for these cases with [`or`](Self::or).
 ///
 /// ```no_run
 /// # use karat::prelude::*;
@@ -65,10 +65,10 @@ impl Spec {
 /// The range of values that each path's adapter may return for the case's arguments, computed from the measured
 /// accuracy of the adapter's builtin functions.
 ///
-/// It works like [`Spec`], and its range is never wider than a finite range of [`Spec`]. WGSL allows the error 2^-11
-/// for a sine, and only between -pi and pi. Most adapters are thousands of times more precise, for all arguments. Karat
-/// measures each builtin function once on an adapter, and allows twice the largest error. It stores the results in
-/// cargo's home, by adapter and driver.
+/// `DeviceSpec` works like [`Spec`], and its range is never wider than a finite range of [`Spec`]. WGSL allows the
+/// error 2^-11 for a sine, and only between -pi and pi. Most adapters are thousands of times more precise, for all
+/// arguments. Karat measures each builtin function once on an adapter, and allows twice the largest error. Karat stores
+/// the results in cargo's home, by adapter and driver.
 ///
 /// A test that passes with `DeviceSpec` shows nothing about other adapters. Use it to test your shader's own rounding.
 /// Use [`Spec`] for a test that should pass everywhere.

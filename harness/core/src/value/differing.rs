@@ -2,8 +2,8 @@
 
 use super::{Shape, several};
 
-/// The first member that differs between a host's structure and a WGSL structure, such as `m.roughness: f32`. A
-/// structure without this member has `None`.
+/// The first member that differs between a host's structure and a WGSL structure, such as `m.roughness: f32`. If a
+/// structure has no member at this position, its field is `None`.
 #[derive(Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub struct Differing {

@@ -40,7 +40,7 @@ where
     }
 }
 
-/// A function without parameters has one case. Its resources decide the result.
+/// A function without parameters has one case. The function's resources decide the result.
 impl<F, R> Reference<()> for F
 where
     F: Fn() -> R + Sync,

@@ -404,7 +404,7 @@ macro_rules! shareable {
         }
 
         impl Default for $name {
-            /// All zeros, like a shader's memory at the start.
+            /// All zeros, like a variable of a shader without an initial value.
             fn default() -> Self {
                 let shape = <Self as $crate::value::Shareable>::shape();
                 let zeros = vec![0; shape.lanes().len()];

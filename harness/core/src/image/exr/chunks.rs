@@ -156,7 +156,7 @@ fn decompress(
     let codec = name(part.compression);
     let failed =
         |reason: &str| format!("the file's pixels can't be decompressed by {codec}: {reason}");
-    // A block of the full length is stored uncompressed.
+    // A chunk that is as long as its pixels is uncompressed.
     if data.len() < block.bytes(part) {
         match part.compression {
             Compression::DWAA(_) | Compression::DWAB(_) => guard::check_dwa(data, part, block),

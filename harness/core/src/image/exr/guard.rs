@@ -3,8 +3,8 @@
 use super::block::Block;
 use super::header::{PartHeader, Sample};
 
-/// Checks the lengths at the beginning of a DWA chunk. The codec reserves this much memory, even if the chunk has few
-/// data.
+/// Checks the lengths at the beginning of a DWA chunk. The codec reserves as much memory as these lengths state, even
+/// if the chunk is shorter.
 pub(super) fn check_dwa(data: &[u8], part: &PartHeader, block: Block) -> Result<(), String> {
     let pixels = block.bytes(part);
     let counter = |index: usize| {
@@ -27,8 +27,8 @@ pub(super) fn check_dwa(data: &[u8], part: &PartHeader, block: Block) -> Result<
     Ok(())
 }
 
-/// Checks the differences in a B44 chunk. If a value goes below zero, the codec panics with overflow checks, and
-/// returns wrong values without them.
+/// Checks the differences in a B44 chunk. If a value goes below zero, the codec panics in a build with overflow checks,
+/// and returns wrong values in a build without these checks.
 pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<(), String> {
     let mut rest = data;
     let squares = block.width.div_ceil(4) * block.height.div_ceil(4);
@@ -81,8 +81,8 @@ mod tests {
 
     #[test]
     fn squares_of_b44_are_followed_to_their_last_value() {
-        // All differences are 0. A difference is stored plus 32, as 0b100000. Before the 15 differences is a shift of
-        // 0.
+        // All differences are 0. A difference is stored plus 32, as 0b100000. A shift of 0 stands before the 15
+        // differences.
         let mut square =
             [0x80, 0x00, 0x02, 0x08, 0x20, 0x82, 0x08, 0x20, 0x82, 0x08, 0x20, 0x82, 0x08, 0x20];
         assert!(!leads_below_zero(&square));

@@ -11,10 +11,10 @@ pub(super) use bytes::Bytes;
 
 use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE, found};
 
-/// The largest number of channels in a part. The colour parts of renderers don't have more.
+/// The largest number of channels in a part. Parts with colours that renderers write don't have more channels.
 const MOST_CHANNELS: usize = 32;
-/// The attribute that contains all metadata. There is only one, because the encoder writes several attributes in random
-/// order.
+/// The attribute that contains all metadata. There is only one attribute, because the encoder writes several attributes
+/// in random order.
 pub(super) const ATTRIBUTE: &str = "karat";
 
 const TILED: u32 = 0x200;
@@ -75,7 +75,7 @@ pub(super) struct FileHeader {
     pub(super) parts: Vec<PartHeader>,
     /// `true` if each chunk begins with the number of its part.
     pub(super) numbered: bool,
-    /// The byte at which the tables of chunks begin. The first part's table is the first.
+    /// The byte at which the tables of chunks begin. The table of the first part comes first.
     pub(super) tables: usize,
 }
 

@@ -1,19 +1,20 @@
-//! Selects the channels of a part that have its colours.
+//! Selects the channels that contain the colours of a part.
 
 use super::header::{Channel, PartHeader, Sample};
 use crate::image::Precision;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Selection {
-    /// For each channel of the part, the channels of a pixel that it fills.
+    /// For each channel of the part, the indices of the pixel's components (0 to 3 for R, G, B, A) that the channel
+    /// fills.
     pub(super) fills: Vec<&'static [usize]>,
     pub(super) precision: Precision,
     /// `true` if there are three colours, `false` if there is one grey.
     pub(super) coloured: bool,
 }
 
-/// Selects the channels. Colours come before greys. The layer without a name comes before layers with names, and these
-/// come in the order of the file.
+/// Selects the channels. Colours come before greys. The layer without a name comes before layers with names, and layers
+/// with names come in the order of the file.
 pub(super) fn select(part: &PartHeader) -> Option<Selection> {
     let layers = || {
         let names = part.channels.iter().map(|channel| split(channel).0);
@@ -24,7 +25,7 @@ pub(super) fn select(part: &PartHeader) -> Option<Selection> {
         part.channels.iter().any(|channel| split(channel) == (layer, name))
     };
     let coloured = |layer: &str| ["R", "G", "B"].iter().all(|name| has(layer, name));
-    // X, Y and Z are a vector. Y with RY and BY are colours in another encoding.
+    // Channels X, Y and Z contain a vector. Channels Y, RY and BY contain colours in another encoding.
     let grey =
         |layer: &str| has(layer, "Y") && !["X", "Z", "RY", "BY"].iter().any(|n| has(layer, n));
     let (layer, coloured) = pick(&coloured)

@@ -28,7 +28,8 @@ pub(super) struct Layer<'a> {
     pub(super) image: &'a Image,
 }
 
-/// The channels in the order of the file, which sorts them by name. Each has its index in a pixel of [`Image`].
+/// The channels in the order of the file, which sorts them by name. Each name stands beside the channel's index in a
+/// pixel of [`Image`].
 const CHANNELS: [(&str, usize); 4] = [("A", 3), ("B", 2), ("G", 1), ("R", 0)];
 
 pub(super) fn write(
@@ -131,7 +132,7 @@ fn header(layer: &Layer<'_>, window: Vec2<usize>) -> Header {
         .with_attributes(LayerAttributes { layer_name: name, ..LayerAttributes::default() })
 }
 
-/// Compresses a block of rows. Each row has one channel after another.
+/// Compresses a block of rows. In each row, all samples of a channel come before the samples of the next channel.
 fn compress(
     header: &Header,
     layer: &Layer<'_>,

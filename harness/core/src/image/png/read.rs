@@ -71,7 +71,7 @@ fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// Converts samples to pixels. Alpha isn't encoded, so it is only scaled.
+/// Converts samples to pixels. Alpha is already linear, so the function only scales alpha to 0..=1.
 fn gather<T: Copy + Into<usize> + Into<f32>>(
     samples: &[T],
     color: ColorType,

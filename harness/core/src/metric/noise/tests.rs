@@ -139,7 +139,7 @@ fn pixels_that_changed_places_are_seen() {
     }
 }
 
-/// Pixels with the largest floats, and a pixel without neighbours, count, too.
+/// Pixels with the largest floats, and a pixel without neighbours, also affect the metric.
 #[test]
 fn extreme_and_isolated_pixels_count_in_the_noise_metric() {
     let flat = |size: (u32, u32), value: f32| {

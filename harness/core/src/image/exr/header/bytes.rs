@@ -28,7 +28,7 @@ impl<'a> Bytes<'a> {
         Ok(i32::from_le_bytes(self.array()?))
     }
 
-    /// Checks if a list ends here. If so, takes the zero that ends it.
+    /// Checks if a list ends at the current byte. If so, skips the zero byte that ends the list.
     pub(super) fn ends(&mut self) -> Result<bool, String> {
         let ends = self.rest.first() == Some(&0);
         if ends || self.rest.is_empty() {
@@ -37,7 +37,7 @@ impl<'a> Bytes<'a> {
         Ok(ends)
     }
 
-    /// Reads a name and the zero after it, and returns the name.
+    /// Reads a name and the zero byte after the name, and returns the name.
     pub(super) fn name(&mut self) -> Result<&'a [u8], String> {
         // The format allows names of 255 bytes.
         let end = self.rest.iter().take(256).position(|byte| *byte == 0);
