@@ -351,7 +351,7 @@ struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// Returns the options with the positional folder as `--shaders`.
+    /// Returns the options. A positional folder becomes the value of `--shaders`.
     fn package(&self) -> PackageArgs {
         let mut package = self.package.clone();
         package.package = package.package.or_else(|| self.folder.clone());

@@ -303,7 +303,8 @@ fn call_explains_wrong_arguments() {
     }
 }
 
-/// A table keeps the bits of its values: from decimals to f32, through the device, and back.
+/// A table keeps the bits of its values: a decimal that Karat reads and gives to a path is equal to the decimal that
+/// Karat prints, as an f32.
 #[test]
 fn a_table_of_cases_round_trips_bit_by_bit() {
     let project = project();

@@ -233,7 +233,7 @@ impl Args {
         others.next()
     }
 
-    /// Checks if the option or its variable leaves out frames.
+    /// Checks if `--no-frames` or `KARAT_FRAMES=off` leaves out frames.
     fn leaves_frames_out(&self) -> bool {
         self.no_frames || std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off")
     }

@@ -1,4 +1,4 @@
-//! Tests `karat browser` with fake pages: a page that lies, a second page, and a page of another site.
+//! Tests `karat browser` with fake pages: a page that sends wrong replies, a second page, and a page of another site.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
@@ -59,7 +59,8 @@ impl Served {
         self.ask("POST", &format!("/{}/next", self.token), Some(&own), &said.to_string())
     }
 
-    /// Greets as a page, and answers each job by `answer` until no jobs are left. Returns the exit code and the output.
+    /// Acts as a page: sends the first message, and then a reply from `answer` to each job, until no jobs are left.
+    /// Returns the exit code and the output.
     fn answering(
         mut self,
         page: &str,

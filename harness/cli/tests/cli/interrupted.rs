@@ -23,7 +23,7 @@ fn differing(golden: &FilePath, value: f32, compared_with: &str) -> PathBuf {
 
 const ACCEPT: [&str; 4] = ["accept", "scene", "--because", "why"];
 
-/// A project with a golden `scene` that agrees.
+/// A project with an accepted golden `scene`, and the record of a run in which the frame agreed with this golden.
 fn with_golden() -> (TempDir, PathBuf) {
     let project = project();
     let golden = project.path().join("golden");
@@ -46,7 +46,7 @@ fn files(folder: &FilePath) -> Vec<String> {
     names
 }
 
-/// Names of files between writing and renaming. No process has these numbers.
+/// Names of temporary files that Karat writes before it renames them. The number 4194999 is larger than any process id.
 const LEFTOVERS: [&str; 3] =
     ["scene.exr.4194999-0.tmp", "scene.toml.4194999-1.tmp", "room.new.exr.4194999-12.tmp"];
 

@@ -11,7 +11,7 @@ const FAILS: &str =
 const WORKSPACE: &str = "[workspace]\nmembers = [\"crates/*\"]\n";
 const MEMBER: &str = "[package]\nname = \"engine\"\nversion = \"0.1.0\"\nedition = \"2024\"\n";
 
-/// All commands that look for tests. The project's `cargo test` prints nothing.
+/// All commands that look for tests.
 const COMMANDS: [&[&str]; 5] = [
     &["test", "--paths", "cpu"],
     &["watch", "--once", "--paths", "cpu"],
@@ -136,8 +136,8 @@ fn tests_beside_shaders_that_rust_tests_use_are_run() {
     assert!(run(path, &["list"]).good().contains("a::half"));
 }
 
-/// A folder `shaders` that nothing names, uses or tests fails no run, and not `karat watch`. `karat check` validates
-/// it.
+/// If a folder `shaders` has no tests, and no manifest and no test uses it, its modules don't make `karat test` or
+/// `karat watch` fail. `karat check` validates the folder.
 // Lesson 187
 #[test]
 fn a_folder_that_no_test_uses_fails_no_run() {

@@ -264,7 +264,7 @@ fn exact_names_are_exact() {
     assert!(near.contains("none of 1 test is called `in_range`"), "{near}");
 }
 
-/// A golden of values has other rows. No case fails, and the table shows the failure.
+/// If a golden of values has other rows than the test, no case fails, but the table shows the failure.
 #[test]
 fn a_golden_with_other_rows_fails_in_the_table() {
     let golden = "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\ncases = 20\ngolden = \"f\"\n\

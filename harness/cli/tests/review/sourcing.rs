@@ -395,7 +395,7 @@ fn older_versions_leave_a_report_small() {
     browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out to keep this report small')");
 }
 
-/// The page's header names declared facts that changed.
+/// If a fact that the test declares has changed, the page's header shows the old and the new value.
 #[test]
 fn declared_facts_that_changed_are_in_the_header() {
     let project = Project::new();

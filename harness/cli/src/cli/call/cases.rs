@@ -159,7 +159,7 @@ fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
     }
 }
 
-/// Formats an expected value. A value that is an `f32` gets the digits of an `f32`.
+/// Formats an expected value. If an `f32` has exactly this value, formats it with as few digits as an `f32` needs.
 fn wanted(scalar: Scalar, value: f64) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "it is compared")]
     let single = value as f32;
@@ -409,7 +409,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Checks if a cell of a table's first row is a name: it isn't a value of any type.
+/// Checks if a cell of a table's first row is a name, and neither a number nor a boolean.
 fn is_name(word: &str) -> bool {
     word.parse::<f64>().is_err() && word.parse::<bool>().is_err()
 }

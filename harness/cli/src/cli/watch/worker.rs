@@ -45,7 +45,7 @@ pub(in crate::cli) struct Request {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Said {
-    /// A test ran. `wrong` is set if it failed.
+    /// A test ran. `wrong` is the failure, or `None` if the test passed.
     Test { name: String, wrong: Option<Wrong> },
     /// All tests have a verdict. `tests` are all tests, `broken` are unreadable tests, and `idle` is the number of
     /// tests that this path can't judge.
@@ -70,7 +70,7 @@ pub(in crate::cli) enum Said {
     },
     /// The process wrote the records, or failed with this error.
     Reported { error: Option<String> },
-    /// The process ended. `why` is its error text.
+    /// The process ended. `why` describes the reason.
     Ended { why: String },
 }
 
