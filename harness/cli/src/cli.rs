@@ -535,7 +535,7 @@ fn spare<'a>(
     output: &Path,
     inputs: impl IntoIterator<Item = &'a Path>,
 ) -> anyhow::Result<()> {
-    // Only a regular file is replaced. The comparison would open a device or a pipe.
+    // Only a regular file is replaced. The comparison would open a pipe or a device file.
     if !output.is_file() {
         return Ok(());
     }

@@ -126,7 +126,7 @@ const SHADERS: [(&str, &str); 3] = [
     ("small.wgsl", "enable f16;\nfn halve(x: f16) -> f16 { return x * 0.5h; }\n"),
 ];
 
-/// A project with a folder of shaders where the command line searches for it.
+/// A project with the folder `shaders`, in which the command line searches for modules.
 fn project() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "Cargo.toml", "[workspace]\n");

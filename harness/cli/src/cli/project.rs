@@ -61,10 +61,10 @@ pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
     }
 }
 
-/// The number of levels below the working directory in which Karat searches for tested folders without Cargo.
+/// The number of levels below the working directory in which Karat searches for folders that were tested without Cargo.
 const DEPTH: usize = 3;
 
-/// Adds the tested folders without Cargo, each with the time of its last run.
+/// Adds the folders that were tested without Cargo, each with the time of its last run.
 fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
     let record = folder.join(".karat").join("run").join("record");
     if let Ok(ran) = record.metadata().and_then(|record| record.modified()) {

@@ -209,8 +209,8 @@ fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
 }
 
 impl Args {
-    /// Returns a test outside of a folder, and the root of the test's package. The test's name contains the folder's
-    /// name as a word.
+    /// Returns the root of a package, and the name of a test in this package. The test is outside of the folder `word`,
+    /// but its name contains `word`, so `karat test WORD` may mean the folder or the test.
     fn other_test(&self, word: &str) -> Option<(PathBuf, String)> {
         let folder = Path::new(word).canonicalize().ok()?;
         // If the project isn't readable, the word means the folder.

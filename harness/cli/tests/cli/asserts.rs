@@ -1,4 +1,4 @@
-//! `//karat: print` and `//karat: assert` in a folder without Rust.
+//! Tests `//karat: print` and `//karat: assert` in a folder of shaders without Rust.
 
 use super::*;
 

@@ -110,7 +110,7 @@ fn folder() -> TempDir {
     folder
 }
 
-/// A page of another site, a page without the secret, and a second page run nothing.
+/// A page of another site, a page without the secret, and a second page can't run jobs.
 // Lesson 208
 #[test]
 fn only_the_page_of_the_printed_url_can_run_jobs() {

@@ -231,7 +231,7 @@ fn a_karat_tint_without_tint_is_reported_with_the_reason() {
     }
 }
 
-/// A package declares its native features. A declaration that no module needs is an error.
+/// A package must declare features that only wgpu has. It is an error to declare a feature that no module needs.
 // Lesson 204
 #[test]
 fn features_of_wgpu_alone_must_be_declared() {

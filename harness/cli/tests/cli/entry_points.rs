@@ -437,7 +437,8 @@ fn passes_before_the_last_one_are_tested_too() {
     assert!(of("other").contains("no"), "{list}");
 }
 
-/// WGSL requires a directive that naga doesn't know.
+/// A module with subgroups needs the line `enable subgroups;`, which naga doesn't know. Karat runs the module, and
+/// errors have the lines of the author's file.
 #[test]
 fn a_module_that_enables_subgroups_runs_with_its_own_lines() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -614,8 +614,8 @@ fn a_run_says_what_it_left_out_and_writes_its_reports() {
     assert!(!folder.join("junit.xml").exists());
 }
 
-/// If one test makes several checks with one verb, each check has its own case: readers show only the first of cases
-/// with the same name.
+/// If one test makes several checks with one verb, each check has a test case with a distinct name: many programs show
+/// only the first test case of a name.
 // Lesson 182
 #[test]
 fn junit_has_no_two_cases_of_one_name() {

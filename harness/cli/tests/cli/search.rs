@@ -24,7 +24,7 @@ fn run(folder: &FilePath, arguments: &[&str]) -> Ran {
     output(command(folder, arguments).env("CARGO", "true"))
 }
 
-/// A project with its shaders in a folder.
+/// A project with these manifests, and with these files in the folder that `shaders` names.
 fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (file, text) in manifests {
@@ -151,7 +151,7 @@ fn a_folder_that_no_test_uses_fails_no_run() {
     assert_eq!(run(folder.path(), &["check"]).code, Some(1));
 }
 
-/// A folder with a module that runs may also contain tests, for any name of the folder.
+/// Karat runs the tests beside a module, for any name of their folder.
 // Lesson 187
 #[test]
 fn each_folder_of_modules_has_its_tests() {
@@ -163,7 +163,7 @@ fn each_folder_of_modules_has_its_tests() {
     }
 }
 
-/// Shaders are found in the folder `shaders`, with and without its own manifest.
+/// Karat finds shaders in the folder `shaders`, with and without a karat.toml in this folder.
 // Lesson 187
 #[test]
 fn the_folder_shaders_is_found_by_every_command() {

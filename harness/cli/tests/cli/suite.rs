@@ -846,7 +846,7 @@ fn a_reference_function_may_lack_the_override_that_a_test_sets() {
     assert!(unknown.out.contains("did you mean `GAIN`?"), "{unknown:?}");
 }
 
-/// Runs this program's own tests and records them. `karat test` hides this other runner.
+/// Runs `karat record` with `karat suite` as the test runner.
 fn recorded(folder: &FilePath, options: &[&str], tests: &[&str]) -> Ran {
     let runner = env!("CARGO_BIN_EXE_karat");
     let arguments = [&["record"], options, &["--", runner, "suite", "."], tests].concat();

@@ -398,7 +398,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     let mut text = String::new();
     let mut length = announced;
     if announced <= LONGEST {
-        // A device or a pipe has no known size, and may have no end.
+        // A pipe or a device file has no known size, and may have no end.
         length = file.take(LONGEST + 1).read_to_string(&mut text).with_context(failed)? as u64;
     }
     ensure!(

@@ -212,7 +212,8 @@ impl File {
         lines
     }
 
-    /// Returns the measured branches. The sides of a `select` whose value isn't used are unknown.
+    /// Returns the measured branches, without each `select` with an unused value: Karat doesn't know which side was
+    /// used.
     pub(super) fn branches(&self) -> impl Iterator<Item = &Seen> {
         self.statements.values().filter(|seen| {
             let is_idle = seen.sum.kind == CountedKind::Select && !seen.sum.needed;
@@ -247,8 +248,8 @@ impl File {
         }
     }
 
-    /// Returns the gaps, in the order of their lines. Each has its first and last line, a description, and `true` if a
-    /// test could run more.
+    /// Returns the gaps, in the order of their lines. Each gap has its first and last line, a description, and a flag
+    /// that is `true` if a test could run this code.
     pub(super) fn missing(&self) -> Vec<([usize; 2], String, bool)> {
         let mut all: Vec<([usize; 2], String, bool)> = Vec::new();
         let mut add = |line: usize, why: String, is_gap: bool| match all.last_mut() {
