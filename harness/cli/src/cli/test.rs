@@ -326,7 +326,7 @@ impl<'a> Asked<'a> {
         Ok(Self { names: Some(names), ..self })
     }
 
-    /// Adds the tests that checked a function or golden of the filter in their last run.
+    /// Adds the tests that, in their last run, checked a function or golden with a name that contains the filter.
     fn with_tests_of_functions(self, project: &Project) -> Self {
         let Some(filter) = self.filter.filter(|_| !self.args.exact) else { return self };
         Self { about: Subjects::read(&project.record()).about(filter), ..self }

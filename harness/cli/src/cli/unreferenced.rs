@@ -1,7 +1,7 @@
 //!
 //! `karat unreferenced`: lists goldens that no test compares, and files that belong to no golden.
 //!
-//! It needs the record of a complete run that passed. Without such a record it gives no verdict.
+//! The command needs the record of a complete run that passed. Without this record, the command gives no verdict.
 
 mod facts;
 mod files;

@@ -146,7 +146,8 @@ fn only_the_page_of_the_printed_url_can_run_jobs() {
     assert!(matches!(first.0, 200 | 204), "{first:?}");
 }
 
-/// Tests fail if a reply is too short, belongs to another job or isn't a reply. They also fail if the page is closed.
+/// Tests fail if a reply is too short, belongs to another job or isn't a reply. The tests also fail if the page is
+/// closed.
 // Lesson 208
 #[test]
 fn wrong_answers_of_a_browser_page_fail_the_tests() {

@@ -1,4 +1,5 @@
-//! Tests an acceptance that was killed. Karat names the files that it leaves, deletes them, and isn't hindered by them.
+//! Tests an acceptance that was killed. Karat names and deletes the temporary files of this acceptance, and works in
+//! spite of these files.
 
 use std::path::PathBuf;
 use std::time::Duration;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::report::{frame, function};
 use super::*;
 
-/// A project with a record of these lines, in one folder or in several.
+/// A project with a record. Each part has its lines in a folder of its own.
 fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     let project = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(project.path().join("Cargo.toml"), "[workspace]\n").expect("written");

@@ -211,7 +211,7 @@ fn tests_outside_of_shaders_are_reported() {
 }
 
 /// Every command reports a file that declares tests outside of `shaders`, or has `@test` there, with and without a
-/// karat.toml. Inside of `shaders`, no command reports it.
+/// karat.toml. If the file is inside of `shaders`, no command reports the file.
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in

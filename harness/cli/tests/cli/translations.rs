@@ -425,7 +425,8 @@ fn a_panic_of_naga_is_a_finding() {
     assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
 }
 
-/// A shader with accesses outside of arrays, vectors and textures. Drivers clamp, read 0, or do something else.
+/// A shader with accesses outside of arrays, vectors and textures. For an access outside, a driver clamps the index,
+/// reads 0, or does something else.
 #[cfg(target_os = "linux")]
 const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
     fn element(c: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[c % 4u]; }\n\

@@ -234,8 +234,8 @@ fn tests_of_a_killed_process_are_named() {
     assert!(failed.contains("stays_within") && failed.contains("1 check, 0 failed"), "{failed}");
 }
 
-/// Commands without a folder use the last tested folder, for any name of the folder. They print file names relative to
-/// the current folder.
+/// Commands without a folder use the last tested folder, for any name of the folder. These commands print file names
+/// relative to the working directory.
 #[test]
 fn report_and_replay_find_the_last_tested_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);

@@ -246,7 +246,8 @@ fn the_line_of_the_template_runs_tests() {
     assert!(text.contains("file=\"engine/my_shaders/a.wgsl\" line=\"3\""), "{text}");
 }
 
-/// Unverified jobs say so and fail no run. Verified jobs fail the run.
+/// A failure of the CI job `elsewhere`, which isn't verified, doesn't make the run fail. A failure of any other job
+/// makes the run fail.
 #[test]
 fn only_unverified_ci_jobs_may_fail() {
     let workflow = read(".github/workflows/ci.yml");

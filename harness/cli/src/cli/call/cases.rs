@@ -115,7 +115,7 @@ impl Given {
     }
 }
 
-/// Returns the results of each path. If a path fails, the others still run. It is an error if all paths fail.
+/// Returns the results of each path. If a path fails, the other paths still run. If all paths fail, returns an error.
 pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Result<Given> {
     let steps = (rows.len() * request.paths.len()) as u64;
     let bar = ProgressBar::new(steps).with_style(

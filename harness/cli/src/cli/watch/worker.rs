@@ -35,8 +35,8 @@ pub(in crate::cli) struct Request {
     /// Runs nothing, and writes the records of each test's last run into this file.
     #[serde(default)]
     pub(in crate::cli) report: Option<PathBuf>,
-    /// Runs only the test of this name, and returns its records with the reply. Editors and other test runners use
-    /// this.
+    /// Runs only the test of this name, and returns its records with the reply. Editors and other test runners use this
+    /// field.
     #[serde(default)]
     pub(in crate::cli) only: Option<String>,
 }
