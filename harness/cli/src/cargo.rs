@@ -1,4 +1,4 @@
-//! `cargo karat`: runs the `karat` beside this program.
+//! `cargo karat`: runs the program `karat` in the folder of this program.
 //!
 //! For `cargo karat test`, Cargo calls `cargo-karat karat test`. This program has no command line of its own: it calls
 //! `karat`, so that only one program links Karat.

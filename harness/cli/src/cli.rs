@@ -351,7 +351,7 @@ struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// Returns the options with the positional folder as `--shaders`.
+    /// Returns the options. A positional folder becomes the value of `--shaders`.
     fn package(&self) -> PackageArgs {
         let mut package = self.package.clone();
         package.package = package.package.or_else(|| self.folder.clone());
@@ -535,7 +535,7 @@ fn spare<'a>(
     output: &Path,
     inputs: impl IntoIterator<Item = &'a Path>,
 ) -> anyhow::Result<()> {
-    // Only a regular file is replaced. The comparison would open a device or a pipe.
+    // Only a regular file is replaced. The comparison would open a pipe or a device file.
     if !output.is_file() {
         return Ok(());
     }

@@ -126,7 +126,7 @@ const SHADERS: [(&str, &str); 3] = [
     ("small.wgsl", "enable f16;\nfn halve(x: f16) -> f16 { return x * 0.5h; }\n"),
 ];
 
-/// A project with a folder of shaders where the command line searches for it.
+/// A project with the folder `shaders`, in which the command line searches for modules.
 fn project() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "Cargo.toml", "[workspace]\n");
@@ -303,7 +303,8 @@ fn call_explains_wrong_arguments() {
     }
 }
 
-/// A table keeps the bits of its values: from decimals to f32, through the device, and back.
+/// A table keeps the bits of its values: each path returns every value of the table, and Karat prints a decimal of the
+/// same f32.
 #[test]
 fn a_table_of_cases_round_trips_bit_by_bit() {
     let project = project();

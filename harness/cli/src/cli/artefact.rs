@@ -72,7 +72,7 @@ fn waits(name: &str) -> bool {
     WAITING.iter().any(|ending| name.ends_with(ending))
 }
 
-/// The files in a folder or zip that show whether it comes from a run.
+/// The signs that a folder or zip is the artefact of a run.
 #[derive(Debug, Default)]
 struct Contents {
     /// `true` if the folder or zip contains a pending frame or a record.

@@ -1,8 +1,8 @@
 //! `karat browser`: runs the tests in the browser that opens its page.
 //!
 //! `karat test` and the test programs start this program again as an executor (`KARAT_EXECUTORS`). The executor passes
-//! each job to the process that serves the page. It finds the process by a file with the port and the secret; only this
-//! user can read the file.
+//! each job to the process that serves the page. A file, which only the current user can read, tells the executor the
+//! port and the secret of that process.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -136,7 +136,8 @@ fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// A message of the page: a greeting, or the reply to the job with this number.
+/// A message from the page. The first message has the page's `greeting`. A later message has the reply to the job with
+/// this `number`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Said {
@@ -182,7 +183,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Checks if the other end keeps the stream open.
+/// Checks if the program at the other end of the stream keeps the stream open.
 fn is_open(stream: &TcpStream) -> bool {
     let peeked = stream.set_nonblocking(true).and_then(|()| stream.peek(&mut [0]));
     let is_blocking = stream.set_nonblocking(false).is_ok();

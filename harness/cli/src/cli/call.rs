@@ -222,7 +222,7 @@ impl Args {
     }
 }
 
-/// Returns the paths of the options. Without such options, returns every driver that opens, and the engine.
+/// Returns the paths that `--path` names. Without `--path`, returns every driver that opens, and the engine.
 fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Result<Vec<Path>> {
     // An empty environment variable counts as unset.
     let names: Vec<&str> =
@@ -262,7 +262,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     Ok(able)
 }
 
-/// Prints the generated values with the ranges that contain them.
+/// Prints the generated values, and the ranges from which Karat chose these values.
 fn write_made_up(
     function: &Function,
     made_up: &MadeUp,
@@ -281,8 +281,8 @@ fn write_made_up(
     Ok(())
 }
 
-/// The largest number of scalars in a result that Karat also prints in hexadecimal. A matrix has 16. In the output of a
-/// buffer, hexadecimal numbers would hide the values.
+/// The largest number of scalars in a result that Karat also prints in hexadecimal. A matrix has 16. If a buffer has
+/// more scalars, hexadecimal numbers would make its values hard to find.
 const MOST_HEXADECIMAL: usize = 16;
 
 impl Args {

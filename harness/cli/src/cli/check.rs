@@ -178,7 +178,8 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>)
 }
 
 /// Returns the invalid packages, and the opinions of other compilers than naga about all packages. A declared package
-/// is validated with the settings of its folder, an undeclared one as the tests of a run used it.
+/// is validated with the settings of its folder. An undeclared package is also validated with the features and
+/// dependencies of the run's tests.
 pub(super) fn invalid(
     found: &[Found],
     run: &Path,
@@ -221,8 +222,8 @@ pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
     Ok(all.iter().filter_map(Dependence::package).collect())
 }
 
-/// Keeps the modules that are invalid in both ways: with the settings of their folder, and with the features and
-/// dependencies of each test.
+/// Keeps only the modules that are invalid both with the settings of their folder and with the features and
+/// dependencies of every test. Returns `None` if no module remains.
 pub(super) fn as_used(
     mut invalid: Invalid,
     package: &Package,

@@ -1,4 +1,4 @@
-//! Running other programs. A closed output pipe doesn't change their exit codes.
+//! Functions that run other programs. A closed output pipe doesn't change the exit codes of these programs.
 
 use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
 use std::process::{ChildStderr, Command, ExitStatus, Stdio};

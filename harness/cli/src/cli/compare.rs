@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Prints one verdict, with its number and the total number.
+/// Prints the verdict on one function, and a count such as `(3 of 40)`.
 fn write_one(
     one: &Compared,
     untouched: bool,

@@ -136,8 +136,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the parts of the last line: the numbers, and the code that the numbers leave out. `short` is the percentage
-/// that the options require, if the tests don't reach it.
+/// Returns the parts of the last line: the coverage, and the code that the coverage leaves out. `short` is the required
+/// percentage of lines, or `None` if the tests reach this percentage or no option sets it.
 fn parts(
     sum: &Sum,
     tests: usize,
@@ -193,7 +193,7 @@ fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(boo
     }
 }
 
-/// Adds the statements of a package. Returns the invalid modules.
+/// Adds the statements of a package to `union`. Returns the names of the invalid modules.
 fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<Vec<String>> {
     let suite = Suite::of(package.clone())?;
     let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
@@ -242,7 +242,7 @@ fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out)
 }
 
-/// Prints the lines that each variant ran, if there are several variants.
+/// Prints the number of lines that ran in each variant, if there are several variants. A variant is a set of features.
 fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     let variants = union.variants();
     if variants.len() < 2 {

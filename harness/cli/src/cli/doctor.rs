@@ -301,7 +301,7 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Returns how to get a path on this platform.
+/// Returns instructions for making a path available on this platform.
 fn remedy(path: Path) -> &'static str {
     match path.via() {
         _ if path.api() == Api::Cpu => {

@@ -72,7 +72,7 @@ impl FolderArgs {
     }
 }
 
-/// Formats the message that a folder of goldens is missing. It names the folders that exist.
+/// Formats the message that a folder of goldens is missing. The message names the existing folders of goldens.
 fn absent(folder: &Path, others: &[String]) -> String {
     let others = match others.join("`, `") {
         none if none.is_empty() => String::new(),
@@ -122,7 +122,8 @@ impl FromArgs {
         self.from.as_deref()
     }
 
-    /// Opens the artefact. `None` means the pending frames of the project.
+    /// Opens the artefact that `--from` names. Returns `None` without `--from`: the command then uses the project's
+    /// pending frames.
     pub(super) fn open(&self) -> anyhow::Result<Option<Artefact>> {
         self.from.as_deref().map(Artefact::open).transpose()
     }
@@ -391,7 +392,7 @@ impl Waiting {
     }
 }
 
-/// A name or glob of the command line. It may include a crate.
+/// A name or glob from the command line. A crate may stand before the name: `lamp::dusk`.
 struct Wanted {
     krate: Option<Option<glob::Pattern>>,
     name: String,
@@ -459,7 +460,7 @@ fn name_crates(frames: &mut [Frame]) {
     }
 }
 
-/// Returns the name of an unusable file, from its path.
+/// Returns the name of the frame or values that an unusable file belongs to.
 fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     match reason {
         AcceptError::Twice { case, .. } | AcceptError::Nowhere { case, .. } => case.clone(),

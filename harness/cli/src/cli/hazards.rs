@@ -292,8 +292,9 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-/// Groups the requirements of each function: requirements that a range of the same inputs prevents are one group.
-/// Requirements that no single input prevents are grouped by kind. Groups are in the order of their first finding.
+/// Groups the requirements of each function: a group has the requirements that other values of the same inputs prevent.
+/// Requirements that no single input prevents are grouped by kind. A fault is a group of its own. Groups are in the
+/// order of their first finding.
 fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     let mut groups: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();
@@ -309,7 +310,7 @@ fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     groups
 }
 
-/// Prints the first finding of each group with the number of similar ones, up to one screen.
+/// Prints the first finding of each group, and the number of the group's other findings. Stops when the screen is full.
 fn write_groups(found: &[Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
     let groups = groups(found);
     let shown = groups.len().min(terminal::size().rows / LINES);

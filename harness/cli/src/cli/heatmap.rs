@@ -25,8 +25,8 @@ pub(super) struct Heatmap {
 }
 
 impl Heatmap {
-    /// Computes HDR-FLIP of all pixels at the published exposures, and at darker exposures if the published ones are
-    /// too bright to show the error. Verdicts use the same exposures.
+    /// Computes HDR-FLIP of all pixels at the exposures that the published method chooses, and at darker exposures if
+    /// the chosen exposures are too bright to show the error. Verdicts use the same exposures as this image.
     pub(super) fn flip(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let judged = Flip::LARGEST_TILE.map(pair).ok();
@@ -42,8 +42,8 @@ impl Heatmap {
         Ok(Self { width, height, errors })
     }
 
-    /// Writes an EXR image with the errors, or a PNG image with their colours and a legend below. Returns the error of
-    /// the last colour. Replaces an existing file completely or not at all.
+    /// Writes an EXR image with the errors, or a PNG image with their colours and a legend below. For a PNG, returns
+    /// the error that the last colour of the legend shows. Replaces an existing file completely or not at all.
     pub(super) fn write(&self, path: &Path) -> anyhow::Result<Option<f32>> {
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
             let pixels = self.errors.iter().map(|error| [*error, *error, *error, 1.0]).collect();

@@ -40,7 +40,7 @@ pub(super) struct Args {
     ci: CiArgs,
 }
 
-/// The output of runs. These files belong into `.gitignore`.
+/// The lines of `.gitignore` for the files that runs write.
 const IGNORED: [&str; 4] = ["**/.karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
 
 const GITHUB: &str = include_str!("init/github.yml");
@@ -272,7 +272,7 @@ fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String),
     Ok((rank, text))
 }
 
-/// Returns the entry points of some stages in a package.
+/// Returns a package's entry points of the stages for which `of` returns `true`.
 fn entry_points(
     package: &Package,
     of: impl Fn(Stage) -> bool,

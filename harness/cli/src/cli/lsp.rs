@@ -31,7 +31,7 @@ const PAUSE: Duration = Duration::from_millis(60);
 /// The time after which the server validates modules even without a pause in typing.
 const LONGEST: Duration = Duration::from_millis(400);
 
-/// The time between two checks if a run has ended.
+/// The time after which the server looks again for runs that have ended.
 const LOOK: Duration = Duration::from_millis(500);
 
 #[derive(clap::Args)]

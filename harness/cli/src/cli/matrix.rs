@@ -237,7 +237,7 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Lists the wrong cells and the declarations that are no longer true. Returns their number.
+/// Lists the wrong cells and the declarations that are no longer true, and returns the number of listed items.
 fn tell_findings(matrices: &[Matrix]) -> usize {
     let findings: Vec<Finding> = matrices.iter().flat_map(Matrix::findings).collect();
     let (outdated, wrong): (Vec<&Finding>, Vec<&Finding>) =
@@ -265,7 +265,7 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     findings.len()
 }
 
-/// Returns an error if the matrix lacks a row because it couldn't be read.
+/// Returns an error if Karat couldn't read a row of the matrix.
 fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     let rows = || matrices.iter().flat_map(|m| &m.rows).filter(|row| row.is_judged());
     let Some(error) = rows().find_map(|row| row.error.as_ref()) else { return Ok(()) };
@@ -273,7 +273,7 @@ fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     bail!("Karat can't read these rows: {}\n{error}", few(same.map(|row| row.name.clone())))
 }
 
-/// Formats the first of many names.
+/// Formats the first four names, and the number of other names.
 fn few(names: impl Iterator<Item = String>) -> String {
     let all: Vec<String> = names.collect();
     let more = all.len().saturating_sub(4);

@@ -475,7 +475,7 @@ fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Resu
     table.write(out)
 }
 
-/// Returns the parts of the last line: the score, and the mutants without a judgement.
+/// Returns the parts of the last line: the score, and the numbers of mutants that don't count in the score.
 fn parts(
     all: &[(String, Hunted)],
     score: &Score,

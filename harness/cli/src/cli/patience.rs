@@ -4,10 +4,10 @@ use std::io::IsTerminal;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// The time after which Karat tells a person what it is doing.
+/// The time after which Karat reports an action that isn't finished.
 pub(super) const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Calls `work`. If it takes long, prints on a terminal what Karat is doing.
+/// Calls `work`. If `work` takes long, prints the text `doing` on a terminal.
 pub(super) fn patiently<T>(doing: &str, work: impl FnOnce() -> T) -> T {
     if !std::io::stderr().is_terminal() {
         return work();

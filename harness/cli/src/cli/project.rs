@@ -51,7 +51,7 @@ impl Settings {
     }
 }
 
-/// Reads the text of a file, or `None` if it doesn't exist. A pipe or a device is an error.
+/// Reads the text of a file, or `None` if it doesn't exist. If the file is a pipe or a device file, returns an error.
 pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
     use std::io::ErrorKind::{NotADirectory, NotFound};
     match karat::unstable::diagnostic::read_file(file) {
@@ -61,10 +61,10 @@ pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
     }
 }
 
-/// The number of levels below the working directory in which Karat searches for tested folders without Cargo.
+/// The number of levels below the working directory in which Karat searches for folders that were tested without Cargo.
 const DEPTH: usize = 3;
 
-/// Adds the tested folders without Cargo, each with the time of its last run.
+/// Adds the folders that were tested without Cargo, each with the time of its last run.
 fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
     let record = folder.join(".karat").join("run").join("record");
     if let Ok(ran) = record.metadata().and_then(|record| record.modified()) {
@@ -160,14 +160,13 @@ pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
 }
 
 impl Project {
-    /// Finds the Cargo workspace of the working directory, or otherwise the nearest package. Without any, the project
-    /// is the working directory or its folder `shaders`.
+    /// Does the work of [`at`](Self::at) for the working directory.
     pub(super) fn find() -> anyhow::Result<Self> {
         Self::at(&here()?)
     }
 
-    /// Finds the project around a folder. Without Cargo, this is the folder's `shaders`, or otherwise the folder below
-    /// it that contains all modules and tests.
+    /// Finds the Cargo workspace around a folder, or otherwise the nearest Cargo package. Without Cargo, the project is
+    /// the folder `shaders` in `folder`, or otherwise the folder below `folder` that contains all modules and tests.
     pub(super) fn at(folder: &Path) -> anyhow::Result<Self> {
         let own = Self::around(folder)?;
         let shaders = folder.join(SHADERS);

@@ -403,7 +403,8 @@ impl Place {
     }
 }
 
-/// Returns the location of a failure: the location in its message, or otherwise that of the tested function or frame.
+/// Returns the location of a failure: the location in its message, or otherwise the location of the tested function or
+/// frame.
 fn wrong_place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     let told = || located(record.details.as_ref()?.place.as_deref()?, root, workspace);
     told().or_else(|| place(record, root, workspace))

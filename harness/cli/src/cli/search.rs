@@ -32,7 +32,8 @@ pub(super) const SHADERS: &str = "shaders";
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     pub(super) package: Package,
-    /// `true` if a manifest or an option declares the package. Otherwise only tests show its features.
+    /// `true` if a manifest or an option declares the package. An undeclared package has no settings: Karat knows its
+    /// features only from tests.
     pub(super) stated: bool,
 }
 
@@ -111,7 +112,7 @@ impl Project {
         Ok(found)
     }
 
-    /// Returns the packages of a command, at least one. It is an error if there is none.
+    /// Returns the packages of a command, at least one. If there is no package, returns an error.
     pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
         let found = self.found(args)?;
         Ok(found.into_iter().map(|one| one.package).collect())

@@ -95,7 +95,7 @@ fn tell_of(subject: &dyn Tappable, args: &Args, project: &Project, out: &mut dyn
     }
 }
 
-/// Returns the suite that has the `[[frame]]`. If this is `None`, the gallery may have the frame.
+/// Returns the suite that has the `[[frame]]`, or `None` if only the gallery can have the frame.
 pub(super) fn find(
     frame: &str,
     project: &Project,

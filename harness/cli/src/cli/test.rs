@@ -209,8 +209,8 @@ fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
 }
 
 impl Args {
-    /// Returns a test outside of a folder, and the root of the test's package. The test's name contains the folder's
-    /// name as a word.
+    /// Returns the root of a package, and the name of a test in this package. The test is outside of the folder `word`,
+    /// but its name contains `word`, so `karat test WORD` may mean the folder or the test.
     fn other_test(&self, word: &str) -> Option<(PathBuf, String)> {
         let folder = Path::new(word).canonicalize().ok()?;
         // If the project isn't readable, the word means the folder.
@@ -233,7 +233,7 @@ impl Args {
         others.next()
     }
 
-    /// Checks if the option or its variable leaves out frames.
+    /// Checks if `--no-frames` or `KARAT_FRAMES=off` leaves out frames.
     fn leaves_frames_out(&self) -> bool {
         self.no_frames || std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off")
     }
@@ -326,7 +326,7 @@ impl<'a> Asked<'a> {
         Ok(Self { names: Some(names), ..self })
     }
 
-    /// Adds the tests that checked a function or golden of the filter in their last run.
+    /// Adds the tests that, in their last run, checked a function or golden with a name that contains the filter.
     fn with_tests_of_functions(self, project: &Project) -> Self {
         let Some(filter) = self.filter.filter(|_| !self.args.exact) else { return self };
         Self { about: Subjects::read(&project.record()).about(filter), ..self }

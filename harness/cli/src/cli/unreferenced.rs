@@ -1,7 +1,7 @@
 //!
 //! `karat unreferenced`: lists goldens that no test compares, and files that belong to no golden.
 //!
-//! It needs the record of a complete run that passed. Without such a record it gives no verdict.
+//! The command needs the record of a complete run that passed. Without this record, the command gives no verdict.
 
 mod facts;
 mod files;
@@ -51,7 +51,7 @@ struct Report {
     unreferenced: Vec<Golden>,
     /// The goldens of profiles that didn't run.
     unjudged: Vec<Golden>,
-    /// The goldens whose provenance doesn't match their image. A test compared them, or their profile didn't run.
+    /// The goldens with an image that doesn't match its provenance. Unreferenced goldens aren't in this list.
     doubtful: Vec<Doubt>,
     stray: Vec<Stray>,
     deleted: Vec<PathBuf>,
@@ -171,8 +171,7 @@ fn deletable(report: &Report) -> Vec<PathBuf> {
     all
 }
 
-/// Checks if the provenance in a file says that someone accepted it. Without provenance, the file may belong to another
-/// tool.
+/// Checks if a file has the provenance of an accepted golden. Without provenance, the file may belong to another tool.
 fn is_golden(file: &Path) -> bool {
     if Table::read(file).is_ok() {
         return true;

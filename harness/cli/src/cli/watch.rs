@@ -1,7 +1,7 @@
 //!
 //! `karat watch`: runs the tests of a project or of a folder of shaders again after each edit.
 //!
-//! Each path has a long-lived process that runs the tests beside the shaders, and keeps its devices, pipelines and
+//! Each path has a long-lived process that runs the tests beside the shaders, and keeps its GPU devices, pipelines and
 //! parsed modules. The process knows the shaders and files of every test, so it runs only the tests that an edit
 //! affects. An edit of a comment affects no test. If a process hangs or crashes, the screen says so, and the next edit
 //! starts another process. In a Cargo project, each path has a second process for the Rust tests.

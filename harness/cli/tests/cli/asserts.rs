@@ -1,4 +1,4 @@
-//! `//karat: print` and `//karat: assert` in a folder without Rust.
+//! Tests `//karat: print` and `//karat: assert` in a folder of shaders without Rust.
 
 use super::*;
 
@@ -33,7 +33,7 @@ fn folder(limit: &str) -> TempDir {
     folder
 }
 
-/// A call prints, a test that passes prints, and `karat tap` shows for all pixels the values that lines print.
+/// A call and a passing test print the values of `karat: print` lines. `karat tap` shows these values for all pixels.
 // Lesson 37
 #[test]
 fn print_comments_show_values_in_calls_tests_and_taps() {
@@ -55,7 +55,7 @@ fn print_comments_show_values_in_calls_tests_and_taps() {
     );
 }
 
-/// If no pixel reaches an assertion, `karat tap` shows nothing, and the frame's test reports it.
+/// If no pixel of a frame reaches an assertion, the frame's test names the assertion.
 // Lesson 213
 #[test]
 fn assertions_that_no_pixel_comes_to_are_named() {
@@ -72,7 +72,7 @@ fn assertions_that_no_pixel_comes_to_are_named() {
     assert!(!told.contains("reaches the assertion `(x < 5.0)`"), "{told}");
 }
 
-/// A false assertion fails a call, a sweep and a table. Before the failure, Karat shows the values that they print.
+/// A false assertion fails a call, a sweep and a table. Before the failure, Karat shows the printed values.
 // Lesson 37
 #[test]
 fn calls_fail_by_assertions() {

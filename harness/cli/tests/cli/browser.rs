@@ -1,4 +1,4 @@
-//! Tests `karat browser` with fake pages: a page that lies, a second page, and a page of another site.
+//! Tests `karat browser` with fake pages: a page that sends wrong replies, a second page, and a page of another site.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
@@ -59,7 +59,8 @@ impl Served {
         self.ask("POST", &format!("/{}/next", self.token), Some(&own), &said.to_string())
     }
 
-    /// Greets as a page, and answers each job by `answer` until no jobs are left. Returns the exit code and the output.
+    /// Acts as a page: sends the first message, and then a reply from `answer` to each job, until no jobs are left.
+    /// Returns the exit code and the output.
     fn answering(
         mut self,
         page: &str,
@@ -109,7 +110,7 @@ fn folder() -> TempDir {
     folder
 }
 
-/// A page of another site, a page without the secret, and a second page run nothing.
+/// A page of another site, a page without the secret, and a second page can't run jobs.
 // Lesson 208
 #[test]
 fn only_the_page_of_the_printed_url_can_run_jobs() {
@@ -145,7 +146,8 @@ fn only_the_page_of_the_printed_url_can_run_jobs() {
     assert!(matches!(first.0, 200 | 204), "{first:?}");
 }
 
-/// Tests fail if a reply is too short, belongs to another job or isn't a reply. They also fail if the page is closed.
+/// Tests fail if a reply is too short, belongs to another job or isn't a reply. The tests also fail if the page is
+/// closed.
 // Lesson 208
 #[test]
 fn wrong_answers_of_a_browser_page_fail_the_tests() {

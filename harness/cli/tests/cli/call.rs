@@ -26,7 +26,7 @@ fn lit() -> TempDir {
     folder
 }
 
-/// Mesa's drivers look for a window system, which CI doesn't have.
+/// Mesa's drivers look for a window system, which CI doesn't have. `karat call` prints no warning about this.
 #[test]
 fn drivers_do_not_complain() {
     let folder = tempfile::tempdir().expect("a folder");

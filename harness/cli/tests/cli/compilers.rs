@@ -27,7 +27,7 @@ fn last_line(text: &str) -> &str {
     text.lines().last().unwrap_or_default()
 }
 
-/// Each kind of error has its line and a remedy, in WGSL that naga accepts.
+/// For each kind of error that Tint finds and naga doesn't, Karat reports the line and a remedy.
 // Lesson 201
 #[test]
 fn errors_of_tint_have_a_place_and_a_remedy() {
@@ -164,7 +164,8 @@ fn each_command_that_validates_asks_tint() {
     }
 }
 
-/// Without Tint, each last line says so. A command that requires Tint fails, and says how to get Tint.
+/// Without Tint, the last line of each command says why Tint wasn't asked. A command that requires Tint fails, and says
+/// how to get Tint.
 // Lesson 203
 // Lesson 207
 #[test]
@@ -230,7 +231,7 @@ fn a_karat_tint_without_tint_is_reported_with_the_reason() {
     }
 }
 
-/// A package declares its native features. A declaration that no module needs is an error.
+/// A package must declare features that only wgpu has. It is an error to declare a feature that no module needs.
 // Lesson 204
 #[test]
 fn features_of_wgpu_alone_must_be_declared() {

@@ -210,7 +210,7 @@ fn tests_beside_a_file_are_named() {
     }
 }
 
-/// A failing test, a path that counts nothing, and a filter without matches give no figures.
+/// `karat coverage` fails if a test fails, if the path can't count lines, or if the filter matches no test.
 // Lesson 28: lines, branches and results that no test compares
 #[test]
 fn coverage_is_refused_if_tests_fail_or_none_runs() {

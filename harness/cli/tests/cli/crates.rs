@@ -151,7 +151,7 @@ fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     assert!(list("late").error().contains("cargo says:"));
 }
 
-/// If no project builds a crate, Cargo fetches it. Here a folder replaces crates.io.
+/// If no project builds a crate, Cargo fetches the crate. In this test, a folder replaces crates.io.
 // Lesson 34
 #[test]
 fn a_crate_at_a_version_needs_no_project() {

@@ -12,7 +12,8 @@ fn image(width: u32, height: u32, value: impl Fn(u32) -> f32) -> Image {
     Image::new(width, height, pixels.collect())
 }
 
-/// A folder of images: `a`, `same`, `near` (a drift of 4e-4), `hole`, `small`, `nan`.
+/// A folder of images: `a`, `same`, `near` (a drift of 4e-4), `hole` (some dark pixels), `small` (another size), `nan`,
+/// `mask`.
 fn images() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let ramp = |index: u32| 0.25 + (index % 48) as f32 / 64.0;
@@ -261,7 +262,8 @@ fn a_heatmap_replaces_no_input() {
     }
 }
 
-/// Karat writes a new file beside the old one and renames it. A reader of the old file still sees all of it.
+/// Karat writes a new file beside the old one and renames it. A program that is reading the old file can read it to its
+/// end.
 #[test]
 fn a_heatmap_is_written_whole() {
     let folder = images();

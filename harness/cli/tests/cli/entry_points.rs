@@ -49,7 +49,7 @@ fn an_entry_point_is_listed_and_called() {
     assert!(row.contains("m.wgsl:12") && row.contains(" 3 "), "{row}");
 }
 
-/// Discarding a pixel is a result. No value is visible for it.
+/// The result of a call says if the function discarded the pixel. A discarded pixel has no visible value.
 #[test]
 fn a_function_that_discards_is_called() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -298,7 +298,7 @@ in_range = [0, 9]
     assert!(ran.contains("1 accepted race"), "{ran}");
 }
 
-/// A shader increments a counter and appends elements. Their order differs between drivers.
+/// A shader increments a counter and appends elements. The order of the elements differs between drivers.
 #[test]
 fn appended_elements_are_compared_up_to_their_order() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -437,7 +437,8 @@ fn passes_before_the_last_one_are_tested_too() {
     assert!(of("other").contains("no"), "{list}");
 }
 
-/// WGSL requires a directive that naga doesn't know.
+/// A module with subgroups needs the line `enable subgroups;`, which naga doesn't know. Karat runs the module, and
+/// errors have the lines of the author's file.
 #[test]
 fn a_module_that_enables_subgroups_runs_with_its_own_lines() {
     let folder = tempfile::tempdir().expect("a temporary folder");

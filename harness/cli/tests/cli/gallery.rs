@@ -1,4 +1,4 @@
-//! Tests `karat render` in a project of its own. The command builds and runs the project's gallery.
+//! Tests `karat render` in a separate Cargo project. The command builds and runs the project's gallery.
 
 use std::path::Path as FilePath;
 use std::process::Command;

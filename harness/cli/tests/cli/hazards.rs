@@ -68,8 +68,8 @@ fn functions_that_are_not_valid_fail_a_run() {
     assert!(ran.out.contains("0 faults and 0 requirements in 1 function,"), "{ran:?}");
 }
 
-/// A requirement names the inputs that avoid the hazard, and fails a run that denies requirements. The report counts
-/// hazards that callers avoid and dropped values.
+/// A requirement names the inputs that avoid the hazard, and fails a run that denies requirements. The last line counts
+/// the hazards that callers avoid, and the hazards with a dropped result.
 // Lesson 97
 #[test]
 fn requirements_fail_a_run_that_denies_them() {

@@ -1,4 +1,5 @@
-//! Tests that Karat refuses, at its key, a check that does nothing or can't fail, and that it counts dropped values.
+//! Tests that Karat refuses a check that does nothing or can't fail, and reports the line of the check's key. Also
+//! tests that Karat counts dropped values.
 
 use super::*;
 

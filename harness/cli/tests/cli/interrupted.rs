@@ -1,4 +1,5 @@
-//! Tests an acceptance that was killed. Karat names the files that it leaves, deletes them, and isn't hindered by them.
+//! Tests an acceptance that was killed. Karat names and deletes the temporary files of this acceptance, and works in
+//! spite of these files.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -23,7 +24,7 @@ fn differing(golden: &FilePath, value: f32, compared_with: &str) -> PathBuf {
 
 const ACCEPT: [&str; 4] = ["accept", "scene", "--because", "why"];
 
-/// A project with a golden `scene` that agrees.
+/// A project with an accepted golden `scene`, and the record of a run in which the frame agreed with this golden.
 fn with_golden() -> (TempDir, PathBuf) {
     let project = project();
     let golden = project.path().join("golden");
@@ -46,7 +47,7 @@ fn files(folder: &FilePath) -> Vec<String> {
     names
 }
 
-/// Names of files between writing and renaming. No process has these numbers.
+/// Names of temporary files that Karat writes before it renames them. The number 4194999 is larger than any process id.
 const LEFTOVERS: [&str; 3] =
     ["scene.exr.4194999-0.tmp", "scene.toml.4194999-1.tmp", "room.new.exr.4194999-12.tmp"];
 

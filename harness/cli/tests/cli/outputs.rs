@@ -69,7 +69,8 @@ fn a_report_replaces_no_record() {
     karat(folder, &["report", "--record", "run", "--junit", "run/junit.xml"]).good();
 }
 
-/// Karat writes a new file beside the old one and renames it. A reader of the old file still sees all of it.
+/// Karat writes a new file beside the old one and renames it. A program that is reading the old file can read it to its
+/// end.
 // Lesson 59
 #[test]
 fn every_output_is_written_whole() {
@@ -123,7 +124,8 @@ fn a_full_disk_leaves_the_table_of_before() {
     assert_eq!(kept, "of the run before");
 }
 
-/// If the output file is a device such as `/dev/stdout`, a pipe or a link, Karat writes through it and keeps it.
+/// If the output file is a pipe, a link or a device file such as `/dev/stdout`, Karat writes into this file, and
+/// doesn't replace it by a new file.
 // Lesson 59
 #[cfg(unix)]
 #[test]

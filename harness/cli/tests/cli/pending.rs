@@ -447,8 +447,8 @@ fn frames_of_one_name_are_named_by_their_crates() {
     assert_eq!(own, "rejected dusk\nrejected own-0\nrejected own-1\n");
 }
 
-/// The provenance of a frame from another machine names its folder. Karat trusts this folder as little as the frame's
-/// name.
+/// The provenance of a frame from another machine names a folder of goldens. Karat refuses a folder that isn't in the
+/// project.
 // Lesson 179
 #[test]
 fn a_frame_that_belongs_outside_of_the_project_is_refused() {

@@ -95,7 +95,7 @@ fn a_closed_pipe_does_not_stop_a_command() {
     assert!(folder.join("flip.png").is_file());
 }
 
-/// In a shell's pipe, the reader ends after the first line, or at once.
+/// The exit code is the same if the reader of a shell's pipe ends after the first line, or at once.
 // Lesson 57
 #[cfg(unix)]
 #[test]

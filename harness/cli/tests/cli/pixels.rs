@@ -33,7 +33,7 @@ fn folder() -> TempDir {
     folder
 }
 
-/// Runs a command on Vulkan. It writes images into a folder.
+/// Runs a command on Vulkan. The command writes images into a folder.
 fn on_vulkan(folder: &Path, words: &[&str]) -> Ran {
     let out = format!("--out={}", folder.join("out").display());
     let mut all = words.to_vec();

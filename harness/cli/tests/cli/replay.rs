@@ -3,7 +3,7 @@
 use super::report::function;
 use super::*;
 
-/// A failing check. Its message has two cases on one path, and one case on another path.
+/// The record of a failing check. The check's message has two cases on one path, and one case on another path.
 fn failing(name: &str) -> String {
     let message = format!(
         "error: `{name}` fails\n\non vulkan: x\n  worst\n  replay: KARAT_CASE={name}/agrees_with/3 cargo test a\n  \

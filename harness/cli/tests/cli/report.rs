@@ -254,7 +254,8 @@ fn junit_names_the_pictures_of_a_frame_that_fails() {
     assert_eq!(text.matches("ATTACHMENT").count(), 3, "only of the frame that fails: {text}");
 }
 
-/// The first line, which readers show, distinguishes the failures of one adapter.
+/// Many programs show only the first line of a failure. This line doesn't name the adapter, so that failures on one
+/// adapter have different first lines.
 #[test]
 fn the_first_line_of_a_failure_leaves_out_the_adapter() {
     let project = project();
@@ -380,7 +381,7 @@ fn github_gets_annotations_a_summary_and_pictures() {
     assert!(karat(project.path(), &["report", "--github"]).out.contains("::error"));
 }
 
-/// A pending frame may come from another run.
+/// A report has a picture of a pending frame only if the reported run wrote this frame.
 #[test]
 fn pictures_are_of_the_run_that_is_reported() {
     let (project, _) = run();
@@ -613,8 +614,8 @@ fn a_run_says_what_it_left_out_and_writes_its_reports() {
     assert!(!folder.join("junit.xml").exists());
 }
 
-/// If one test makes several checks with one verb, each check has its own case: readers show only the first of cases
-/// with the same name.
+/// If one test makes several checks with one verb, each check has a test case with a distinct name: many programs show
+/// only the first test case of a name.
 // Lesson 182
 #[test]
 fn junit_has_no_two_cases_of_one_name() {
@@ -683,7 +684,8 @@ fn no_closing_line_contradicts_its_run() {
     }
 }
 
-/// A runner that stops at a failure leaves out tests. The reports of this part and of the merged run say so.
+/// A runner that stops at a failure leaves out tests. The report of this part of the run and the report of the merged
+/// run say that tests are missing.
 // Lesson 183
 #[cfg(unix)]
 #[test]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::report::{frame, function};
 use super::*;
 
-/// A project with a record of these lines, in one folder or in several.
+/// A project with a record. Each part has its lines in a folder of its own.
 fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     let project = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(project.path().join("Cargo.toml"), "[workspace]\n").expect("written");
@@ -18,7 +18,8 @@ fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     (project, folders)
 }
 
-/// A check of `name` in the test `test`, with errors. If the check fails, it has their positions.
+/// A record of a check of the function `name` in the test `test`, with the distribution of its errors. The record of a
+/// failing check also has the data of a plot.
 fn check(name: &str, test: &str, verdict: &str) -> String {
     let message =
         (verdict == "fail").then_some("error: `f` fails\n  replay: KARAT_SEED=1 cargo test");

@@ -170,7 +170,8 @@ fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
     assert_eq!(runs.folders().len(), 1);
 }
 
-/// The output names Rust tests that pass without comparing anything. It reports a failing build as a failing build.
+/// The output names Rust tests that pass without comparing anything. If the build fails, the error says that no test
+/// ran.
 #[test]
 fn tests_without_a_check_and_broken_builds_are_named() {
     let project = project();

@@ -11,7 +11,7 @@ const FAILS: &str =
 const WORKSPACE: &str = "[workspace]\nmembers = [\"crates/*\"]\n";
 const MEMBER: &str = "[package]\nname = \"engine\"\nversion = \"0.1.0\"\nedition = \"2024\"\n";
 
-/// All commands that look for tests. The project's `cargo test` prints nothing.
+/// All commands that look for tests.
 const COMMANDS: [&[&str]; 5] = [
     &["test", "--paths", "cpu"],
     &["watch", "--once", "--paths", "cpu"],
@@ -24,7 +24,7 @@ fn run(folder: &FilePath, arguments: &[&str]) -> Ran {
     output(command(folder, arguments).env("CARGO", "true"))
 }
 
-/// A project with its shaders in a folder.
+/// A project with these manifests, and with these files in the folder that `shaders` names.
 fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (file, text) in manifests {
@@ -136,8 +136,8 @@ fn tests_beside_shaders_that_rust_tests_use_are_run() {
     assert!(run(path, &["list"]).good().contains("a::half"));
 }
 
-/// A folder `shaders` that nothing names, uses or tests fails no run, and not `karat watch`. `karat check` validates
-/// it.
+/// If a folder `shaders` has no tests, and no manifest and no test uses it, its modules don't make `karat test` or
+/// `karat watch` fail. `karat check` validates the folder.
 // Lesson 187
 #[test]
 fn a_folder_that_no_test_uses_fails_no_run() {
@@ -151,7 +151,7 @@ fn a_folder_that_no_test_uses_fails_no_run() {
     assert_eq!(run(folder.path(), &["check"]).code, Some(1));
 }
 
-/// A folder with a module that runs may also contain tests, for any name of the folder.
+/// Karat runs the tests beside a module, for any name of their folder.
 // Lesson 187
 #[test]
 fn each_folder_of_modules_has_its_tests() {
@@ -163,7 +163,7 @@ fn each_folder_of_modules_has_its_tests() {
     }
 }
 
-/// Shaders are found in the folder `shaders`, with and without its own manifest.
+/// Karat finds shaders in the folder `shaders`, with and without a karat.toml in this folder.
 // Lesson 187
 #[test]
 fn the_folder_shaders_is_found_by_every_command() {
@@ -211,7 +211,7 @@ fn tests_outside_of_shaders_are_reported() {
 }
 
 /// Every command reports a file that declares tests outside of `shaders`, or has `@test` there, with and without a
-/// karat.toml. Inside of `shaders`, no command reports it.
+/// karat.toml. If the file is inside of `shaders`, no command reports the file.
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in

@@ -484,7 +484,8 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
     assert!(ran.out.lines().any(sound), "{ran:?}");
 }
 
-/// Any number of values exactly at their bounds passes. Karat doesn't count cases that evaluate nothing.
+/// A test passes even if all its values are exactly at their bounds. Karat doesn't count cases that evaluate no
+/// expectation.
 // Lesson 105
 #[test]
 fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
@@ -845,7 +846,7 @@ fn a_reference_function_may_lack_the_override_that_a_test_sets() {
     assert!(unknown.out.contains("did you mean `GAIN`?"), "{unknown:?}");
 }
 
-/// Runs this program's own tests and records them. `karat test` hides this other runner.
+/// Runs `karat record` with `karat suite` as the test runner.
 fn recorded(folder: &FilePath, options: &[&str], tests: &[&str]) -> Ran {
     let runner = env!("CARGO_BIN_EXE_karat");
     let arguments = [&["record"], options, &["--", runner, "suite", "."], tests].concat();
@@ -940,7 +941,8 @@ fn integers_have_no_tolerance() {
     assert!(!failed.out.contains("anything"), "{failed:?}");
 }
 
-/// Under every key, `0.3` is the number that WGSL reads, and every key detects a fault.
+/// Karat rounds `0.3` under every key to the same number as WGSL does, and each check fails if the shader uses the next
+/// number.
 // Lesson 170
 #[test]
 fn declared_decimals_are_rounded_as_in_wgsl() {

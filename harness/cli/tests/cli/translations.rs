@@ -157,7 +157,7 @@ fn the_matrix_says_how_far_each_row_gets() {
     assert!(!text.contains("frame::"), "{text}");
 }
 
-/// A route is a path, so a call runs on it.
+/// A route belongs to a path, such as `vulkan:glsl`, so a function can be called on each route.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_function_can_be_called_on_each_translation_route() {
@@ -329,7 +329,7 @@ fn the_matrix_looks_for_a_content_that_a_pass_changes() {
     }
 }
 
-/// Drivers choose the level of detail themselves. Karat compares only results that don't depend on it.
+/// Drivers choose the mip level themselves. Karat compares only results that don't depend on the mip level.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -425,7 +425,8 @@ fn a_panic_of_naga_is_a_finding() {
     assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
 }
 
-/// A shader with accesses outside of arrays, vectors and textures. Drivers clamp, read 0, or do something else.
+/// A shader with accesses outside of arrays, vectors and textures. For an access outside, a driver clamps the index,
+/// reads 0, or does something else.
 #[cfg(target_os = "linux")]
 const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
     fn element(c: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[c % 4u]; }\n\
@@ -744,8 +745,8 @@ fn a_matrix_without_evidence_fails() {
     assert_eq!(matrix(&[&columns[..], &required].concat()).code, Some(1));
 }
 
-/// In a row on a path that tests ran, the tests' verdict decides. A verdict on another version of the module has no
-/// effect.
+/// If tests checked the function of a row on the path of a column, the verdict of these tests decides. A verdict on
+/// another version of the module has no effect.
 // Lesson 113
 #[cfg(target_os = "linux")]
 #[test]

@@ -234,8 +234,8 @@ fn tests_of_a_killed_process_are_named() {
     assert!(failed.contains("stays_within") && failed.contains("1 check, 0 failed"), "{failed}");
 }
 
-/// Commands without a folder use the last tested folder, for any name of the folder. They print file names relative to
-/// the current folder.
+/// Commands without a folder use the last tested folder, for any name of the folder. These commands print file names
+/// relative to the working directory.
 #[test]
 fn report_and_replay_find_the_last_tested_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
@@ -264,7 +264,7 @@ fn exact_names_are_exact() {
     assert!(near.contains("none of 1 test is called `in_range`"), "{near}");
 }
 
-/// A golden of values has other rows. No case fails, and the table shows the failure.
+/// If a golden of values has other rows than the test, no case fails, but the table shows the failure.
 #[test]
 fn a_golden_with_other_rows_fails_in_the_table() {
     let golden = "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\ncases = 20\ngolden = \"f\"\n\

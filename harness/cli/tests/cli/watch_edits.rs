@@ -55,7 +55,7 @@ use Edit::{Name, Text};
 const RUN: &str = "@compute @workgroup_size(4) fn run";
 const VS: &str = "-> @builtin(position) vec4f";
 
-/// Five edits of each of ten kinds. Each edit makes the package invalid, at any position.
+/// Ten kinds of edits, with five edits of each kind. Each edit makes any of the packages invalid.
 const INVALID: [(&str, [Edit; 5]); 10] = [
     (
         "unknown name",
@@ -167,7 +167,7 @@ const INVALID: [(&str, [Edit; 5]); 10] = [
     ),
 ];
 
-/// As many edits that don't change the meaning, or that no test detects.
+/// Fifty edits after which the tests still pass: an edit doesn't change the meaning, or no test detects the change.
 const VALID: [Edit; 50] = [
     Text("lib.wgsl", "fn idle", "// idle\nfn idle"),
     Text("lib.wgsl", "fn idle", "fn more(x: f32) -> f32 { return -x; }\nfn idle"),

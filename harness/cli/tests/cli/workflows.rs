@@ -151,7 +151,7 @@ const GOOD: &str = "import karat::expect_near;\n\
     fn half(x: f32) -> f32 { return 0.5 * x; }\n\
     @test fn half_of_two() { expect_near(half(2.0), 1.0, 1e-6); }\n";
 
-/// Runs a script as a runner does, with `karat` in the folder of the step before.
+/// Returns a command that runs a script as a CI runner does, with the tested `karat` in `PATH`.
 fn runner(script: &str, folder: &FilePath) -> Command {
     let mut command = command(folder, &[]);
     let karat = FilePath::new(env!("CARGO_BIN_EXE_karat")).parent().expect("a folder").to_owned();
@@ -246,7 +246,8 @@ fn the_line_of_the_template_runs_tests() {
     assert!(text.contains("file=\"engine/my_shaders/a.wgsl\" line=\"3\""), "{text}");
 }
 
-/// Unverified jobs say so and fail no run. Verified jobs fail the run.
+/// A failure of the CI job `elsewhere`, which isn't verified, doesn't make the run fail. A failure of any other job
+/// makes the run fail.
 #[test]
 fn only_unverified_ci_jobs_may_fail() {
     let workflow = read(".github/workflows/ci.yml");

@@ -1,5 +1,5 @@
-//! Tests `karat lsp` as an editor uses it, through two pipes. The tests frame and read messages with their own code, so
-//! that they don't repeat a mistake of the server.
+//! Tests `karat lsp` as an editor uses it, through two pipes. The tests write and parse messages with their own code,
+//! so that a mistake of the server's code isn't repeated in the tests.
 
 mod editor;
 mod failing;

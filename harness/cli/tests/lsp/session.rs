@@ -81,7 +81,8 @@ fn garbage_ends_no_session() {
     assert_eq!(editor.end(), Some(0));
 }
 
-/// The folder has no shaders or doesn't exist, or the project is unreadable.
+/// If the folder has no shaders or doesn't exist, or if the project is unreadable, the server shows no lenses, and the
+/// session continues.
 #[test]
 fn folders_without_shaders_are_silent() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -29,7 +29,7 @@ static SHARED: Mutex<Weak<Process>> = Mutex::new(Weak::new());
 /// A browser that reaches only this machine, with its own tabs and storage.
 pub(crate) struct Browser {
     _process: Arc<Process>,
-    /// The profile of this test. Other tests don't see it.
+    /// The browser profile of this test. Other tests don't use this profile.
     context: String,
     socket: WebSocket<TcpStream>,
     calls: u64,

@@ -190,7 +190,7 @@ fn noise_has_few_outlines() {
     assert_eq!(browser.value(&tab, label), json!(["Golden", "Actual"]));
 }
 
-/// The page outlines neither masked pixels nor pixels that only the margin's tolerance rejects.
+/// The page outlines no pixels outside of the mask, and no pixels with a difference within the gate's tolerance.
 #[test]
 fn masked_pixels_do_not_fail() {
     let project = Project::new();

@@ -252,7 +252,7 @@ fn a_frame_of_another_profile_becomes_its_golden() {
     assert_eq!(facts(&project, "zebra").0, other);
 }
 
-/// The list shows an unreadable file with the reason. The other frames can be reviewed.
+/// The list of frames shows an unreadable file with the reason. A person can still review the other frames.
 #[test]
 fn a_file_that_cannot_be_used_is_shown_with_its_reason() {
     let project = Project::with_tiny();

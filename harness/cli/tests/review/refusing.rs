@@ -1,4 +1,5 @@
-//! Tests the server without a browser: it refuses strangers, and reading changes no file.
+//! Tests the server without a browser: the server refuses requests that don't come from its own page, and no refused or
+//! reading request changes a file.
 
 use serde_json::json;
 

@@ -170,8 +170,8 @@ fn changes_since_the_golden_are_shown() {
     assert!(browser.text(&tab, "#modules").contains("the golden isn't committed"));
 }
 
-/// Golden and frame store the hashes of the modules that drew them. So the golden needn't be committed, and other
-/// commits don't count.
+/// Golden and frame store the hashes of the modules that drew them. Karat compares these hashes, so the golden needn't
+/// be committed, and commits of other files have no effect.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn modules_that_changed_are_known_by_their_hashes() {
@@ -395,7 +395,7 @@ fn older_versions_leave_a_report_small() {
     browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out to keep this report small')");
 }
 
-/// The page's header names declared facts that changed.
+/// If a fact that the test declares has changed, the page's header shows the old and the new value.
 #[test]
 fn declared_facts_that_changed_are_in_the_header() {
     let project = Project::new();

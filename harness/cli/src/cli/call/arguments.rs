@@ -134,7 +134,7 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
     Ok(found.into_iter().flatten().collect())
 }
 
-/// Returns a value of a type in JSON: `{"roughness": 0, "f0": [0, 0, 0]}`.
+/// Returns an example value of a type, as JSON: `{"roughness": 0, "f0": [0, 0, 0]}`.
 fn example(shape: &Shape) -> String {
     let list = |one: String, count: usize| format!("[{}]", vec![one; count].join(", "));
     match shape {

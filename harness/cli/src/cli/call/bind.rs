@@ -37,7 +37,7 @@ pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<Str
     Ok(all)
 }
 
-/// Returns the values of overrides. It is an error if no package has an override of that name: the name may be
+/// Parses values of overrides. Returns an error if no package has an override with a given name: the name may be
 /// misspelt.
 pub(in crate::cli) fn overrides_in(
     packages: &[Package],

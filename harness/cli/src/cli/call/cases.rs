@@ -115,7 +115,7 @@ impl Given {
     }
 }
 
-/// Returns the results of each path. If a path fails, the others still run. It is an error if all paths fail.
+/// Returns the results of each path. If a path fails, the other paths still run. If all paths fail, returns an error.
 pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Result<Given> {
     let steps = (rows.len() * request.paths.len()) as u64;
     let bar = ProgressBar::new(steps).with_style(
@@ -159,7 +159,7 @@ fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
     }
 }
 
-/// Formats an expected value. A value that is an `f32` gets the digits of an `f32`.
+/// Formats an expected value. If an `f32` has exactly this value, formats it with as few digits as an `f32` needs.
 fn wanted(scalar: Scalar, value: f64) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "it is compared")]
     let single = value as f32;
@@ -400,7 +400,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     let mut text = String::new();
     let mut length = announced;
     if announced <= LONGEST {
-        // A device or a pipe has no known size, and may have no end.
+        // A pipe or a device file has no known size, and may have no end.
         length = file.take(LONGEST + 1).read_to_string(&mut text).with_context(failed)? as u64;
     }
     ensure!(
@@ -411,7 +411,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Checks if a cell of a table's first row is a name: it isn't a value of any type.
+/// Checks if a cell of a table's first row is a name, and neither a number nor a boolean.
 fn is_name(word: &str) -> bool {
     word.parse::<f64>().is_err() && word.parse::<bool>().is_err()
 }

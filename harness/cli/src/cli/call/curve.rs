@@ -10,13 +10,13 @@ use plotters::prelude::*;
 
 use crate::cli::terminal::{self, Size};
 
-/// A component of the result, on one path.
+/// The values of one component of the results, on one path.
 pub(super) struct Curve {
     pub(super) name: String,
     pub(super) points: Vec<(f64, f64)>,
 }
 
-/// The number of columns that stay free to the left of a curve in a terminal, and the number of lines below the curve.
+/// The number of columns to the left of a curve in a terminal that the curve leaves free.
 const BESIDE: usize = 15;
 const BELOW: usize = 6;
 /// The width of a curve in characters, if there is no terminal.

@@ -102,7 +102,8 @@ fn class(line: &Line<'_>) -> &'static str {
     }
 }
 
-/// Shows the sides of a line's branches, and the tests that run the line, each with its first input.
+/// Shows the sides of a line's branches with their counts, and the tests that run the line, each test with its first
+/// input.
 fn who(line: &Line<'_>) -> Markup {
     let came = line.seen.iter().max_by_key(|seen| seen.tests.len());
     let tests = came.map(|seen| &seen.tests);

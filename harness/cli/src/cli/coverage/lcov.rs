@@ -21,7 +21,7 @@ pub(super) fn written(union: &Union) -> String {
     text
 }
 
-/// Adds the record of a test and a file. If the test is `None`, the record has all lines with a count of 0.
+/// Adds the record of one file, with the counts of one test. If the test is `None`, all counts are 0.
 fn record(text: &mut String, file: &Path, own: &File, test: Option<&String>) {
     let count = |seen: &Seen| test.and_then(|test| seen.tests.get(test)).map_or(0, |own| own.count);
     // LCOV allows only letters, digits and `_` in the name of a test.

@@ -1,4 +1,4 @@
-//! The sum of the lines that all tests ran, by files.
+//! The coverage of all tests together, for each file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -27,7 +27,8 @@ pub(super) struct Seen {
     pub(super) sum: Counted,
     /// `true` if a path that doesn't count statements ran the statement.
     unmeasured: bool,
-    /// The tests that ran the statement. Each has a count, the first input, and the sides of branches that it took.
+    /// The tests that ran the statement. Each test has the number of runs, its first input, and the number of times
+    /// that it took each side of a branch.
     pub(super) tests: BTreeMap<String, Came>,
     variants: BTreeSet<String>,
 }
@@ -45,14 +46,14 @@ pub(super) struct Came {
 pub(super) struct Line<'u> {
     /// The number of times that the line ran.
     pub(super) count: u64,
-    /// `false` if only frames and drivers run it.
+    /// `false` if only frames and drivers run the line.
     pub(super) measured: bool,
     /// `true` if the line runs, but no checked value depends on it.
     pub(super) weak: bool,
     pub(super) seen: Vec<&'u Seen>,
 }
 
-/// The numbers of lines, of branch sides and of functions: how many there are, and how many of them ran.
+/// The number of lines, of sides of branches and of functions, and the number of each that the tests ran.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub(super) struct Sum {
     pub(super) lines: usize,
@@ -143,7 +144,8 @@ impl Union {
         self.files.values().fold(Sum::default(), |sum, file| sum.and(file.sum()))
     }
 
-    /// Returns each variant with two numbers: the lines that ran under it, and the lines that ran only under it.
+    /// Returns each variant with two numbers: the lines that ran in this variant, and the lines that ran in no other
+    /// variant.
     pub(super) fn variants(&self) -> Vec<(&str, usize, usize)> {
         let mut known: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
         for line in self.files.values().flat_map(|file| file.lines().into_values()) {
@@ -210,7 +212,8 @@ impl File {
         lines
     }
 
-    /// Returns the measured branches. The sides of a `select` whose value isn't used are unknown.
+    /// Returns the measured branches, without each `select` with an unused value: Karat doesn't know which side was
+    /// used.
     pub(super) fn branches(&self) -> impl Iterator<Item = &Seen> {
         self.statements.values().filter(|seen| {
             let is_idle = seen.sum.kind == CountedKind::Select && !seen.sum.needed;
@@ -245,8 +248,8 @@ impl File {
         }
     }
 
-    /// Returns the gaps, in the order of their lines. Each has its first and last line, a description, and `true` if a
-    /// test could run more.
+    /// Returns the gaps, in the order of their lines. Each gap has its first and last line, a description, and a flag
+    /// that is `true` if a test could run this code.
     pub(super) fn missing(&self) -> Vec<([usize; 2], String, bool)> {
         let mut all: Vec<([usize; 2], String, bool)> = Vec::new();
         let mut add = |line: usize, why: String, is_gap: bool| match all.last_mut() {

@@ -15,7 +15,7 @@ use serde::{Serialize, Serializer};
 /// Different sets of primaries are further apart.
 const SAME_PRIMARY: f32 = 5e-4;
 
-/// The bounds of the difference.
+/// The largest differences that `karat diff` accepts.
 #[derive(Clone, Debug)]
 pub(super) struct Bounds {
     gate: Gate,
@@ -25,8 +25,8 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Returns the bounds. Without options, these are the bounds of frames. If only a relative bound is given, FLIP has
-    /// no bounds.
+    /// Returns the bounds that the options set. Without options, returns the default bounds of frames. If only a
+    /// relative bound is given, FLIP has no bounds.
     pub(super) fn new(rel: Option<f64>, flip_tile: Option<f64>, flip_mean: Option<f64>) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "checked when it was parsed")]
         let relative = rel.map_or(DEFAULT_RELATIVE, |rel| rel as f32);
@@ -107,12 +107,12 @@ pub(super) enum Reason {
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct GateResult {
     pub(super) relative: f32,
-    /// The number of pixels above the bound.
+    /// The number of pixels with a difference above the bound.
     pub(super) off: usize,
     #[serde(serialize_with = "rect")]
     pub(super) bounds: Option<Rect>,
     pub(super) worst: Option<Worst>,
-    /// The percentages of pixels above 1, 10, 100 and 1000 times the bound.
+    /// The percentages of pixels with a difference above 1, 10, 100 and 1000 times the bound.
     pub(super) sweep: [f32; 4],
 }
 
@@ -129,7 +129,7 @@ pub(super) struct Worst {
 
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct FlipResult {
-    /// The largest mean of a tile. It is `null` in JSON if FLIP can't measure the difference.
+    /// The mean error of the worst tile. It is `null` in JSON if FLIP can't measure the difference.
     pub(super) largest_tile: f64,
     #[serde(serialize_with = "rect")]
     pub(super) tile: Option<Rect>,
@@ -227,7 +227,7 @@ impl Comparison {
         }
     }
 
-    /// Checks if the files name different primaries. Then equal values are different colours.
+    /// Checks if the files name different primaries. With different primaries, equal values are different colours.
     pub(super) fn of_other_primaries(&self) -> bool {
         let mut pairs = self.a.chromaticities.iter().zip(&self.b.chromaticities);
         !pairs.all(|(a, b)| (a - b).abs() <= SAME_PRIMARY)

@@ -18,16 +18,18 @@ use super::super::project::Project;
 use super::super::table::{BAD, DIM, GOOD, HEAD};
 use super::super::{Ending, Outcome, write_json};
 
-/// The largest number of rounds that add lines. Several rounds are needed because one error of a module hides the next.
+/// The largest number of times that Karat validates the modules and adds lines. Once isn't enough, because the first
+/// error of a module hides its other errors.
 const ROUNDS: usize = 32;
 
-/// The largest number of modules with a line of output each. More wouldn't fit on a screen.
+/// The largest number of modules that the output lists. More lines wouldn't fit on a screen.
 const TOLD: usize = 12;
 
 /// The remark on a value that only the user's game engine knows.
 const MADE_UP: &str = "invented value: write the value that your game engine sets";
 
-/// The value for a feature with an unknown number. An array of 4 elements is small.
+/// The value of a feature that needs a number, if Karat doesn't know the number. The number may be the length of an
+/// array, and an array of 4 elements is small.
 const FEATURE: &str = "4";
 
 /// The value for a placeholder. Most placeholders are sizes of workgroups.
@@ -165,7 +167,8 @@ impl<'p> Trial<'p> {
         Ok(Self { package, file, text, table, modules, lines: Vec::new() })
     }
 
-    /// Returns the file's text with new lines. Their line ends are those of the file.
+    /// Returns the file's text with these lines added. The added lines have the same line ends (LF or CRLF) as the
+    /// file.
     fn with(&self, lines: &[Line]) -> String {
         let is_windows = self.text.contains("\r\n");
         let mut text = self.text.replace("\r\n", "\n");
@@ -257,7 +260,8 @@ impl<'p> Trial<'p> {
             .collect()
     }
 
-    /// Adds lines until errors ask for no new ones. Returns the lines that don't fit into the file.
+    /// Adds the lines that errors ask for, until errors ask for no further lines. Returns the lines that don't fit into
+    /// the file.
     fn mend(&mut self) -> Vec<Line> {
         let mut tried: BTreeSet<String> = BTreeSet::new();
         let mut by_hand = Vec::new();

@@ -14,7 +14,7 @@ const CRATES: [(&str, i64, &str); 3] = [
 #[derive(Debug, PartialEq, Eq, Serialize)]
 pub(in crate::cli) struct Unoptimised {
     pub(in crate::cli) name: &'static str,
-    /// The level that the project's profile sets.
+    /// The optimisation level that the project's profile sets.
     pub(in crate::cli) level: i64,
     pub(in crate::cli) recommended: i64,
     pub(in crate::cli) about: &'static str,

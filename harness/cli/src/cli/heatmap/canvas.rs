@@ -1,4 +1,4 @@
-//! An image of 8-bit colours, and the numbers in it.
+//! An image of 8-bit colours, into which Karat draws pixels, rectangles and numbers.
 
 /// The colour of the background. It differs from both ends of the colour scale of errors.
 const GROUND: [u8; 3] = [56, 56, 56];

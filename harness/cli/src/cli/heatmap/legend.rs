@@ -10,14 +10,16 @@ const INK: [u8; 3] = [230, 230, 230];
 const MARGIN: u32 = 4;
 const BAR: u32 = 8;
 const TICK: u32 = 3;
-/// The number of pixels on each side of a glyph's dot. Glyphs of three by five pixels would be hard to read.
+/// The width and height of a glyph's dot, in units. A glyph has 3 by 5 dots, and would be hard to read with dots of one
+/// unit.
 const DOT: u32 = 2;
 /// The widest image, in pixels, whose legend has a unit of one pixel. In wider images the unit grows, because people
 /// view them scaled down.
 const UNIT: u32 = 960;
 /// The width of a bar that has room for [`PARTS`] numbers, in units.
 const WIDE: u32 = 300;
-/// The number of parts of a wide bar. A fifth of 1, 2 or 5 has at most as many digits as a half.
+/// The number of parts of a wide bar. The last number begins with the digit 1, 2 or 5, and a fifth of such a number has
+/// few digits.
 const PARTS: u32 = 5;
 /// The width of the shortest bar in units.
 const SHORT: u32 = 60;
@@ -27,7 +29,8 @@ const SHORT: u32 = 60;
 pub(super) struct Legend {
     /// The number of pixels per unit.
     unit: u32,
-    /// The distance from the left edge of the image to the bar, in pixels. It has room for half a number.
+    /// The distance from the left edge of the image to the bar, in pixels. The left half of the bar's first number fits
+    /// into this distance.
     left: u32,
     /// The width of the bar in pixels.
     bar: u32,

@@ -6,7 +6,7 @@ use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage, Texels, T
 use karat::unstable::value::{Scalar, Shape};
 use karat_inspect::Usual;
 
-/// The smallest number of elements of an array without a length.
+/// The smallest number of elements that the test gives to an array without a length.
 const LEAST: u32 = 64;
 
 /// The largest length of an array that a test lists element by element.
@@ -117,8 +117,8 @@ fn range(element: &Shape) -> Option<&'static str> {
     })
 }
 
-/// Returns a value of a type. For an integer, the name decides if the value comes from the dispatch. Other integers get
-/// the usual value.
+/// Returns a value of a type. If the name of an integer suggests a size of the dispatch, such as `width`, the integer
+/// gets this size. Other integers get `count`.
 fn value(shape: &Shape, name: &str, (usual, count): (&Usual, u32)) -> Option<String> {
     let number = |lane, lanes| {
         let own = usual.number(name, lane, lanes);

@@ -89,7 +89,7 @@ impl<'r> Records<'r> {
     }
 }
 
-/// The state of the package, without its records.
+/// The verdicts on a package, and the state of its runs.
 pub(super) struct Known<'k> {
     pub(super) verdicts: &'k Verdicts,
     /// `true` while tests run.

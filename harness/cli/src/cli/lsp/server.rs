@@ -295,7 +295,7 @@ impl Server {
         }
     }
 
-    /// Runs the tests that changed files in some packages affect.
+    /// Runs the tests that edits affect, in the packages for which `is_concerned` returns `true`.
     fn changed(&mut self, is_concerned: impl Fn(&Path) -> bool) {
         self.find_packages();
         for package in self.roots.iter().flat_map(|root| &root.packages) {

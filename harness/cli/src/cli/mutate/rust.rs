@@ -37,8 +37,8 @@ pub(super) struct RustTests {
     found: BTreeMap<String, Vec<PathRecord>>,
     /// The time limit of a test program with a mutant.
     limit: Duration,
-    /// Tests that fail even without a mutant, and not because of a check. An example is a test that draws a frame, on
-    /// the engine. Such tests can't judge mutants.
+    /// Tests that fail even without a mutant, and not because of a check. An example is a test that draws a frame, if
+    /// the tests run on the path `cpu`. Such tests can't judge mutants.
     pub(super) unfit: Vec<String>,
     /// The lock that lets only one test program run at a time, because each test program uses all cores.
     turn: Mutex<()>,

@@ -6,11 +6,11 @@ use std::path::{Component, Path, PathBuf};
 use anyhow::Context;
 use toml::{Table, Value};
 
-/// The tables of dependencies. Each platform may have such tables, too.
+/// The tables of dependencies in a manifest. A `[target]` may contain such tables, too.
 const DEPENDENCIES: [&str; 3] = ["dependencies", "dev-dependencies", "build-dependencies"];
 
 /// Returns the folders of a workspace's members below its root, each with its manifest. Members are the listed folders,
-/// and those that the root or a member depends on by a path.
+/// and the folders that the root or another member has as path dependencies.
 pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathBuf, Table>> {
     let mut found = BTreeMap::new();
     let Some(workspace) = manifest.get("workspace") else { return Ok(found) };

@@ -12,9 +12,9 @@ use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, X
 use super::{Names, Sum, facts, failing, pictures, place, relative, replays, workspace};
 use crate::cli::project::Project;
 
-/// Returns the XML text, with the time of each check and the sums of the times. A run takes less than the sum, because
-/// checks run in parallel. A test that failed outside of Karat's checks gets an own case, so that the run counts as
-/// failed.
+/// Returns the XML text, with the time of each check and the sums of the times. A run takes less time than the sum,
+/// because checks run in parallel. A test that failed outside of Karat's checks gets a test case of its own, so that
+/// the run counts as failed.
 pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::Result<String> {
     let names = Names::of(records);
     let mut unique = Unique::default();
@@ -140,7 +140,8 @@ fn is_guilty(path: &PathRecord, record: &Record) -> bool {
     guilty(path) || !record.paths.iter().any(guilty)
 }
 
-/// Returns the details of a failure on this path. A failure without a path has its first replay command.
+/// Returns the details of a failure on this path. If the record has no details for this path, returns only the first
+/// replay command.
 fn facts_on(record: &Record, path: Option<&PathRecord>) -> Vec<String> {
     let faults = || record.details.iter().flat_map(|details| &details.paths);
     let is_own =

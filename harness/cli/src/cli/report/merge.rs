@@ -1,4 +1,4 @@
-//! Merging the records of several parts of a run.
+//! Functions that merge the records of several parts of a run.
 
 use std::cmp::Reverse;
 use std::collections::btree_map::Entry;

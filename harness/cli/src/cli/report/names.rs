@@ -11,7 +11,7 @@ use karat::unstable::record::{Record, Subject};
 /// A folder of goldens that has frame names in common with other folders.
 #[derive(Clone, Debug)]
 pub(in crate::cli) struct Home {
-    /// The Cargo package of the folder. Empty if it is unknown.
+    /// The Cargo package of the folder. The name is empty if the package is unknown.
     pub(in crate::cli) krate: String,
     /// The folder, relative to its project.
     pub(in crate::cli) folder: String,

@@ -196,7 +196,7 @@ impl Sum {
         parts.join("; ")
     }
 
-    /// Returns the remarks that follow the line. They don't make the run fail.
+    /// Returns the remarks that follow the line. A remark doesn't make the run fail.
     pub(in crate::cli) fn remarks(&self) -> String {
         self.remarks.iter().map(|remark| format!("; {}", one_line(remark))).collect()
     }

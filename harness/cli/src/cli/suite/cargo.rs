@@ -136,8 +136,8 @@ impl Tests {
         all.filter(|name| name.contains(filter)).collect()
     }
 
-    /// Returns [`names`](Self::names) without the tests that pass because this process judged no part of them. Also
-    /// returns the number of tests with frames that aren't drawn.
+    /// Returns [`names`](Self::names) without the tests that pass only because this process left out their frames. Also
+    /// returns the number of all tests with frames that this process doesn't draw.
     fn judged(&self, filter: &str) -> (BTreeSet<String>, usize) {
         let names = self.names(filter);
         let idle = names.iter().filter(|name| self.left_out.contains_key(*name)).count();

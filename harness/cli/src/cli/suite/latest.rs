@@ -37,7 +37,7 @@ impl Latest {
         self.0.get(test).map_or(&[], Vec::as_slice)
     }
 
-    /// Moves the records that this process made since the last call out of its file.
+    /// Reads the records that this process wrote into its file since the last call, and then empties the file.
     pub(super) fn take_own<'n>(&mut self, tests: impl Iterator<Item = &'n str>) {
         let Some(folder) = std::env::var_os("KARAT_RECORD") else { return };
         // If the records can't be read, the tests get no records. Old ones would be wrong.
@@ -69,7 +69,7 @@ impl Latest {
     }
 
     /// Updates the records of a test that an edit doesn't affect, so that they belong to the present files. Returns
-    /// `true` if that worked. A pass can be kept. A failure can't, because an edit elsewhere in its file may move the
+    /// `false` if the test failed: the failure can't be kept, because an edit elsewhere in the file may move the
     /// failing line.
     pub(super) fn renew(&mut self, test: &str, files: &HashMap<PathBuf, FileRead>) -> bool {
         let Some(records) = self.0.get_mut(test) else { return true };

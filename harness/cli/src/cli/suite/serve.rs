@@ -18,7 +18,7 @@ use super::super::{Ending, Outcome, PackageArgs, check, resolved};
 use super::latest::Latest;
 use super::{each, host};
 
-/// The programs and files of the last run of each test. `None` if they are unknown.
+/// For each test, the text of the shader programs and files of its last run, or `None` if the text is unknown.
 type Known = HashMap<String, Option<String>>;
 
 pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {

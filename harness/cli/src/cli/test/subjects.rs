@@ -1,5 +1,5 @@
-//! The functions and goldens that each test checks. Karat keeps them from run to run: Cargo knows only the names of
-//! tests, and the record of a filtered run contains only some tests.
+//! The functions and goldens that each test checks. Karat keeps these names from run to run: Cargo knows only the names
+//! of tests, and the record of a filtered run contains only some tests.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

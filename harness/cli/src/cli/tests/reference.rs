@@ -1,4 +1,4 @@
-//! The pages of `docs/reference`. They are generated from the code, and a test compares them.
+//! The pages of `docs/reference`. Karat generates the pages from the code, and a test compares them with the files.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

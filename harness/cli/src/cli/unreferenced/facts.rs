@@ -18,7 +18,7 @@ pub(super) struct Doubt {
     pub(super) problem: String,
 }
 
-/// The advice about such a golden.
+/// The advice for a golden that doesn't match its provenance.
 pub(super) const ADVICE: &str = "restore the image and its `.toml` from one commit; or delete both \
                                  files, run the test and accept its frame again";
 

@@ -21,7 +21,7 @@ const SAVED: Duration = Duration::from_micros(200);
 /// The longest duration of a burst. After this time its files are reported.
 const LONGEST: Duration = Duration::from_millis(100);
 
-/// The time between two checks if the folder was replaced.
+/// The time after which Karat looks again if the watched folder was removed or replaced.
 const MISSING: Duration = Duration::from_millis(200);
 
 /// A watch. It ends when this value is dropped.

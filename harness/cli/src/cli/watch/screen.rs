@@ -24,7 +24,7 @@ pub(super) struct View<'v> {
     pub(super) lanes: &'v [Lane],
 }
 
-/// The number of bytes at the end of a file in which Karat searches the last printed line.
+/// The number of bytes at the end of a file in which Karat searches for the last printed line.
 const TAIL: u64 = 64 << 10;
 
 pub(super) struct Screen {

@@ -35,8 +35,8 @@ pub(in crate::cli) struct Request {
     /// Runs nothing, and writes the records of each test's last run into this file.
     #[serde(default)]
     pub(in crate::cli) report: Option<PathBuf>,
-    /// Runs only the test of this name, and returns its records with the reply. Editors and other test runners use
-    /// this.
+    /// Runs only the test of this name, and returns its records with the reply. Editors and other test runners use this
+    /// field.
     #[serde(default)]
     pub(in crate::cli) only: Option<String>,
 }
@@ -45,7 +45,7 @@ pub(in crate::cli) struct Request {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Said {
-    /// A test ran. `wrong` is set if it failed.
+    /// A test ran. `wrong` is the failure, or `None` if the test passed.
     Test { name: String, wrong: Option<Wrong> },
     /// All tests have a verdict. `tests` are all tests, `broken` are unreadable tests, and `idle` is the number of
     /// tests that this path can't judge.
@@ -70,7 +70,7 @@ pub(in crate::cli) enum Said {
     },
     /// The process wrote the records, or failed with this error.
     Reported { error: Option<String> },
-    /// The process ended. `why` is its error text.
+    /// The process ended. `why` describes the reason.
     Ended { why: String },
 }
 

@@ -9,8 +9,9 @@ const HEIGHT: f64 = 180.0;
 /// The difference in standard deviations that has the full colour.
 const MOST: f64 = 4.0;
 
-/// Draws the difference between each cell's count and its expected count, in standard deviations. The order of cells
-/// determines their position, not their size, so a narrow lobe fills the map.
+/// Draws the difference between each cell's count and its expected count, in standard deviations. In the map, all rows
+/// have the same height, and all cells of a row have the same width, so even the small cells of a narrow lobe are
+/// visible.
 pub(super) fn map(histogram: &Histogram, path: &str) -> Markup {
     let Histogram { axes: [first, second], rows, observed, expected } = histogram;
     let is_line = rows.iter().all(|cells| *cells == 1);

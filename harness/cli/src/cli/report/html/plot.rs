@@ -7,7 +7,7 @@ use plotters::prelude::*;
 /// The largest number of arguments with a plot. Arguments with more influence come first.
 const MOST: usize = 6;
 
-/// The number of fields along each side of a map. Each field then has one or two cases.
+/// The number of fields along each side of a map. With this number, a field has one or two cases.
 const FIELDS: usize = 12;
 
 /// The number of parts of an argument's range, for the variance that the argument explains.

@@ -75,7 +75,8 @@ impl Programs {
         self.scripts
     }
 
-    /// Builds the programs. Returns the prefixes of the names of tests in new programs, or Cargo's errors.
+    /// Builds the programs. For each new program, returns the text with which the names of its tests begin. If the
+    /// build fails, returns Cargo's errors.
     pub(in crate::cli) fn build(&mut self) -> anyhow::Result<Result<Vec<String>, String>> {
         self.built = false;
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
