@@ -1,8 +1,8 @@
 //! Removes unused operations, and lets values that aren't needed at the same time share a register.
 //!
-//! A program is one list of operations. Control only goes forward in it, except at the ends of loops. So a value lives
-//! from its first to its last position in the list. If a loop uses a value that was defined before the loop, the value
-//! lives to the end of the loop.
+//! A program is one list of operations. Control only goes forward in the list, except at the ends of loops. So a value
+//! lives from its first to its last position in the list. If a loop uses a value that was defined before the loop, the
+//! value lives to the end of the loop.
 
 use crate::code::{Code, Op, Shape};
 use crate::scalar::File;
@@ -59,7 +59,7 @@ pub(crate) fn allocated(mut code: Code) -> Code {
     code
 }
 
-/// A table with a value for each register of each file.
+/// A table with a value for each register of each register file.
 type Table<T> = [Vec<T>; 3];
 
 fn table<T: Clone>(code: &Code, value: &T) -> Table<T> {

@@ -202,7 +202,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
         }
     }
 
-    /// Exchanges the memory and the detector state that are kept in this room with those of the running workgroup.
+    /// Exchanges the memory and the detector state of this workgroup with those of the running workgroup.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
         for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);
@@ -236,7 +236,7 @@ pub(crate) struct Watch<'w> {
 }
 
 struct Order {
-    /// Each atomic, with its word. A store also has the turn in which its invocation reached it.
+    /// Each atomic, with its word. A store also has the turn in which its invocation reached the store.
     taken: Option<Vec<(Turn, Done)>>,
 }
 
@@ -349,7 +349,7 @@ impl Program {
     }
 
     /// Does the same as [`observe_races`](Self::observe_races), but in the explorer's next order instead of the
-    /// schedule's. Runs all workgroups.
+    /// schedule's order. Runs all workgroups.
     ///
     /// # Errors
     ///
@@ -374,8 +374,8 @@ impl Program {
         code.instructions.iter().any(|one| code.is_atomic(one.op))
     }
 
-    /// The number of invocations of a workgroup in each direction. It is 1 for a draw, because a draw's size counts
-    /// pixels. `None` for a function.
+    /// The number of invocations of a workgroup in each direction. For a draw, each number is 1, because the size of a
+    /// draw counts pixels. `None` for a function.
     #[must_use]
     pub fn workgroup_size(&self) -> Option<[u32; 3]> {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })

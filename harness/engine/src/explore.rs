@@ -80,7 +80,7 @@ impl Step {
     }
 }
 
-/// For each actor, by number: how many of its turns come before a point.
+/// For each actor, by number: the number of its turns before a point of the run.
 type Clock = Vec<u32>;
 
 fn join(to: &mut Clock, from: &[u32]) {
@@ -242,7 +242,7 @@ impl Explorer {
     }
 
     /// If a turn races with an earlier turn, adds an actor to try at the earlier point, so that another order has the
-    /// other outcome.
+    /// other outcome of the race.
     fn want_otherwise(&mut self, actor: Actor, step: &Step, before: &[u32]) {
         let mut racing: Vec<usize> = Vec::new();
         let mut dependent: Vec<usize> = Vec::new();

@@ -18,7 +18,7 @@ pub enum Elsewhere {
     Nth(u32),
     /// The element with the read's own index, modulo the number of elements.
     Wrapped,
-    /// This number, which is no element. WGSL allows zero, and any value that an element may have.
+    /// This number, which doesn't come from the array. WGSL allows zero, and any value that an element may have.
     Number(u8),
 }
 
@@ -63,8 +63,8 @@ pub struct Options {
     /// it (15.7.2). Values that are only moved aren't flushed.
     pub flush: bool,
     /// In intervals, `true` if a constant stands for each decimal that rounds to it. The interval of `0.1` then reaches
-    /// from one neighbour of this float to the other, because other types have other numbers for 0.1. Integers and
-    /// short binary fractions such as 0.75 are exact.
+    /// from one neighbour of this float to the other, because each float type has its own nearest number to 0.1.
+    /// Integers and short binary fractions such as 0.75 are exact.
     pub decimals: bool,
     /// In intervals, the measured accuracy of an adapter. It narrows the bounds of the specification.
     pub accuracy: Option<Arc<Accuracy>>,

@@ -60,7 +60,7 @@ pub enum Stop {
         /// The number of rounds that the options allow.
         rounds: u64,
     },
-    /// The words don't fill complete rows.
+    /// The number of argument words isn't the number of cases times the width of a row.
     #[error("the arguments have {found} scalars, but {cases} cases need {width} scalars each")]
     Rows {
         /// The number of words.

@@ -190,7 +190,8 @@ pub(super) struct Sum {
     least: f32,
     most: f32,
     count: u32,
-    /// Each term is a multiple of 2 to this power. So is each partial sum, even if it is rounded.
+    /// Each term is a multiple of 2 to this power. Each partial sum is also a multiple of this power, even if the
+    /// partial sum is rounded.
     step: i16,
 }
 
@@ -305,8 +306,8 @@ pub(super) fn exponent(x: f64) -> i16 {
     (x.to_bits() >> 52 & 0x7FF) as i16 - 1023
 }
 
-/// Divides an `f32` above zero into an integer of up to 24 bits and a power of two. Returns the integer and the
-/// exponent.
+/// Splits an `f32` above zero into an integer of up to 24 bits, times a power of two. Returns the integer and the
+/// exponent of this power.
 fn significand(x: f64) -> (u32, i16) {
     let exponent = exponent(x).max(-126) - 23;
     ((x / power(exponent)) as u32, exponent)

@@ -17,7 +17,7 @@ pub enum Half {
     Chained(u8),
     /// The error is at most this many ulp.
     Ulps(u8),
-    /// The root of a sum of the squares of this many components.
+    /// The square root of the sum of the squares of this number of components.
     Length(u8),
     /// The error is at most 1 + 2 |x| ulp for the argument x.
     Power,
