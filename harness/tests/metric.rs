@@ -180,8 +180,8 @@ fn exposures_tell_highlights_from_shadows() {
     assert!(masked.at(104, 95).is_none() && masked.at(105, 95).is_some(), "{masked:?}");
 }
 
-/// LDR-FLIP compares the same images as a display shows them. Only one half of `far` differs, so only that half is
-/// computed.
+/// LDR-FLIP compares the images of the pairs as a display shows them. Only one half of `far` differs, so only that half
+/// is computed.
 #[test]
 fn ldr_flip_is_what_its_authors_compute() {
     let default = Flip::MEAN.pixels_per_degree;

@@ -95,7 +95,7 @@ fn literals_of_every_form_have_their_values() {
     }
 }
 
-/// Text that the linker can't read is an error at each position. The linker never drops it.
+/// Text that the linker can't read is an error at each position. The linker never drops such text.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn invalid_tokens_are_refused() {

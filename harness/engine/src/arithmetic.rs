@@ -391,7 +391,7 @@ impl Rules for Intervals {
         /// The largest number of bits of a fraction that an author writes exactly, such as 0.625. Longer fractions
         /// count as decimals.
         const SHORT: u32 = 12;
-        /// The limit that replaces [`SHORT`] in half precision, which has 11 bits.
+        /// The limit that replaces `SHORT` in half precision, which has 11 bits.
         const SHORT_HALF: u32 = 6;
         let digits = if half { SHORT_HALF } else { SHORT };
         let short = x.to_bits() & ((1 << (24 - digits)) - 1) == 0;

@@ -59,7 +59,8 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// An atomic with its accesses. `touches` is empty unless the turns use accesses.
+    /// An atomic with its accesses. `touches` may be empty if no orders are explored, because only the explorer uses
+    /// the accesses.
     pub(crate) fn atomic(touches: Vec<(Word, Access)>) -> Self {
         Self { atomic: true, touches }
     }

@@ -36,7 +36,8 @@ pub struct Request {
 /// A mutant of a package.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// The mutant's id: a hash of the changed lines, the module and the function. The id stays if the lines move.
+    /// The mutant's id: a hash of the changed lines, the module and the function. The id stays the same if the lines
+    /// move.
     pub id: String,
     /// The mutated module.
     pub module: String,
@@ -76,10 +77,10 @@ pub enum Fate {
     },
     /// All tests that use the mutated code passed.
     Lived {
-        /// The number of these tests.
+        /// The number of tests that use the mutated code.
         tests: usize,
-        /// A test that saw other values with the mutant and tolerated them. If there are several, the test that came
-        /// closest to failing.
+        /// A test that saw other values with the mutant and tolerated them. If several tests tolerated the mutant, this
+        /// is the test that came closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
         /// `true` if all of these tests show the values that they compare. Then no test saw a difference, except for

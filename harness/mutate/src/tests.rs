@@ -72,7 +72,7 @@ fn mutants_are_classified_as_killed_living_or_untested() {
 }
 
 /// A test hides a mutant if the test sees other values and tolerates them. A test that sees the same values doesn't
-/// hide the mutant. If several tests hide it, Karat names the one that came closest to failing.
+/// hide the mutant. If several tests hide the mutant, Karat names the test that came closest to failing.
 // Lesson 29
 #[test]
 fn tolerances_hide_what_they_allow() {
