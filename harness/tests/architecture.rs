@@ -313,7 +313,8 @@ fn leaves(tree: &syn::UseTree) -> usize {
     }
 }
 
-/// A public item: its name behind the name of its type, and `true` if its documentation has an example.
+/// A public item: its name, after the name of its type if it is a method, and `true` if its documentation has an
+/// example.
 type Item = (String, bool);
 
 /// The public items of a file: functions, methods, types, traits and exported macros. The lint `unreachable_pub` makes

@@ -196,7 +196,7 @@ impl Prepared for Ready {
     }
 }
 
-/// Two paths with these faults.
+/// Two executors with these faults, each on its own path.
 fn two(first: Fault, second: Fault) -> [Fake; 2] {
     [Fake { name: "vulkan@one", fault: first }, Fake { name: "vulkan@two", fault: second }]
 }

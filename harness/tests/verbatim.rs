@@ -147,7 +147,7 @@ fn plain_texts() -> Vec<String> {
     texts
 }
 
-/// A linked function equals the author's text except for names: where the two differ, both have a whole word.
+/// A linked function equals the author's text except for names: where the two texts differ, each text has a whole word.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn linked_functions_are_the_authors_bytes_but_for_names() {

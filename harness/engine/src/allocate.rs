@@ -140,7 +140,7 @@ fn is_pinned(code: &Code, file: File, register: u32) -> bool {
         .any(|&(pinned, base, count)| pinned == file && (base..base + count).contains(&register))
 }
 
-/// Replaces reads of a copy by reads of its source, if no operation between them writes the source.
+/// Replaces reads of a copy by reads of its source, if no operation between the copy and the read writes the source.
 fn forward_copies(code: &mut Code) {
     let lives = lives(code);
     let loops = Loops::of(code);

@@ -90,9 +90,9 @@ pub(crate) mod sealed {
     /// arguments.
     pub(crate) type Narrow<'n> = &'n dyn Fn(&[Interval], Interval) -> Interval;
 
-    /// The operations of an arithmetic that the machine needs.
+    /// The types and operations that the machine needs from an arithmetic.
     pub trait Rules: Copy + Debug + Send + Sync + 'static {
-        /// A float of any width.
+        /// The representation of a WGSL float of any width.
         type Float: Copy + Default + Debug + Send + Sync;
         /// An `i32` or a `u32`.
         type Int: Copy + Default + Debug + Send + Sync;

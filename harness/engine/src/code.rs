@@ -90,7 +90,7 @@ pub(crate) enum Op {
     Atomic(u32),
     /// Registers: results, operands. [`Code::images`] describes the operation.
     Image(u32),
-    /// Registers: floats, coordinates and layer, integers.
+    /// Registers: the texel's floats, the coordinates and the layer, the texel's integers.
     ImageStore(u32),
     /// Reports lanes in which a computed index has wrapped around. Registers: the index, and the registers from which
     /// it is computed. [`Code::wraps`] describes the computation.

@@ -170,7 +170,8 @@ struct Room<'p, 'm, A: Arithmetic> {
     stores: usize,
     /// The machines that are at a barrier and have stores that haven't taken effect yet.
     draining: Vec<(usize, u32)>,
-    /// The machines that are before an atomic on a word which one of their own pending stores will change.
+    /// The machines that have stopped before an atomic, because one of their own pending stores will change the
+    /// atomic's word.
     blocked: Vec<usize>,
     /// The workgroup's memory, by slot, and the state of the detector for this workgroup. Both are kept here while
     /// another workgroup runs.
@@ -314,7 +315,8 @@ impl Program {
     /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down. The case of an
     /// invocation is the number that [`pixel_of`] takes. The position is the only input of such an entry point.
     ///
-    /// Intervals can't be written to memory, so a program that writes memory is stopped.
+    /// In [`Intervals`](crate::Intervals), a program that writes a buffer or a texture stops with an error, because
+    /// memory can't store intervals.
     ///
     /// # Errors
     ///

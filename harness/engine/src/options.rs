@@ -47,7 +47,7 @@ pub struct Choice {
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The number of rounds that all loops of a case may run in total. The default is 2^20, which is far more than a
-    /// fast pixel runs. An endless loop reaches this number within seconds.
+    /// fast shader runs for a pixel. An endless loop reaches this number within seconds.
     pub fuel: u64,
     /// `true` if a call removes a case that runs too many rounds, and the results list this case. Otherwise the call
     /// stops. In intervals a call always stops.
@@ -69,7 +69,7 @@ pub struct Options {
     /// In intervals, the measured accuracy of an adapter. It narrows the bounds of the specification.
     pub accuracy: Option<Arc<Accuracy>>,
     /// The effect of indices outside of their arrays. If two runs with different choices have different results, the
-    /// result depends on something that WGSL leaves open.
+    /// result depends on something that WGSL doesn't define.
     pub outside: Choice,
     /// The site of one operation, with the element that this operation reads instead of the one that `outside` says.
     pub outside_at: Option<(u32, Elsewhere)>,

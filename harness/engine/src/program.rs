@@ -139,8 +139,8 @@ impl Program {
         self.code.sites.get(interval.cause()? as usize)
     }
 
-    /// Checks if both programs compute the same with the same operations. The positions of the operations in the source
-    /// may differ. Unused code is ignored.
+    /// Checks if both programs consist of the same operations, and so compute the same results. The positions of the
+    /// operations in the source may differ. Unused code is ignored.
     #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {
         let without_places = |code: &Code| {

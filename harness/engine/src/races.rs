@@ -11,7 +11,7 @@
 //! - the last write, and the last write by another invocation. If an invocation other than the current one has written
 //!   in the current epoch, that write is one of these two;
 //! - the last write by an earlier workgroup;
-//! - the last write of another word, to distinguish equal writes from unequal writes;
+//! - the last write of a different value, to distinguish equal writes from unequal writes;
 //! - two reads by different invocations since the last barrier, and one read by an earlier workgroup.
 
 use std::collections::{BTreeMap, HashMap, HashSet};

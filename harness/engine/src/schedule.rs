@@ -101,7 +101,8 @@ pub(crate) trait Turns {
     /// needn't be finished.
     fn next(&mut self) -> Option<Actor>;
 
-    /// Announces that the last actor waits until another actor changes the word that it reads.
+    /// Announces that the actor of the last turn waits until another actor changes the word that the waiting actor
+    /// reads.
     fn waits(&mut self);
 
     /// Announces that these units have passed a barrier: all their earlier turns come before all their later turns.

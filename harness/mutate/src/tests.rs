@@ -264,7 +264,8 @@ fn suggested_tests_kill() {
     }
 }
 
-/// The same tests in WGSL kill the mutants, too. The tests in Rust are only compared with their expected lines.
+/// The suggested tests in WGSL kill the mutants, like the tests in TOML. The tests in Rust are only compared with their
+/// expected lines.
 #[test]
 fn tests_are_suggested_in_three_languages() {
     let shader = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\

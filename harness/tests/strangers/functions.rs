@@ -38,7 +38,7 @@ fn pointers_are_values_in_and_out() {
         .agrees_with(|sum: f64, x: f64| (x, sum + x), Ulp(1.0).or(Abs(1e-7)));
 }
 
-/// A reference that ignores the value behind the pointer, or returns a wrong one, fails.
+/// A reference that ignores the value behind the pointer, or returns a wrong value for the pointer, fails.
 // Lesson 123
 #[test]
 fn the_values_behind_pointers_are_compared() {

@@ -5,7 +5,7 @@
 //! "However, the result may not be the same when computed in floating point. The reassociated result may be inaccurate
 //! due to approximation, or may trigger an overflow or NaN when computing intermediate results. An implementation may
 //! reassociate operations." WGSL adds no condition: only fusing must be at least as accurate. None of the examples
-//! distributes a product over a sum, so the bounds don't include that.
+//! distributes a product over a sum, so the bounds don't include distributed products.
 //!
 //! So a value remembers the terms or factors from which it was computed, across let-bindings, variables and calls. For
 //! three terms, Karat tries each order. For more terms, and for factors, a value remembers enough to bound all orders

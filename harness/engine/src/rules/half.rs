@@ -10,7 +10,8 @@ pub enum Half {
     /// The result of a conversion from another type, which is rounded correctly. The conversion is a separate
     /// operation.
     Converted,
-    /// An operand that already has half precision. It can't be a term of a sum in another order.
+    /// An operand that already has half precision. Karat doesn't consider other orders of the operations that computed
+    /// the operand.
     Operand,
     /// A sum, a product or a quotient, with all orders of its operations. The argument is the number of additional
     /// roundings inside.
