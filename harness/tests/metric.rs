@@ -102,8 +102,8 @@ fn flip_values_equal_those_of_the_published_implementation() {
     println!("largest difference from the published implementation: {largest:e}");
 }
 
-/// The exposure with the largest error is the one that the program of FLIP's authors reports, if Karat's additional
-/// exposures show no larger error.
+/// The exposure with the largest error is the exposure that the program of FLIP's authors reports, if Karat's
+/// additional exposures show no larger error.
 #[test]
 fn exposures_are_those_of_flips_authors() {
     let mut same = 0;

@@ -19,7 +19,8 @@ pub(crate) type Word = (u32, u32, u32);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Access {
     Reads,
-    /// Changes the word in a way that commutes with accesses of the same kind. Nothing uses the word that it returns.
+    /// Changes the word in a way that commutes with accesses of the same kind. No operation uses the word that the
+    /// atomic returns.
     Adds,
     Ands,
     Ors,

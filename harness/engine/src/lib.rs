@@ -61,8 +61,8 @@
 //!
 //! A rule is defined in one place, in the file of its family in `rules`: its name, the number of its arguments and
 //! results, naga's name of the builtin, and its computation in `f32`, in `f64` and in intervals. A builtin that works
-//! component by component needs nothing else. All others also need a line in `lower/math.rs` that says which registers
-//! they take.
+//! component by component needs nothing else. Each other builtin also needs a line in `lower/math.rs` that says which
+//! registers the builtin takes.
 //!
 //! # Properties of the numbers
 //!

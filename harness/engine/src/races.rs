@@ -135,7 +135,7 @@ pub enum Bounds {
     Runtime,
     /// A texture.
     Texture,
-    /// A subgroup. It has no invocation with this index, or that invocation isn't active.
+    /// A subgroup. The subgroup has no invocation with this index, or the invocation isn't active.
     Subgroup,
     /// No object: the index is inside of the array, but only because a sum or a product has wrapped around.
     Wrapped,

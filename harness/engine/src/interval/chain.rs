@@ -150,7 +150,8 @@ pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
     Interval { chain: Chain::Sum(sum), ..any }.unless_written(written)
 }
 
-/// The product of two values. `same` is `true` if both are the same value, because a square is never negative.
+/// The product of two values. `same` is `true` if `x` and `y` are the same value: then the product is a square, which
+/// is never negative.
 pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
