@@ -313,12 +313,12 @@ fn leaves(tree: &syn::UseTree) -> usize {
     }
 }
 
-/// A public item: its name behind the name of its type, and `true` if its documentation has an example.
+/// A public item: its name, after the name of its type if it is a method, and `true` if its documentation has an
+/// example.
 type Item = (String, bool);
 
 /// The public items of a file: functions, methods, types, traits and exported macros. The lint `unreachable_pub` makes
-/// sure that public items are reachable. Items of a trait, variants and members need no example of their own, and
-/// neither do errors.
+/// sure that public items are reachable. Trait items, variants, fields and error types need no examples of their own.
 #[derive(Debug, Default)]
 struct PublicItems {
     owner: String,
@@ -420,7 +420,7 @@ impl<'ast> Visit<'ast> for PublicItems {
     }
 }
 
-/// Items without an example. A method `try_x` needs none: the example of `x` shows it.
+/// Items without an example. A method `try_x` needs no example, because the example of `x` shows how to use it.
 fn without_example(items: &[Item]) -> Vec<&str> {
     let shown = |name: &str| items.iter().any(|(other, example)| other == name && *example);
     let plain = |name: &str| name.replacen("::try_", "::", 1);

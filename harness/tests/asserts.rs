@@ -247,7 +247,7 @@ fn assertion_comments_cannot_write_or_read_out_of_bounds() {
     assert!(outside.contains("`all[i] > 0.0` reads outside of an array"), "{outside}");
 }
 
-/// The message counts the NaNs among printed values. NaN is neither the smallest nor the largest value.
+/// The message counts the NaNs among printed values. NaN is neither the smallest nor the largest printed value.
 // Lesson 37
 #[test]
 fn nan_is_counted() {

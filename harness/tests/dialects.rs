@@ -258,7 +258,7 @@ fn imports_end_where_their_lines_or_braces_do() {
     check.agrees_with(|x: f64| std::f64::consts::PI * x / 2.0, Ulp(3.0));
 }
 
-/// The definitions of the linked module also hold in the modules that it imports or includes.
+/// The definitions of the linked module also apply to the modules that it imports or includes.
 #[test]
 fn definitions_reach_what_is_imported() {
     let lib = "#define_import_path lib\n#ifdef FULL\nfn v(x: f32) -> f32 { return x; }\n#else\n\
@@ -583,7 +583,8 @@ fn a_byte_order_mark_is_named() {
     assert!(said.contains("begins with a byte order mark"), "{said}");
 }
 
-/// A `karat.toml` in a subfolder would hold only if that subfolder is opened, so it is an error.
+/// A `karat.toml` in a subfolder of a package is an error, because Karat would read it only if the subfolder itself was
+/// the package.
 #[test]
 fn karat_toml_below_the_package_is_an_error() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -834,8 +835,8 @@ fn karat_toml_is_read_again_when_it_changes() {
     }
 }
 
-/// Conditions may stand before statements and groups of statements. Declarations in a group are visible after it.
-/// At other positions a condition is an error.
+/// Conditions may stand before statements and groups of statements. Declarations in a group are visible after the
+/// group. At other positions a condition is an error.
 // Lesson 144
 #[test]
 fn wesl_conditions_are_allowed_only_where_wesl_allows_them() {

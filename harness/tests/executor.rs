@@ -13,7 +13,7 @@ use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 
 const SHADER: &str = "fn twice(x: f32) -> f32 { return 2.0 * x; }";
 
-/// An executor that multiplies its argument on the host. Its members can give it faults.
+/// An executor that multiplies its argument on the host. Its fields can plant faults in the executor.
 #[derive(Debug)]
 struct Fake {
     factor: f32,

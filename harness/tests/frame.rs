@@ -99,7 +99,7 @@ fn levels_are_means() {
     }
 }
 
-/// Checks that the mean is wrong on each path that opens.
+/// Checks that the error reports a wrong mean on each path that opens, and no other failure.
 fn is_mean(error: &FrameError) -> bool {
     match error {
         FrameError::Mean { .. } => true,

@@ -102,8 +102,8 @@ fn flip_values_equal_those_of_the_published_implementation() {
     println!("largest difference from the published implementation: {largest:e}");
 }
 
-/// The exposure with the largest error is the one that the program of FLIP's authors reports, if Karat's additional
-/// exposures show no larger error.
+/// The exposure with the largest error is the exposure that the program of FLIP's authors reports, if Karat's
+/// additional exposures show no larger error.
 #[test]
 fn exposures_are_those_of_flips_authors() {
     let mut same = 0;
@@ -180,8 +180,8 @@ fn exposures_tell_highlights_from_shadows() {
     assert!(masked.at(104, 95).is_none() && masked.at(105, 95).is_some(), "{masked:?}");
 }
 
-/// LDR-FLIP compares the same images as a display shows them. Only one half of `far` differs, so only that half is
-/// computed.
+/// LDR-FLIP compares the images of the pairs as a display shows them. Only one half of `far` differs, so only that half
+/// is computed.
 #[test]
 fn ldr_flip_is_what_its_authors_compute() {
     let default = Flip::MEAN.pixels_per_degree;

@@ -302,8 +302,8 @@ fn errors_carry_their_place_as_data() {
     assert_eq!(diagnostic.location().map(ToString::to_string).as_deref(), Some("<s>:2:10"));
 }
 
-/// An unsaved text replaces its file, also in packages that depend on its package. It changes neither the file nor the
-/// original package.
+/// An unsaved text replaces its file, also in packages that depend on its package. The unsaved text changes neither the
+/// file nor the original package.
 #[test]
 fn texts_that_are_not_saved_stand_in_for_their_files() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -389,7 +389,7 @@ fn a_folder_declares_its_dependencies() {
     }
 }
 
-/// A folder may contain only tests, of functions in its dependencies.
+/// A folder may contain only tests. The tests can call functions of the folder's dependencies.
 // Lesson 190
 #[test]
 fn a_package_of_tests_alone_is_valid() {
@@ -404,7 +404,8 @@ fn a_package_of_tests_alone_is_valid() {
     assert!(nothing.expect_err("nothing").to_string().contains("no entry point and no test"));
 }
 
-/// A module is named by its path. If a link leads to its folder again, the module doesn't get a second name.
+/// The path of a module is the module's name. If a symbolic link leads to the module's folder again, the module gets no
+/// second name.
 // Lesson 188
 #[cfg(unix)]
 #[test]

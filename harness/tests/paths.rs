@@ -1,5 +1,5 @@
-//! Every verb has a verdict for every path. The tests use two executors: only the second one is wrong, or the first one
-//! returns nothing.
+//! Every verb has a verdict for every path. The tests use two executors: either only the second executor returns wrong
+//! values, or the first executor returns nothing.
 
 use glam::{DQuat, Vec2, Vec3};
 use karat::Path;
@@ -196,7 +196,7 @@ impl Prepared for Ready {
     }
 }
 
-/// Two paths with these faults.
+/// Two executors with these faults, each on its own path.
 fn two(first: Fault, second: Fault) -> [Fake; 2] {
     [Fake { name: "vulkan@one", fault: first }, Fake { name: "vulkan@two", fault: second }]
 }
@@ -440,8 +440,8 @@ fn declared(fakes: &[Fake; 2], declared: Declared) -> [Result<usize, String>; 3]
     ]
 }
 
-/// A known issue of a function, a frame or a pass is about wrong values. NaN is a value, but an error that stops the
-/// path isn't.
+/// A known issue of a function, a frame or a pass covers only wrong values. NaN counts as a wrong value, but an error
+/// that stops the path doesn't.
 // Lesson 173
 #[test]
 fn a_known_issue_is_about_values() {
@@ -472,7 +472,8 @@ fn a_known_issue_that_is_gone_on_the_second_path() {
     }
 }
 
-/// A known refusal covers only a compiler that refuses the program, and neither wrong values nor other errors.
+/// If the author declares that a compiler refuses the program, the declaration covers neither wrong values nor other
+/// errors.
 // Lesson 173
 #[test]
 fn a_path_that_refuses_is_declared_by_itself() {

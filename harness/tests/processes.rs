@@ -10,7 +10,7 @@ use syn::visit::{self, Visit};
 enum Bound {
     /// `lines::output`, `child::run` or a loop in the same file ends the process.
     Deadline,
-    /// The process answers messages, and each answer has a deadline.
+    /// The process replies to messages, and each reply has a deadline.
     Answers,
     /// The reason why the process needs no deadline.
     Needless(&'static str),

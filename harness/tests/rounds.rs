@@ -74,8 +74,8 @@ fn rounds_of_all_loops_of_an_invocation_are_added() {
     }
 }
 
-/// The driver counts a round for a loop that no case enters, each time when the code around the loop runs. So the
-/// driver leaves other loops after fewer rounds.
+/// Each time when the code around a loop runs, the driver counts a round for this loop, even if no case enters the
+/// loop. So the driver leaves other loops after fewer rounds.
 // Lesson 55
 #[test]
 fn loops_that_are_never_entered_count() {
@@ -106,7 +106,8 @@ fn loops_that_are_never_entered_count() {
     counts("before", 65_000, &[65_535, 131_072]);
 }
 
-/// The invocations of one vector share the driver's counter of rounds. Each of these cases alone has few enough rounds.
+/// The invocations of one vector share the driver's counter of rounds. Each of these cases would have few enough rounds
+/// in a vector without the other cases.
 // Lesson 55
 #[test]
 fn a_loop_is_not_stopped_by_the_rounds_of_other_invocations() {

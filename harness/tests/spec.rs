@@ -266,7 +266,7 @@ impl Prepared for Returns {
     }
 }
 
-/// The two floats next to an exact sum. An implementation may return either.
+/// The two floats next to an exact sum. An implementation may return either float.
 fn rounded(exact: f64) -> [f32; 2] {
     let nearest = exact as f32;
     match f64::from(nearest).partial_cmp(&exact) {

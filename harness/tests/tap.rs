@@ -376,7 +376,7 @@ fn a_traced_pixel_is_the_drawn_one() {
     }
 }
 
-/// Derivatives are those of the pixel's quad. If several draws cover the pixel, the visible one is traced.
+/// Derivatives are those of the pixel's quad. If several draws cover the pixel, the trace shows the visible draw.
 // Lesson 39
 // Lesson 210
 #[test]

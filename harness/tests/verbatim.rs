@@ -95,7 +95,7 @@ fn literals_of_every_form_have_their_values() {
     }
 }
 
-/// Text that the linker can't read is an error at each position. The linker never drops it.
+/// Text that the linker can't read is an error at each position. The linker never drops such text.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn invalid_tokens_are_refused() {
@@ -147,7 +147,7 @@ fn plain_texts() -> Vec<String> {
     texts
 }
 
-/// A linked function equals the author's text except for names: where the two differ, both have a whole word.
+/// A linked function equals the author's text except for names: where the two texts differ, each text has a whole word.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn linked_functions_are_the_authors_bytes_but_for_names() {

@@ -1,4 +1,4 @@
-//! Measures how many cases per second two functions run, in each arithmetic.
+//! Measures the speed of two functions in each arithmetic, in cases per second.
 //!
 //! `cargo run --release --example speed`
 #![expect(clippy::print_stdout, reason = "a program for the terminal")]

@@ -1,8 +1,8 @@
-//! Lists the functions of a WGSL file that the engine can execute. For each other function, prints why the engine
-//! refuses it.
+//! Lists the functions of a WGSL file that the engine can execute. For each function that the engine can't execute,
+//! prints the reason.
 //!
-//! `cargo run --example survey -- file.wgsl` calls each function that can be lowered with 64 rows of generated
-//! arguments, in each arithmetic. It only lowers compute entry points.
+//! `cargo run --example survey -- file.wgsl` lowers each function, and calls each lowered function with 64 rows of
+//! generated arguments, in each arithmetic. The program lowers compute entry points, but doesn't run them.
 #![expect(clippy::print_stdout, reason = "a program for the terminal")]
 
 use karat_engine::{F32, F64, Intervals, Options, Program, Resources, Scalar, Settings, Stop};

@@ -15,12 +15,12 @@ const SAFETY: f64 = 2.0;
 /// The number of measured arguments for each sign and exponent.
 const PER_EXPONENT: u32 = 256;
 
-/// The number of these arguments that are close to a zero of a sine, a cosine or a tangent. At a zero, the absolute
-/// error is as large as elsewhere, but an ulp of the result is smaller.
+/// The largest number of arguments, for each exponent and sign, that are close to a zero of a sine, a cosine or a
+/// tangent. At a zero, the absolute error is as large as elsewhere, but an ulp of the result is smaller.
 const NEAR_ZEROS: u32 = 8;
 
-/// If the error near a zero is more than this many ulps, only its absolute size counts. A driver that reduces the
-/// argument with enough digits has an error of a few ulps near a zero. Other drivers have thousands.
+/// If the error near a zero is larger than this number of ulps, Karat uses only the absolute error. A driver that
+/// reduces the argument with enough digits has an error of a few ulps near a zero. Other drivers have thousands.
 const NEAR_ZERO_ULPS: f32 = 256.0;
 
 /// The number of buckets of arguments: one bucket for each sign and exponent.
@@ -98,8 +98,8 @@ impl Function {
         }
     }
 
-    /// The least and the greatest value of the function between two arguments. `None` if the function isn't defined for
-    /// all arguments between them, or has a pole there.
+    /// The least and the greatest value of the function between two arguments. `None` if the function has a pole
+    /// between these arguments, or isn't defined for all arguments between them.
     fn image(&self, lo: f64, hi: f64) -> Option<(f64, f64)> {
         if !(self.domain.0 <= lo && lo <= hi && hi <= self.domain.1) {
             return None;
@@ -319,7 +319,7 @@ impl Accuracy {
         product.exp2().meet(self.bound(EXP2, product))
     }
 
-    /// All measurements as words, for storing them.
+    /// All measurements as `u32`s, so that a caller can store the measurements.
     #[must_use]
     pub fn words(&self) -> Vec<u32> {
         let flags = [u32::from(self.powers), u32::from(self.powers_of_zero)];
@@ -330,7 +330,7 @@ impl Accuracy {
             .collect()
     }
 
-    /// The measurements that [`words`](Self::words) returned. `None` if the number of words is wrong.
+    /// Restores the measurements from the result of [`words`](Self::words). `None` if the number of `u32`s is wrong.
     #[must_use]
     pub fn from_words(words: &[u32]) -> Option<Self> {
         let (flags, errors) = words.split_at_checked(2)?;

@@ -1,8 +1,8 @@
 //! Removes unused operations, and lets values that aren't needed at the same time share a register.
 //!
-//! A program is one list of operations. Control only goes forward in it, except at the ends of loops. So a value lives
-//! from its first to its last position in the list. If a loop uses a value that was defined before the loop, the value
-//! lives to the end of the loop.
+//! A program is one list of operations. Control only goes forward in the list, except at the ends of loops. So a value
+//! lives from its first to its last position in the list. If a loop uses a value that was defined before the loop, the
+//! value lives to the end of the loop.
 
 use crate::code::{Code, Op, Shape};
 use crate::scalar::File;
@@ -59,7 +59,7 @@ pub(crate) fn allocated(mut code: Code) -> Code {
     code
 }
 
-/// A table with a value for each register of each file.
+/// A table with a value for each register of each register file.
 type Table<T> = [Vec<T>; 3];
 
 fn table<T: Clone>(code: &Code, value: &T) -> Table<T> {
@@ -140,7 +140,7 @@ fn is_pinned(code: &Code, file: File, register: u32) -> bool {
         .any(|&(pinned, base, count)| pinned == file && (base..base + count).contains(&register))
 }
 
-/// Replaces reads of a copy by reads of its source, if no operation between them writes the source.
+/// Replaces reads of a copy by reads of its source, if no operation between the copy and the read writes the source.
 fn forward_copies(code: &mut Code) {
     let lives = lives(code);
     let loops = Loops::of(code);

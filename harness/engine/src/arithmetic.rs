@@ -90,13 +90,13 @@ pub(crate) mod sealed {
     /// arguments.
     pub(crate) type Narrow<'n> = &'n dyn Fn(&[Interval], Interval) -> Interval;
 
-    /// The operations of an arithmetic that the machine needs.
+    /// The types and operations that the machine needs from an arithmetic.
     pub trait Rules: Copy + Debug + Send + Sync + 'static {
-        /// A float of any width.
+        /// The representation of a WGSL float of any width.
         type Float: Copy + Default + Debug + Send + Sync;
         /// An `i32` or a `u32`.
         type Int: Copy + Default + Debug + Send + Sync;
-        /// A boolean. Masks consist of these, too.
+        /// A boolean. Masks consist of booleans, too.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
 
         /// `true` if a boolean may be undecided. Then the masks inside a loop are relative to the mask at the loop's
@@ -104,7 +104,8 @@ pub(crate) mod sealed {
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;
-        /// A literal's value. If the author probably wrote a decimal, intervals contain all numbers that round to `x`.
+        /// A literal's value. If the author probably wrote a decimal, the interval of the literal contains all numbers
+        /// that round to `x`.
         fn decimal(x: f32, half: bool) -> Self::Float {
             let _ = half;
             Self::float(x)
@@ -115,7 +116,7 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// The result of a rule. In intervals, `narrow` may narrow it.
+        /// The result of a rule. In [`Intervals`], the function `narrow` may narrow the result.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
         }
@@ -148,8 +149,8 @@ pub(crate) mod sealed {
         /// The values that an index may have. `signed` says if its bits are an `i32`.
         fn bounds(i: Self::Int, signed: bool) -> Bounds;
 
-        /// Rounds a value to half precision. `F64` doesn't round. In intervals, the result has each value that may
-        /// result from rounding with this exactness.
+        /// Rounds a value to half precision. `F64` doesn't round. In intervals, the result contains each value that
+        /// WGSL allows for an accuracy of `half`.
         fn to_half(x: Self::Float, half: Half) -> Self::Float;
         /// Flushes subnormal values to zero.
         fn flush(x: Self::Float) -> Self::Float;
@@ -390,7 +391,7 @@ impl Rules for Intervals {
         /// The largest number of bits of a fraction that an author writes exactly, such as 0.625. Longer fractions
         /// count as decimals.
         const SHORT: u32 = 12;
-        /// The same limit for half precision, which has 11 bits.
+        /// The limit that replaces `SHORT` in half precision, which has 11 bits.
         const SHORT_HALF: u32 = 6;
         let digits = if half { SHORT_HALF } else { SHORT };
         let short = x.to_bits() & ((1 << (24 - digits)) - 1) == 0;
@@ -520,7 +521,7 @@ impl Rules for Intervals {
     }
     fn filtered(_: f64, hull: (f32, f32)) -> Interval {
         /// A filter multiplies at most 16 texels (eight texels of each of two levels) by products of four numbers, and
-        /// adds them. This takes 20 roundings. Each has an error of less than 2^-23 of the largest texel.
+        /// adds them. The filter rounds 20 times. Each rounding has an error of less than 2^-23 of the largest texel.
         const SLACK: f64 = 1.0 / 262_144.0; // 2^-18
         // WGSL and WebGPU don't limit the error of a filter. A filter's result is a weighted mean of texels with any
         // weights, so it lies between the least and the greatest texel. But weights are rounded, so their sum may be

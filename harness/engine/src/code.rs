@@ -75,7 +75,8 @@ pub(crate) enum Op {
     Gather(File, u32),
     /// Registers: the first register of a range, the value, indices.
     Scatter(File, u32),
-    /// Registers: the result, this many candidates, the index. The `bool` says if the index is signed.
+    /// Registers: the result, the candidates, the index. The `u32` is the number of candidates, and the `bool` says if
+    /// the index is signed.
     Pick(File, u32, bool),
     /// Registers: the result, the index into a table of constants.
     Table(File, u32),
@@ -89,7 +90,7 @@ pub(crate) enum Op {
     Atomic(u32),
     /// Registers: results, operands. [`Code::images`] describes the operation.
     Image(u32),
-    /// Registers: floats, coordinates and layer, integers.
+    /// Registers: the texel's floats, the coordinates and the layer, the texel's integers.
     ImageStore(u32),
     /// Reports lanes in which a computed index has wrapped around. Registers: the index, and the registers from which
     /// it is computed. [`Code::wraps`] describes the computation.
@@ -118,7 +119,8 @@ pub(crate) enum Op {
     Skip,
     Call,
     EndCall,
-    /// The argument is the number of open constructs that the jump leaves, without the construct to whose end it jumps.
+    /// The jump goes to the end of an open construct. The argument is the number of open constructs inside that
+    /// construct.
     Break(u32),
     Continue(u32),
     Return(u32),
@@ -128,14 +130,14 @@ pub(crate) enum Op {
     Subgroup(u32),
     /// Makes active lanes helpers.
     Discard,
-    /// A barrier that orders accesses to these address spaces.
+    /// A barrier that orders accesses to the address spaces in its argument.
     Barrier(naga::Barrier),
     Halt,
 }
 
 impl Op {
     /// Checks if an operation ends a branch, a loop or a call, or a part of these. Such an operation runs even if the
-    /// operation before it didn't run, and has the source position of that operation.
+    /// operation before it didn't run. The two operations have the same source position.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,
@@ -210,7 +212,7 @@ pub(crate) struct Walk {
     pub(crate) offset: u32,
     pub(crate) steps: Vec<Step>,
     pub(crate) atomic: Option<AtomicOp>,
-    /// `false` for an atomic, because atomics don't race with each other.
+    /// `false` if the access is atomic, because atomics don't race with each other.
     pub(crate) plain: bool,
 }
 
@@ -223,7 +225,7 @@ pub(crate) struct AtomicOp {
     pub(crate) used: bool,
 }
 
-/// The place in the source from which an operation was lowered.
+/// The part of the source from which Karat lowered an operation.
 #[derive(Clone, Debug)]
 pub struct Site {
     /// The site's number in the program.
@@ -246,7 +248,7 @@ pub(crate) struct Constant {
     pub(crate) word: u32,
 }
 
-/// The number of registers of each file that an operation has: for results, and for arguments.
+/// For each register file, the number of an operation's result registers and argument registers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shape {
     pub(crate) outs: [u32; 3],
@@ -271,7 +273,7 @@ impl BufferSlot {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Binding {
-    /// A resource of the caller.
+    /// A resource that the caller binds.
     Resource { group: u32, binding: u32 },
     /// Memory of the workgroup. It is zero at the start.
     Workgroup,
@@ -298,7 +300,7 @@ pub(crate) struct Code {
     pub(crate) workgroup: [u32; 3],
     pub(crate) parameters: Vec<(Reg, Scalar)>,
     pub(crate) results: Vec<(Reg, Scalar)>,
-    /// The number of registers of each file that a named value has.
+    /// For each named value, the number of its registers in each register file.
     pub(crate) marks: Vec<[u32; 3]>,
     /// The source position of the first operation in half precision for which WGSL doesn't limit the error.
     pub(crate) half: Option<Span>,
@@ -382,13 +384,13 @@ pub(crate) enum From {
     First,
     /// The lane with this index.
     Lane,
-    /// The lane with an index that is higher by the operand. For `Below`, it is lower.
+    /// The lane with the index of the reading lane plus the operand. `Below` subtracts the operand.
     Above,
     Below,
     Xor,
     /// The lane with this index in the quad.
     OfQuad,
-    /// The lane with a number that differs in these bits.
+    /// The lane with an index that differs from the reading lane's index in these bits.
     Swap(u32),
 }
 

@@ -1,4 +1,4 @@
-//! Coverage: how many times each statement runs, and which ways its branches take.
+//! Coverage: counts how often each statement runs, and how often lanes take each of its branches.
 //!
 //! The active lanes change only at operations that change the mask. Between two such operations is a straight line of
 //! operations, and one counter for each straight line is enough. [`Settings::statements`](crate::Settings::statements)
@@ -40,28 +40,30 @@ pub enum StatementKind {
     Plain,
     /// A `switch`. Each of its clauses is also a statement.
     Switch,
-    /// An `if`, `&&` or `||`. It has two ways: the condition holds, or it doesn't. For `||`, naga tests the opposite.
+    /// An `if`, `&&` or `||`. Lanes can go two ways: the condition holds, or the condition doesn't hold. For `||`, naga
+    /// tests the opposite.
     If,
-    /// A `select` expression. It has two ways: the condition holds, or it doesn't.
+    /// A `select` expression. Lanes can go two ways: the condition holds, or the condition doesn't hold.
     Select,
     /// A clause of a `switch`, with its index. It has one way.
     Clause(usize),
-    /// A loop. It has three ways: a lane leaves it in the first round, in the second, or in a later one.
+    /// A loop. Lanes can go three ways: a lane leaves the loop in the first round, in the second round, or in a later
+    /// round.
     Loop,
-    /// The condition of a `for` or `while`. Its ways are those of the loop.
+    /// The condition of a `for` or `while`. Lanes can go the same three ways as for [`Loop`](Self::Loop).
     Exit,
 }
 
 const WAYS: usize = 3;
 
-/// The counters of a program's operations. All runs of the program add to them.
+/// The counters of a program's operations. All runs of the program add to these counters.
 #[derive(Debug)]
 pub struct Counts(Vec<Counter>);
 
 #[derive(Debug, Default)]
 struct Counter {
     lanes: AtomicU64,
-    /// The index of the first case that reached the operation, plus 1. It is 0 if no case did.
+    /// The index of the first case that reached the operation, plus 1. It is 0 if no case reached the operation.
     first: AtomicU64,
     ways: [AtomicU64; WAYS],
 }
@@ -285,8 +287,9 @@ impl StatementKind {
 }
 
 /// Finds the operations that can affect something that a test sees. A test sees results, values that are shown to
-/// observers, buffers that outlive the program, and if the program ends. A test of a pass also sees the findings of the
-/// sanitizer. A branch, a loop or a jump is needed if it decides if a needed operation runs.
+/// observers, and buffers that outlive the program. A test also sees if the program never ends. A test of a pass also
+/// sees the findings of the sanitizer. A branch, a loop or a jump is needed if a needed operation runs or doesn't run
+/// because of it.
 pub(crate) fn needed(code: &Code) -> Vec<bool> {
     let mut frames: Vec<(Option<usize>, bool)> = Vec::new();
     let mut frame_of: Vec<Option<usize>> = Vec::with_capacity(code.instructions.len());

@@ -170,7 +170,8 @@ struct Room<'p, 'm, A: Arithmetic> {
     stores: usize,
     /// The machines that are at a barrier and have stores that haven't taken effect yet.
     draining: Vec<(usize, u32)>,
-    /// The machines that are before an atomic on a word which one of their own pending stores will change.
+    /// The machines that have stopped before an atomic, because one of their own pending stores will change the
+    /// atomic's word.
     blocked: Vec<usize>,
     /// The workgroup's memory, by slot, and the state of the detector for this workgroup. Both are kept here while
     /// another workgroup runs.
@@ -202,7 +203,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
         }
     }
 
-    /// Exchanges the memory and the detector state that are kept in this room with those of the running workgroup.
+    /// Exchanges the memory and the detector state of this workgroup with those of the running workgroup.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
         for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);
@@ -236,7 +237,7 @@ pub(crate) struct Watch<'w> {
 }
 
 struct Order {
-    /// Each atomic, with its word. A store also has the turn in which its invocation reached it.
+    /// Each atomic, with its word. A store also has the turn in which its invocation reached the store.
     taken: Option<Vec<(Turn, Done)>>,
 }
 
@@ -314,7 +315,8 @@ impl Program {
     /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down. The case of an
     /// invocation is the number that [`pixel_of`] takes. The position is the only input of such an entry point.
     ///
-    /// Intervals can't be written to memory, so a program that writes memory is stopped.
+    /// In [`Intervals`](crate::Intervals), a program that writes a buffer or a texture stops with an error, because
+    /// memory can't store intervals.
     ///
     /// # Errors
     ///
@@ -349,7 +351,7 @@ impl Program {
     }
 
     /// Does the same as [`observe_races`](Self::observe_races), but in the explorer's next order instead of the
-    /// schedule's. Runs all workgroups.
+    /// schedule's order. Runs all workgroups.
     ///
     /// # Errors
     ///
@@ -374,8 +376,8 @@ impl Program {
         code.instructions.iter().any(|one| code.is_atomic(one.op))
     }
 
-    /// The number of invocations of a workgroup in each direction. It is 1 for a draw, because a draw's size counts
-    /// pixels. `None` for a function.
+    /// The number of invocations of a workgroup in each direction. For a draw, each number is 1, because the size of a
+    /// draw counts pixels. `None` for a function.
     #[must_use]
     pub fn workgroup_size(&self) -> Option<[u32; 3]> {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })

@@ -19,7 +19,8 @@ pub(crate) type Word = (u32, u32, u32);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Access {
     Reads,
-    /// Changes the word in a way that commutes with accesses of the same kind. Nothing uses the word that it returns.
+    /// Changes the word in a way that commutes with accesses of the same kind. No operation uses the word that the
+    /// atomic returns.
     Adds,
     Ands,
     Ors,
@@ -59,7 +60,8 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// An atomic with its accesses. `touches` is empty unless the turns use accesses.
+    /// An atomic with its accesses. `touches` may be empty if no orders are explored, because only the explorer uses
+    /// the accesses.
     pub(crate) fn atomic(touches: Vec<(Word, Access)>) -> Self {
         Self { atomic: true, touches }
     }
@@ -80,7 +82,7 @@ impl Step {
     }
 }
 
-/// For each actor, by number: how many of its turns come before a point.
+/// For each actor, by number: the number of its turns before a point of the run.
 type Clock = Vec<u32>;
 
 fn join(to: &mut Clock, from: &[u32]) {
@@ -242,7 +244,7 @@ impl Explorer {
     }
 
     /// If a turn races with an earlier turn, adds an actor to try at the earlier point, so that another order has the
-    /// other outcome.
+    /// other outcome of the race.
     fn want_otherwise(&mut self, actor: Actor, step: &Step, before: &[u32]) {
         let mut racing: Vec<usize> = Vec::new();
         let mut dependent: Vec<usize> = Vec::new();

@@ -489,7 +489,7 @@ pub struct Range {
 }
 
 impl Range {
-    /// The integers from `lo` to `hi`. Each must be an `i32` or a `u32`.
+    /// The integers from `lo` to `hi`. Both ends must be in the range of an `i32`, or both in the range of a `u32`.
     pub(crate) fn between(lo: i64, hi: i64) -> Self {
         debug_assert!(lo <= hi, "{lo} to {hi}");
         Self { lo, hi }
@@ -526,7 +526,7 @@ impl Range {
         self.hi
     }
 
-    /// The word of the only integer. `None` if there are several.
+    /// The bits of the integer, if the range has only one integer. Otherwise `None`.
     pub(crate) fn word(self) -> Option<u32> {
         (self.lo == self.hi).then_some(self.lo as u32)
     }

@@ -26,10 +26,10 @@
 //! # Parts of the engine
 //!
 //! **Lowering** (`lower`) turns expressions into operations on scalar registers. A `vec3f` has three registers. A
-//! matrix, a struct or an array has as many as it has scalars. Calls are inlined, so pointers, textures and samplers
-//! are known during lowering and don't exist at run time. Swizzles, composites and constant indices cost nothing.
-//! Lowering finds constructs that the engine can't execute, and returns a [`Refusal`] with the construct's position.
-//! There are no such errors at run time. Each operation keeps its [`Site`].
+//! matrix, a struct or an array has one register for each of its scalars. Calls are inlined, so pointers, textures and
+//! samplers are known during lowering and don't exist at run time. Swizzles, composites and constant indices cost
+//! nothing. Lowering finds constructs that the engine can't execute, and returns a [`Refusal`] with the construct's
+//! position. So a run never finds a construct that the engine can't execute. Each operation keeps its [`Site`].
 //!
 //! **Allocation** (`allocate`) forwards copies, removes unused operations, and lets values that aren't needed at the
 //! same time share a register.
@@ -37,9 +37,9 @@
 //! **Arithmetics** (`arithmetic`). An [`Arithmetic`] defines floats, integers and booleans. In intervals, an integer is
 //! a [`Range`], and a boolean is a [`Truth`], which may be undecided.
 //!
-//! **The machine** (`machine`) runs a chunk of 256 cases. A register is a column of lanes (`columns`), and an operation
-//! is a loop over them. Chunks run on all cores. The cost of finding an operation occurs once for each chunk. The cost
-//! of the arithmetic occurs once for each value.
+//! **The machine** (`machine`) runs a chunk of 256 cases. A register is a column with one value for each lane
+//! (`columns`), and an operation is a loop over the lanes. Chunks run on all cores. The cost of finding an operation
+//! occurs once for each chunk. The cost of the arithmetic occurs once for each value.
 //!
 //! **Control flow.** A mask marks the active lanes (`machine/masks`). Operations without effects run in all lanes,
 //! stores change only active lanes, and a loop runs until no lane is active. If a condition is undecided
@@ -61,8 +61,8 @@
 //!
 //! A rule is defined in one place, in the file of its family in `rules`: its name, the number of its arguments and
 //! results, naga's name of the builtin, and its computation in `f32`, in `f64` and in intervals. A builtin that works
-//! component by component needs nothing else. All others also need a line in `lower/math.rs` that says which registers
-//! they take.
+//! component by component needs nothing else. Each other builtin also needs a line in `lower/math.rs` that says which
+//! registers the builtin takes.
 //!
 //! # Properties of the numbers
 //!

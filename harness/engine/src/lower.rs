@@ -28,8 +28,8 @@ use crate::refusal::Refusal;
 use crate::scalar::{Counts, File, Layouts, Scalar};
 use memory::Place;
 
-/// The largest number of operations of a program with inlined calls. It is about ten times the number in the largest
-/// shaders of engines. Lowering this many takes a second.
+/// The largest number of operations of a program with inlined calls. The largest shaders of game engines have about a
+/// tenth of this number. Lowering this number of operations takes a second.
 const MOST_OPERATIONS: usize = 1 << 20;
 
 /// The largest size of workgroup memory, in bytes. The limit of WebGPU is 16 KiB, and devices have a few times as much.
@@ -183,7 +183,7 @@ impl<'m> Lower<'m> {
         self.program(&point.function, info, &point.name)
     }
 
-    /// The value of an expression of the module, as a word. It may depend on overrides.
+    /// The value of an expression of the module, as a word. The expression may depend on overrides.
     fn evaluated(&mut self, register: Reg) -> Lowered<Constant> {
         if let Some(constant) = self.words.get(&register) {
             return Ok(*constant);
@@ -256,7 +256,8 @@ impl<'m> Lower<'m> {
         Ok(self.code)
     }
 
-    /// Makes private variables results, because the caller of a function sees the values that it leaves in them.
+    /// Makes private variables results, because the caller of a function sees the values that the function leaves in
+    /// private variables.
     fn private_results(&mut self) -> Lowered<()> {
         let module = self.module;
         for (handle, variable) in module.global_variables.iter() {
@@ -419,7 +420,7 @@ impl<'m> Lower<'m> {
         Value::Place(Rc::new(Place::buffer(slot, inner.clone())))
     }
 
-    /// A variable of a function or an invocation. At the start it is `init`, or zero.
+    /// A variable of a function or an invocation. Its initial value is `init`, or zero.
     fn variable(&mut self, inner: &TypeInner, init: Option<Value>) -> Lowered<Value> {
         let scalars = self.scalars(inner)?;
         let counts = self.counts(inner)?;
@@ -476,7 +477,7 @@ impl<'m> Lower<'m> {
         Reg { file, index: *index - 1 }
     }
 
-    /// The register of a constant. `word` has a float of half precision as an `f32`.
+    /// The register of a constant. For a float of half precision, `word` has the bits of the equal `f32`.
     fn constant(&mut self, scalar: Scalar, word: u32) -> Reg {
         let constant = Constant { scalar, word };
         let key = (constant, scalar.file());
@@ -513,7 +514,8 @@ impl<'m> Lower<'m> {
         Ok(self.code.instructions.len() - 1)
     }
 
-    /// Lists a statement. Its operations are those from `start` to the last one so far.
+    /// Lists a statement. The operations of the statement begin with operation `start`, and end with the last operation
+    /// so far.
     fn list(&mut self, scope: &Scope<'m>, span: Span, kind: StatementKind, start: usize) {
         if self.settings.statements && span.is_defined() {
             let end = self.code.instructions.len() as u32;

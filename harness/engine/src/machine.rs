@@ -658,8 +658,8 @@ impl<'p, A: Rules> Machine<'p, A> {
 
     /// Runs an operation on floats with `outs` result registers, and flushes what WGSL allows to flush: "Any inputs or
     /// outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and "other operations
-    /// are required to preserve subnormal numbers" (15.7.2). So it flushes computed results. Values that are loaded,
-    /// stored, selected, swizzled, passed, returned or reinterpreted keep their bits.
+    /// are required to preserve subnormal numbers" (15.7.2). So the machine flushes computed results. Values that are
+    /// loaded, stored, selected, swizzled, passed, returned or reinterpreted keep their bits.
     fn flushing(&mut self, registers: &[u32], outs: usize, run: impl FnOnce(&mut Self)) {
         if !self.options.flush {
             return run(self);
@@ -967,7 +967,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// If reads outside of an array or a texture return a number, writes this number into the results of such reads.
+    /// If the options say that reads outside of an array or a texture return a fixed number, writes this number into
+    /// the results of such reads.
     #[inline]
     fn estrange(&mut self, instruction: &Instruction, registers: &[u32]) {
         if self.strayed.is_empty() {

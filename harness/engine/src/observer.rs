@@ -43,8 +43,8 @@ pub struct Wrong<'a> {
     pub site: &'a Site,
     /// The case.
     pub case: usize,
-    /// For a derivative, the pixel that doesn't reach the derivative. WGSL leaves the result of such a derivative open
-    /// (15.2, *derivative_uniformity*).
+    /// For a derivative, the pixel that doesn't reach the derivative. WGSL doesn't define the result of such a
+    /// derivative (15.2, *derivative_uniformity*).
     pub missing: Option<Missing<'a>>,
 }
 

@@ -18,7 +18,7 @@ pub enum Elsewhere {
     Nth(u32),
     /// The element with the read's own index, modulo the number of elements.
     Wrapped,
-    /// This number, which is no element. WGSL allows zero, and any value that an element may have.
+    /// This number, which doesn't come from the array. WGSL allows zero, and any value that an element may have.
     Number(u8),
 }
 
@@ -47,7 +47,7 @@ pub struct Choice {
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The number of rounds that all loops of a case may run in total. The default is 2^20, which is far more than a
-    /// fast pixel runs. An endless loop reaches this number within seconds.
+    /// fast shader runs for a pixel. An endless loop reaches this number within seconds.
     pub fuel: u64,
     /// `true` if a call removes a case that runs too many rounds, and the results list this case. Otherwise the call
     /// stops. In intervals a call always stops.
@@ -63,13 +63,13 @@ pub struct Options {
     /// it (15.7.2). Values that are only moved aren't flushed.
     pub flush: bool,
     /// In intervals, `true` if a constant stands for each decimal that rounds to it. The interval of `0.1` then reaches
-    /// from one neighbour of this float to the other, because other types have other numbers for 0.1. Integers and
-    /// short binary fractions such as 0.75 are exact.
+    /// from one neighbour of this float to the other, because each float type has its own nearest number to 0.1.
+    /// Integers and short binary fractions such as 0.75 are exact.
     pub decimals: bool,
     /// In intervals, the measured accuracy of an adapter. It narrows the bounds of the specification.
     pub accuracy: Option<Arc<Accuracy>>,
     /// The effect of indices outside of their arrays. If two runs with different choices have different results, the
-    /// result depends on something that WGSL leaves open.
+    /// result depends on something that WGSL doesn't define.
     pub outside: Choice,
     /// The site of one operation, with the element that this operation reads instead of the one that `outside` says.
     pub outside_at: Option<(u32, Elsewhere)>,

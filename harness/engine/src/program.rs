@@ -28,11 +28,12 @@ const LANES: usize = 256;
 /// all cores are still busy.
 const MANY: usize = 16_384;
 
-/// The largest number of registers of a program: twice the number for the largest variable. With this many, a thread
-/// needs 32 MiB for floats, and twice as much for many cases.
+/// The largest number of registers of a program: twice the number for the largest variable. With this number of
+/// registers, a thread needs 32 MiB for floats, and twice as much for many cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
-/// Columns are as wide as the cases need, in steps of this many lanes. This is two AVX vectors.
+/// If there are few cases, the number of lanes is the number of cases, rounded up to a multiple of this number. 16
+/// lanes are two AVX vectors.
 const STEP: usize = 16;
 
 /// A lowered function or entry point.
@@ -138,8 +139,8 @@ impl Program {
         self.code.sites.get(interval.cause()? as usize)
     }
 
-    /// Checks if both programs compute the same with the same operations. The positions of the operations in the source
-    /// may differ. Unused code is ignored.
+    /// Checks if both programs consist of the same operations, and so compute the same results. The positions of the
+    /// operations in the source may differ. Unused code is ignored.
     #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {
         let without_places = |code: &Code| {

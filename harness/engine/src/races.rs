@@ -11,7 +11,7 @@
 //! - the last write, and the last write by another invocation. If an invocation other than the current one has written
 //!   in the current epoch, that write is one of these two;
 //! - the last write by an earlier workgroup;
-//! - the last write of another word, to distinguish equal writes from unequal writes;
+//! - the last write of a different value, to distinguish equal writes from unequal writes;
 //! - two reads by different invocations since the last barrier, and one read by an earlier workgroup.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -135,7 +135,7 @@ pub enum Bounds {
     Runtime,
     /// A texture.
     Texture,
-    /// A subgroup. It has no invocation with this index, or that invocation isn't active.
+    /// A subgroup. The subgroup has no invocation with this index, or the invocation isn't active.
     Subgroup,
     /// No object: the index is inside of the array, but only because a sum or a product has wrapped around.
     Wrapped,
@@ -318,8 +318,8 @@ struct Shadow {
     /// The elements, by the byte of a word at which they begin. Most elements begin at byte 0. 16-bit floats may also
     /// begin at byte 2, and booleans at each byte.
     pages: [Vec<Option<Box<[Cell]>>>; 4],
-    /// The written elements. In workgroup memory, they are those that this workgroup wrote. In blank buffers, they
-    /// include those that earlier passes wrote.
+    /// The written elements. In workgroup memory, these are the elements that this workgroup wrote. In blank buffers,
+    /// the elements that earlier passes wrote are included.
     touched: Touched,
 }
 
@@ -458,8 +458,8 @@ impl Detector {
         self.base = base as u32;
     }
 
-    /// Releases all invocations of the workgroup that haven't ended from a barrier. `held` has the first invocation of
-    /// each machine at a barrier, with the barrier's site. Each machine has `lanes` invocations.
+    /// Lets all invocations of the workgroup that haven't ended continue after a barrier. `held` has the first
+    /// invocation of each machine at a barrier, with the barrier's site. Each machine has `lanes` invocations.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));

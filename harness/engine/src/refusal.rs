@@ -31,8 +31,8 @@ pub enum Stop {
         case: usize,
         /// The number of rounds that were allowed.
         rounds: u64,
-        /// The rounds of the open loop that ran the most rounds. If this number is small, there are many loops, but
-        /// none is endless.
+        /// The number of rounds of the open loop that ran the most rounds. If this number is small, there are many
+        /// loops, but none is endless.
         own: u64,
     },
     /// A loop was still running at the deadline.
@@ -40,7 +40,7 @@ pub enum Stop {
     Late {
         /// The loop.
         span: Span,
-        /// A case in that loop.
+        /// A case that is in the loop.
         case: usize,
     },
     /// All running invocations wait in loops: they read the same words again and again, and none of them changes a
@@ -49,7 +49,7 @@ pub enum Stop {
     Waits {
         /// A read in such a loop.
         span: Span,
-        /// A case in that loop.
+        /// A case that is in the loop.
         case: usize,
     },
     /// The loops of all cases ran more rounds in total than the options allow.
@@ -60,7 +60,7 @@ pub enum Stop {
         /// The number of rounds that the options allow.
         rounds: u64,
     },
-    /// The words don't fill complete rows.
+    /// The number of argument words isn't the number of cases times the width of a row.
     #[error("the arguments have {found} scalars, but {cases} cases need {width} scalars each")]
     Rows {
         /// The number of words.

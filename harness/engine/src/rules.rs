@@ -163,7 +163,7 @@ pub(crate) struct Edges {
 
 impl FloatRule {
     /// The operands of an operation that must be in order, if it has such operands. WGSL 17.5 lets `clamp` of floats be
-    /// "either min(max(e, low), high), or the median of the three values". The two differ if low is above high.
+    /// "either min(max(e, low), high), or the median of the three values". The two results differ if low is above high.
     /// `smoothstep` divides by high - low, and the languages into which WGSL is translated define `smoothstep` only if
     /// low is below high.
     pub(crate) fn edges(self) -> Option<Edges> {

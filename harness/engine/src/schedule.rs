@@ -15,7 +15,7 @@ pub struct Actor {
     pub(crate) store: u32,
 }
 
-/// The rule that chooses the actor of the next turn. A turn goes to the actor's next atomic.
+/// The rule that chooses the actor of the next turn. A turn ends before the actor's next atomic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Priorities {
     /// Chooses the actor with the lowest number.
@@ -52,7 +52,7 @@ pub struct Schedule {
     /// The rule that chooses the actor of the next turn.
     pub priorities: Priorities,
     /// The number of turns that invocations may wait in loops before a waiting invocation gets the lowest priority. The
-    /// loop may end without a change.
+    /// loop may end although no other invocation changes a word.
     pub patience: u32,
     /// The invocations that stall, each with the number of the atomic before which it stalls, counted from 1.
     pub stalls: Vec<(usize, u32)>,
@@ -101,7 +101,8 @@ pub(crate) trait Turns {
     /// needn't be finished.
     fn next(&mut self) -> Option<Actor>;
 
-    /// Announces that the last actor waits until another actor changes the word that it reads.
+    /// Announces that the actor of the last turn waits until another actor changes the word that the waiting actor
+    /// reads.
     fn waits(&mut self);
 
     /// Announces that these units have passed a barrier: all their earlier turns come before all their later turns.
@@ -113,8 +114,8 @@ pub(crate) trait Turns {
     }
 }
 
-/// The largest number of turns that one actor gets in a row. Then other actors get a turn, because a loop may wait for
-/// them without being noticed.
+/// The largest number of turns that one actor gets in a row. Then other actors get a turn, because the actor may be in
+/// a loop that waits for other actors, and Karat doesn't detect each such loop.
 const MOST_IN_A_ROW: u32 = 1 << 12;
 
 pub(crate) struct ByPriority<'s> {

@@ -24,7 +24,8 @@ pub enum Dimension {
     Cube,
 }
 
-/// The texels of one mip level. Rows come first, then slices or layers. The samples of a texel are neighbours.
+/// The texels of one mip level. The rows of a slice or layer are in order, and then the next slice or layer follows.
+/// The samples of a texel are neighbours.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texels {
     /// Four channels of `f32`. If the format has fewer channels, the missing ones are read as 0, 0, 0, 1.

@@ -36,7 +36,8 @@ pub struct Request {
 /// A mutant of a package.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// The mutant's id: a hash of the changed lines, the module and the function. The id stays if the lines move.
+    /// The mutant's id: a hash of the changed lines, the module and the function. The id stays the same if the lines
+    /// move.
     pub id: String,
     /// The mutated module.
     pub module: String,
@@ -58,7 +59,8 @@ pub struct Tried {
 }
 
 impl Candidate {
-    /// The mutated function or constant: `brdf::schlick`. In a package of one file, the name without a module.
+    /// The mutated function or constant: `brdf::schlick`. In a package of one file, the path is the name without a
+    /// module.
     #[must_use]
     pub fn path(&self) -> String {
         path_of(&self.module, &self.mutant.item)
@@ -76,10 +78,10 @@ pub enum Fate {
     },
     /// All tests that use the mutated code passed.
     Lived {
-        /// The number of these tests.
+        /// The number of tests that use the mutated code.
         tests: usize,
-        /// A test that saw other values with the mutant and tolerated them. If there are several, the test that came
-        /// closest to failing.
+        /// A test that saw other values with the mutant and tolerated them. If several tests tolerated the mutant, this
+        /// is the test that came closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
         /// `true` if all of these tests show the values that they compare. Then no test saw a difference, except for
@@ -643,7 +645,7 @@ fn is_idle(original: &Package, mutant: &Package) -> bool {
     !known.is_empty() && known == mutant.fingerprints(&names)
 }
 
-/// The path of an item, such as `brdf::schlick`. In a package of one file, the name without a module.
+/// The path of an item, such as `brdf::schlick`. In a package of one file, the path is the name without a module.
 fn path_of(module: &str, item: &str) -> String {
     if module.is_empty() { item.to_owned() } else { format!("{module}::{item}") }
 }

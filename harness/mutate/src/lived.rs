@@ -220,8 +220,8 @@ impl Difference {
         Some(format!("[[test]]\nfunction = \"{name}\"\n{over}equals = {equals}\n{tolerance}"))
     }
 
-    /// The same test as [`test`](Self::test) in another language, with a name that ends in `ending`. `None` also for
-    /// structures, arrays and matrices.
+    /// The same test as [`test`](Self::test) in another language, with a name that ends in `ending`. The result is also
+    /// `None` for structures, arrays and matrices.
     #[must_use]
     pub fn test_as(&self, form: Form, ending: &str) -> Option<String> {
         let (types, result) = (self.types.as_ref()?, self.result.as_ref()?);
@@ -282,8 +282,8 @@ impl Difference {
         }
     }
 
-    /// Half of the distance between the two results, as an absolute tolerance; `Some(None)` if there is no such
-    /// distance. `None` if the results differ only in the sign of a 0.
+    /// Half of the distance between the two results, as an absolute tolerance; `Some(None)` if the results aren't
+    /// finite floats with different values. `None` if the results differ only in the sign of a 0.
     fn bound(&self) -> Option<Option<String>> {
         let [own, others] = [&self.original, &self.mutant].map(|text| numbers(text));
         if self.floats && own == others {

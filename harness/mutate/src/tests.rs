@@ -72,7 +72,7 @@ fn mutants_are_classified_as_killed_living_or_untested() {
 }
 
 /// A test hides a mutant if the test sees other values and tolerates them. A test that sees the same values doesn't
-/// hide the mutant. If several tests hide it, Karat names the one that came closest to failing.
+/// hide the mutant. If several tests hide the mutant, Karat names the test that came closest to failing.
 // Lesson 29
 #[test]
 fn tolerances_hide_what_they_allow() {
@@ -264,7 +264,8 @@ fn suggested_tests_kill() {
     }
 }
 
-/// The same tests in WGSL kill the mutants, too. The tests in Rust are only compared with their expected lines.
+/// The suggested tests in WGSL kill the mutants, like the tests in TOML. The tests in Rust are only compared with their
+/// expected lines.
 #[test]
 fn tests_are_suggested_in_three_languages() {
     let shader = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\

@@ -5,7 +5,7 @@ pub(crate) enum Kind {
     /// A name or a keyword.
     Word,
     Number,
-    /// An operator or a bracket. The longest match wins, but angle brackets of templates are single.
+    /// An operator or a bracket. The longest match wins, but each angle bracket of a template is a separate token.
     Symbol,
 }
 

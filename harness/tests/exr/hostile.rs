@@ -21,7 +21,8 @@ const TABLES: u64 = 4 << 20;
 /// The memory that decoding may use in addition to the file, as a multiple of the pixels that the header declares.
 const TIMES: u64 = 4;
 
-/// A random number generator. The test has its own, so that no update of a crate changes the damaged files.
+/// A random number generator. The test doesn't use a crate's generator, so that no update of a crate changes the
+/// damaged files.
 struct Random(u64);
 
 impl Random {

@@ -32,7 +32,7 @@ fn message<T>(bytes: &[u8], read: fn(&Path) -> Result<T, karat::image::ImageErro
     error.replace(&shown, "a.exr")
 }
 
-/// Removes a file, and writes a new one. To truncate the file and write it again would wait for the disk.
+/// Removes a file, and writes a new one. Truncating the old file and writing it again would wait for the disk.
 fn place(path: &Path, bytes: &[u8]) {
     if path.exists() {
         std::fs::remove_file(path).expect("removed");

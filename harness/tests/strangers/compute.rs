@@ -220,7 +220,8 @@ fn textures_are_stored_and_sampled() {
         .agrees_with(reference.collect::<Vec<DVec4>>(), Rel(1e-3).or(Abs(1e-6))); // half floats
 }
 
-/// A loop that the driver would leave is an error with its line. So is an endless loop on `cpu`.
+/// If the driver would leave a loop, the check fails with an error at the loop's line. An endless loop on `cpu` is also
+/// an error.
 // Lesson 128
 #[test]
 fn loops_of_passes_that_drivers_cut_short_are_errors() {

@@ -38,7 +38,7 @@ fn pointers_are_values_in_and_out() {
         .agrees_with(|sum: f64, x: f64| (x, sum + x), Ulp(1.0).or(Abs(1e-7)));
 }
 
-/// A reference that ignores the value behind the pointer, or returns a wrong one, fails.
+/// A reference that ignores the value behind the pointer, or returns a wrong value for the pointer, fails.
 // Lesson 123
 #[test]
 fn the_values_behind_pointers_are_compared() {
@@ -544,8 +544,8 @@ fn variables_at_one_place_are_refused() {
     assert!(error.contains("`u` and `v` are both @group(0) @binding(0)"), "{error}");
 }
 
-/// A note names the position of a number that isn't finite, also if a `clamp` hides the number, and in buffers of
-/// passes.
+/// A note names the position of a number that isn't finite, even if a `clamp` hides the number. Notes also name
+/// positions in passes that write buffers.
 #[test]
 fn nan_and_infinity_have_a_place() {
     let text = "fn g(v: f32, l: f32) -> f32 {\n    return (v * l) / (4.0 * v * l);\n}\n\

@@ -451,7 +451,8 @@ fn mistakes_are_reported_with_the_line_of_the_variable() {
     told("f", "image", Some(empty.into()), &["the fixture of `image` is empty"]);
 }
 
-/// An author can declare that a path's compiler refuses a function. The declaration fails if the compiler accepts it.
+/// An author can declare that a path's compiler refuses a function. The declaration fails if the compiler accepts the
+/// function.
 // Lesson 122
 #[test]
 fn a_path_that_compiles_nothing_is_declared() {
@@ -489,7 +490,7 @@ fn a_path_that_compiles_nothing_is_declared() {
     assert!(error.to_string().contains("remove the `refused_on`"), "{error}");
 }
 
-/// Programs can match an error of fixtures.
+/// A program can match on the error that a wrong fixture causes.
 // Lesson 121
 #[test]
 fn errors_carry_their_source() {
@@ -503,7 +504,8 @@ fn errors_carry_their_source() {
     assert!(matches!(*cause, karat::fixture::FixtureError::Missing { .. }));
 }
 
-/// GL filters only 16-bit floats. Texels that no sampler reads have all their bits on GL, too.
+/// On GL, a sampler filters only 16-bit floats. If no sampler reads a texture, its texels keep all their bits on GL,
+/// too.
 // Lesson 133
 #[test]
 fn loaded_texels_have_full_precision() {
@@ -555,7 +557,7 @@ fn buffers_that_encase_writes_are_taken_as_they_are() {
         .agrees_with(|i: u32| 2.0 * f64::from(weights[i as usize]) + 3.0, Abs(0.0));
 }
 
-/// In GLSL, the columns of such matrices have another stride, and the compiler reports no error.
+/// In GLSL, the columns of narrow matrices have another stride than in WGSL, and the compiler reports no error.
 #[test]
 fn narrow_matrices_are_right_or_refused() {
     let package = Package::from_source(

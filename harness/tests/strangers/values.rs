@@ -44,7 +44,7 @@ impl Project {
         assert!(self.pending(case).is_none(), "it waits no longer");
     }
 
-    /// The facts of a golden frame, as text.
+    /// The text of the TOML file beside a golden frame.
     pub(crate) fn facts(&self, case: &str) -> String {
         std::fs::read_to_string(self.folder.path().join(format!("{case}.toml"))).expect("facts")
     }

@@ -5,7 +5,7 @@
 //! "However, the result may not be the same when computed in floating point. The reassociated result may be inaccurate
 //! due to approximation, or may trigger an overflow or NaN when computing intermediate results. An implementation may
 //! reassociate operations." WGSL adds no condition: only fusing must be at least as accurate. None of the examples
-//! distributes a product over a sum, so the bounds don't include that.
+//! distributes a product over a sum, so the bounds don't include distributed products.
 //!
 //! So a value remembers the terms or factors from which it was computed, across let-bindings, variables and calls. For
 //! three terms, Karat tries each order. For more terms, and for factors, a value remembers enough to bound all orders
@@ -150,7 +150,8 @@ pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
     Interval { chain: Chain::Sum(sum), ..any }.unless_written(written)
 }
 
-/// The product of two values. `same` is `true` if both are the same value, because a square is never negative.
+/// The product of two values. `same` is `true` if `x` and `y` are the same value: then the product is a square, which
+/// is never negative.
 pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
@@ -190,7 +191,8 @@ pub(super) struct Sum {
     least: f32,
     most: f32,
     count: u32,
-    /// Each term is a multiple of 2 to this power. So is each partial sum, even if it is rounded.
+    /// Each term is a multiple of 2 to this power. Each partial sum is also a multiple of this power, even if the
+    /// partial sum is rounded.
     step: i16,
 }
 
@@ -305,8 +307,8 @@ pub(super) fn exponent(x: f64) -> i16 {
     (x.to_bits() >> 52 & 0x7FF) as i16 - 1023
 }
 
-/// Divides an `f32` above zero into an integer of up to 24 bits and a power of two. Returns the integer and the
-/// exponent.
+/// Splits an `f32` above zero into an integer of up to 24 bits, times a power of two. Returns the integer and the
+/// exponent of this power.
 fn significand(x: f64) -> (u32, i16) {
     let exponent = exponent(x).max(-126) - 23;
     ((x / power(exponent)) as u32, exponent)

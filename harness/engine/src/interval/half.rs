@@ -79,7 +79,8 @@ fn ulp(x: f64) -> f64 {
     power(exponent(x).max(LEAST_NORMAL) - 10)
 }
 
-/// The nearest multiple of an ulp that isn't below `x`. If `sign` is -1, the nearest that isn't above `x`.
+/// The nearest multiple of an ulp that isn't below `x`. If `sign` is -1, returns the nearest multiple that isn't above
+/// `x`.
 fn outwards(x: f64, sign: f64) -> f64 {
     let step = ulp(x);
     sign * (sign * x / step).ceil() * step

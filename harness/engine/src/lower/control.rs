@@ -10,7 +10,7 @@ use crate::coverage::StatementKind;
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// Lowers a call of `function`. The result's registers are the value that the call returns.
+    /// Lowers a call of `function`. Returns the registers that have the call's result.
     pub(super) fn inline(
         &mut self,
         function: &'m Function,

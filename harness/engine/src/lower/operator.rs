@@ -265,7 +265,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// A sum with a product as a term. It is fused if the settings ask for this.
+    /// A sum with a product as a term. If the settings ask for it, the result is rounded only once.
     fn fused(
         &mut self,
         scope: &mut Scope<'m>,

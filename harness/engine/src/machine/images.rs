@@ -135,8 +135,8 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// The first coordinate of a loaded texel, or its layer, that is outside of the texture, and the texture's size in
-    /// this direction.
+    /// Finds a coordinate or a layer of a loaded texel that is outside of the texture. Returns the first one, and the
+    /// texture's size in this direction.
     pub(super) fn texel_beyond(
         &self,
         image: u32,

@@ -22,7 +22,7 @@ const READS_AND_WRITES: (bool, bool) = (true, true);
 #[derive(Clone, Debug)]
 pub(crate) struct Buffer<'a, A: Rules> {
     pub(crate) bytes: Cow<'a, [u8]>,
-    /// For each word, the float that was written there. It counts only while the word is unchanged.
+    /// For each word, the float that was written there. The float is valid only while the word is unchanged.
     floats: Vec<Option<A::Float>>,
 }
 

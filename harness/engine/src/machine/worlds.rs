@@ -322,7 +322,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
     }
 
     /// Makes the active lanes jump to the end of the frame around the `depth` innermost frames. If `continues` is set,
-    /// the lanes jump to the end of that loop's body.
+    /// this frame is a loop, and the lanes jump only to the end of the loop's body.
     pub(crate) fn exit(&mut self, files: &Files<'_, A>, depth: u32, continues: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for lane in (0..self.width).filter(|&lane| self.current[lane]) {

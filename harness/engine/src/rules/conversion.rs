@@ -172,8 +172,8 @@ to_int_rules! {
 
 from_int_rules! {
     FromInt {
-        /// The nearest float. In `f64` arithmetic, the result is exact. An interval has the exact result, or both
-        /// neighbours.
+        /// The nearest float. In `f64` arithmetic, the result is exact. An interval contains the exact result, or both
+        /// of its neighbours.
         Signed[1] {
             single: |x: u32| [x.cast_signed() as f32],
             double: |x: u32| [f64::from(x.cast_signed())],

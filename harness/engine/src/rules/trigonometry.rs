@@ -100,7 +100,7 @@ fn wave(x: f32, quarters: u64) -> f32 {
     f64::from_bits((sin.to_bits() & !odd | cos.to_bits() & odd) ^ sign) as f32
 }
 
-/// Returns `x` if the whole interval is in the domain of the arcs, and otherwise an unbounded interval.
+/// Returns `x` if the whole interval is in the domain of `asin` and `acos`, and otherwise an unbounded interval.
 fn inside(x: Interval) -> Interval {
     if x.lo() >= -1.0 && x.hi() <= 1.0 { x } else { Interval::UNBOUNDED }
 }

@@ -55,7 +55,7 @@ struct Edge {
     face: usize,
     /// `true` if the neighbouring texels are a column of the neighbouring face, `false` if they are a row.
     column: bool,
-    /// `true` if they are the last column or row.
+    /// `true` if the neighbouring texels are the last column or row.
     last: bool,
     /// `true` if the texels along the edge have the opposite order.
     reversed: bool,
@@ -89,7 +89,7 @@ pub(super) fn beyond(face: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32
     if column { (face, across, along) } else { (face, along, across) }
 }
 
-/// Computes the same texel from the geometry of the cube.
+/// Computes the result of `beyond` from the geometry of the cube.
 fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let n = f64::from(size);
     // The centre of the texel beyond the edge is half a texel outside of the face. Seen from the cube's centre, the
@@ -125,7 +125,7 @@ fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
 mod tests {
     use super::*;
 
-    /// A step equals a finite difference.
+    /// A step on the face equals the finite difference of two positions.
     #[test]
     fn a_step_on_a_cube_face_equals_a_finite_difference() {
         let directions = [[0.3, -0.2, 1.5], [0.3, -0.2, -1.5], [2.0, 0.4, 0.1], [-2.0, 0.4, 0.1]];

@@ -149,7 +149,7 @@ impl Texture {
     }
 
     /// Adds four texels of a level. Nearly all samples have four texels, none of which is beyond an edge. Returns
-    /// `false` for all other samples.
+    /// `false` for a sample without four such texels.
     #[inline]
     fn bilinear(
         &self,
@@ -187,7 +187,7 @@ impl Texture {
     }
 
     /// The levels of a cube. Each face is inside a frame of its neighbours' texels, so the four texels of a sample are
-    /// next to each other. There is no texel where three faces meet. No sample reads the 0 there.
+    /// next to each other. Where three faces meet, the frame has no texel. No sample reads the 0 in this position.
     fn framed(&self) -> &[Vec<[f32; 4]>] {
         self.framed
             .get_or_init(|| (0..self.levels()).map(|level| self.framed_level(level)).collect())
@@ -341,8 +341,8 @@ impl Texture {
     }
 }
 
-/// The memory in which four neighbouring texels are next to each other: the layers of a level. Each layer may be inside
-/// a frame of texels beyond its edges.
+/// The layers of a level, stored so that four neighbouring texels are next to each other. Each layer may be inside a
+/// frame of texels beyond its edges.
 #[derive(Clone, Copy)]
 struct Plane<'a> {
     texels: &'a [[f32; 4]],
@@ -410,7 +410,7 @@ pub(crate) struct Mean {
     compare: Option<(Comparison, f64)>,
     sum: [f64; 4],
     count: u32,
-    /// The first texel. If it is the only one, its value is exact, also if it is infinite.
+    /// The first texel. If it is the only texel, the mean is exactly the texel's value, even if this value is infinite.
     first: [u32; 4],
 }
 

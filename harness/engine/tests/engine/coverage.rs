@@ -1,4 +1,4 @@
-//! Counts how often statements run, and which ways branches take.
+//! Tests the counts of statements, and of the ways that lanes go at branches.
 
 use std::sync::Arc;
 

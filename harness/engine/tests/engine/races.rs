@@ -165,7 +165,7 @@ fn indices_outside_say_whether_they_write() {
     assert_eq!(observed.outside[0].index, Some((1 << 32, 0)), "the index wraps for 16, 32 and 48");
 }
 
-/// The detector lists each word and texel that a program writes, but none that it only reads.
+/// The detector lists each word and texel that a program writes, but no word or texel that the program only reads.
 #[test]
 fn written_elements_are_listed() {
     let observed = observe(&format!("{HEAD}w[i] = d[i]; if i == 3u {{ d[5] = 1u; }}\n}}\n"), 1, 64);

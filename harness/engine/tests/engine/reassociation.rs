@@ -135,7 +135,7 @@ impl Random {
         }
     }
 
-    /// The same tree with formulas instead of functions, and with a random order in each sum and product.
+    /// Replaces the functions in a tree by their formulas, and gives each sum and product a random order.
     fn reassociated(&mut self, tree: &Tree) -> Tree {
         match tree {
             Tree::Variable(_) | Tree::Constant(_) => tree.clone(),
@@ -229,7 +229,7 @@ impl Random {
         }
     }
 
-    /// The program of a tree. Some parts of the tree become let-bindings, variables and a function.
+    /// Writes a tree as a WGSL program. Some parts of the tree become let-bindings, variables and a function.
     fn written(&mut self, tree: &Tree) -> String {
         let mut body = String::new();
         let result = self.expression(tree, &mut body, true);
@@ -282,12 +282,13 @@ impl Random {
     }
 }
 
-/// The additional error of a quotient in steps. WGSL allows 2.5 ulp, and rounding to the nearest float already has an
-/// error of up to half an ulp.
+/// The additional error of a quotient, in steps from one float to the next. WGSL allows 2.5 ulp, and rounding to the
+/// nearest float already has an error of up to half an ulp.
 const ULPS: usize = 2;
 
 impl Random {
-    /// The result of a tree if each operation is rounded up or down, and a quotient by a few more steps.
+    /// The result of a tree if each operation is rounded up or down, and each quotient then moves by up to [`ULPS`]
+    /// more floats.
     fn rounded(&mut self, tree: &Tree, row: &[f32]) -> f32 {
         let format = self.format;
         let mut of = |x: &Tree| self.rounded(x, row);
@@ -355,8 +356,8 @@ fn is_narrow(bound: &Interval) -> bool {
 const PROGRAMS: usize = 2000;
 const CASES: usize = 16;
 
-/// Runs four orders of each of 2,000 programs in `f32`. Then runs each again, with each operation rounded up or down.
-/// Almost as many cases have bounds as if the bounds included only the written order.
+/// Runs four orders of each of 2,000 programs in `f32`. Then runs each order again, with each operation rounded up or
+/// down. Almost as many cases have bounds as if the bounds included only the written order.
 // Lesson 168: each order of terms lies within the bound
 #[test]
 fn every_order_of_a_random_program_is_within_the_bounds() {
@@ -364,8 +365,8 @@ fn every_order_of_a_random_program_is_within_the_bounds() {
     within_the_bounds(Format::Single, [90.5, 88.7]);
 }
 
-/// The same test with floats of half precision. There, an ulp is about a thousandth of a number, so few bounds are
-/// narrow: 93.3 % of the cases have bounds, and 19.7 % have narrow ones.
+/// Runs the test above with floats of half precision. In half precision, an ulp is about a thousandth of a number, so
+/// few bounds are narrow: 93.3 % of the cases have bounds, and 19.7 % have narrow bounds.
 #[test]
 fn every_order_of_a_random_program_of_halves_is_within_the_bounds() {
     within_the_bounds(Format::Half, [90.0, 15.0]);

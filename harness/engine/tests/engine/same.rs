@@ -57,7 +57,7 @@ fn private_variables_are_results() {
     assert!(!lowered("0.3").is_same(&lowered("0.6")));
 }
 
-/// Two programs aren't the same if they differ for a single number, for a zero or for NaN.
+/// Two programs aren't the same if their results differ for a single number, for a zero or for NaN.
 // Lesson 29
 #[test]
 fn expressions_with_one_different_result_are_not_equal() {

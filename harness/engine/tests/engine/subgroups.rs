@@ -134,7 +134,7 @@ fn subgroup_operations_exchange_values_between_lanes() {
     }
 }
 
-/// A lane that doesn't exist may have any value, as with an index outside of an array.
+/// A read from a lane that doesn't exist may return any value, as a read with an index outside of an array may.
 #[test]
 fn a_lane_that_is_not_there() {
     let zero = Options {
