@@ -55,7 +55,7 @@ fn build_library() -> anyhow::Result<()> {
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", LIBRARY]))
 }
 
-/// Runs the tests of one module with Rust's own test runner. A path that doesn't open fails them.
+/// Runs the tests of one module with Rust's own test runner. If a path doesn't open, the tests fail.
 fn first_verdict() -> anyhow::Result<()> {
     let mut test = command::cargo(&["test", "--workspace", "--locked", LIBRARY, FIRST]);
     command::run(test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS))

@@ -106,7 +106,7 @@ enum Task {
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
     },
-    /// Run the benchmarks; arguments after `--` go to them.
+    /// Run the benchmarks; arguments after `--` go to the benchmarks.
     Bench {
         /// Write the measurements to `docs/speed.md`, with the machine's description.
         #[arg(long)]
