@@ -98,7 +98,7 @@ pub fn no_mask() -> Texture {
     mask(|_| 0.0)
 }
 
-/// Returns a mask with rings around the middle of each sphere. The edges are soft over a third of a ring's width, so
+/// Returns a mask with rings around the middle of each sphere. Each soft edge is about a fifth as wide as a ring, so
 /// the frame also shows values between 0 and 1.
 #[must_use]
 pub fn rings() -> Texture {

@@ -233,7 +233,7 @@ fn copies(count: u32) -> Vec<Vec<DVec2>> {
     (0..COPIES as u64).map(copy).collect()
 }
 
-/// The mean and the standard deviation of the values of one copy.
+/// The mean and the standard deviation of a pixel's values, which come from different copies of the samples.
 fn statistics(values: &[DVec3]) -> (DVec3, DVec3) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<DVec3>() / count;

@@ -35,7 +35,7 @@ enum Answer {
     Stopped(String),
 }
 
-/// The error bounds in WGSL, section 15.7.4. Ignores bounds of 1 and more.
+/// Accepts each result within WGSL's bounds (section 15.7.4), where WGSL bounds the error by 1 or less.
 fn within() -> SpecTolerance {
     Spec.needing(Abs(1.0))
 }
