@@ -19,7 +19,7 @@ fn exponent_of(alpha: f32) -> f32 {
 }
 
 /// A width, a view and a light direction. Some light directions are anywhere in the hemisphere. The others are near the
-/// view's mirror direction (within a few widths), equal to the view, or at the horizon opposite to the view.
+/// view's mirror direction (within a few widths), equal to the view, or near the horizon opposite to the view.
 fn lobes() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     (ALPHA, Hemisphere, Hemisphere, 0.0..=1.0_f32).map(|(alpha, v, l, choice)| {
         let at_slope = |slope: Vec3| mirrored(v, (slope + Vec3::Z).normalize());
@@ -85,7 +85,7 @@ fn lambert_pdf() {
 }
 
 /// D is a squared quotient of sums of positive terms (24 ulp). G / (4 N.L N.V) adds 16 ulp, and F adds 12 ulp. The
-/// error of V.H (4 ulp) counts up to five times, at the smallest f0, 0.02.
+/// error of V.H (4 ulp) counts at most five times, because f0 is at least 0.02.
 // Lesson 15: `eval`
 #[test]
 fn microfacet_eval() {

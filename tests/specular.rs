@@ -55,8 +55,8 @@ fn a_white_furnace_gives_no_more_than_its_light() {
 }
 
 /// Compares weights and directions of the shader's simplified sum with the general form, which has D in both f and pdf.
-/// N.V is a sum of three products, rounded to 1e-7, and divides the weights. The relative error of the weights is
-/// 1e-7 / N.V, and their slope at the horizon, where samples are rejected, has the same error.
+/// N.V is a sum of three products, rounded to 1e-7, and divides the weights. The relative error of the weights is 1e-7
+/// / N.V. At the horizon, where samples are rejected, the slope of the weights has the same relative error.
 #[test]
 fn estimate() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {

@@ -170,7 +170,7 @@ pub(crate) fn npm_packages(all: bool) -> Result<()> {
     Ok(())
 }
 
-/// Tries a sample of the mutants of a module of the library. Its tests kill 97 of 100.
+/// Tries a sample of the mutants of a module of the library. The module's tests kill 97 of 100 mutants.
 fn mutants() -> Result<()> {
     let sample = [
         "--tests",

@@ -330,7 +330,7 @@ fn arguments_that_meet() {
     }
 }
 
-/// Many threads share a device. Each thread gets its own results, every time.
+/// Many threads share one GPU device. Each thread gets its own results, every time.
 #[test]
 fn many_threads_on_one_device() {
     let package = Package::from_source("s", "fn f(x: f32, k: f32) -> f32 { return x + k; }");

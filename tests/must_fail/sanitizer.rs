@@ -913,7 +913,8 @@ fn one_pass_of_several_depends_on_its_order() {
     assert!(order.location.starts_with("<two>:3:"), "{order}");
 }
 
-/// A function written above its caller isn't a loop: a barrier between the two lines orders the two accesses.
+/// One access of a race is in a function written above its caller. The lines aren't in a loop, so Karat advises a
+/// barrier between them.
 #[test]
 fn a_race_with_a_function_above() {
     let load = "fn load(i: u32) -> u32 { return tile[i]; }";
