@@ -206,15 +206,15 @@ pub fn linear(n: DVec3, mean: f64, gradient: DVec3) -> f64 {
 }
 
 /// Computes the closed form for an environment with radiance max(0, axis . d). With the angle gamma between normal and
-/// axis, it is 2 (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two clamped
-/// cosines is the arc-cosine kernel of order 1, eq. 6.
+/// axis, the result is 2 (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two
+/// clamped cosines is the arc-cosine kernel of order 1, eq. 6.
 #[must_use]
 pub fn cosine_lobe(n: DVec3, axis: DVec3) -> f64 {
     let gamma = n.cross(axis).length().atan2(n.dot(axis));
     2.0 / (3.0 * PI) * (gamma.sin() + (PI - gamma) * gamma.cos())
 }
 
-/// The direction at polar angle `theta` from `n` and azimuth `phi` plus half a turn, as in the samplers.
+/// The direction at the polar angle `theta` from `n`, and at the azimuth `phi` plus half a turn, as in the samplers.
 fn around(n: DVec3, theta: f64, phi: f64) -> DVec3 {
     let (sin_phi, cos_phi) = (phi - PI).sin_cos();
     let local = DVec3::new(theta.sin() * cos_phi, theta.sin() * sin_phi, theta.cos());

@@ -32,8 +32,9 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// Builds the demo's programs with one command for the whole workspace. For fewer packages, or without tests, Cargo
-/// would choose other features of shared dependencies, and compile these dependencies twice.
+/// The arguments of the command that builds the demo's programs. The command is for the whole workspace: for fewer
+/// packages, or without tests, Cargo would choose other features of shared dependencies, and compile these dependencies
+/// twice.
 pub(crate) const BUILD: &[&str] = &[
     "build",
     "--workspace",

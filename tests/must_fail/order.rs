@@ -214,8 +214,8 @@ fn races_of_an_order() {
     }
 }
 
-/// Tests a subgroup operation in workgroups of all sizes, up to the size from which the result depends on the size of
-/// subgroups.
+/// Tests subgroup operations in workgroups of many sizes. For the last operation, in workgroups of more than 4
+/// invocations, the result depends on the size of subgroups.
 // Lesson 218
 #[test]
 fn subgroups_in_workgroups_of_each_size() {

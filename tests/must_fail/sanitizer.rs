@@ -650,8 +650,9 @@ fn faults_of_another_order_alone() {
     seen("in_order", 1, &["flag"]).expect("barriers order it in each order");
 }
 
-/// A driver may give the asserted result where the engine gives another, because the driver rounds differently, or
-/// because its subgroups have another size. Even then, all orders on the engine must give the same result.
+/// A driver may give the asserted result although the engine gives another result, because the driver rounds
+/// differently, or because its subgroups have another size. Even then, all orders on the engine must give the same
+/// result.
 #[test]
 fn an_order_that_matters_where_the_usual_one_fails() {
     let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
