@@ -1,4 +1,4 @@
-//! Twin of `brdf.wgsl`: whole reflectances in textbook form, and a quadrature rule for them.
+//! Rust twin of `brdf.wgsl`: whole reflectances in textbook form, and a quadrature rule for them.
 //!
 //! Directions are in the local frame, in which +Z is the normal. `v` and `l` are unit vectors. A BRDF is in 1/sr and
 //! has no cosine. A density is in 1/sr. BRDF and density are 0 where `v` or `l` is at or below the horizon. `f0` and
@@ -132,12 +132,12 @@ pub fn tri_ace_pdf(exponent: f64, v: DVec3, l: DVec3) -> f64 {
     f64::midpoint(lambert_pdf(l), specular)
 }
 
-/// Returns directions `l` above the horizon with their weights in sr. The weighted sum of a function over these
-/// directions is its integral over the hemisphere. This holds for lobes of width `alpha` around the mirror direction of
-/// `v`, and for smooth functions.
+/// Returns directions `l` above the horizon with their weights in sr. A function's values at these directions,
+/// multiplied by the weights, add up to the function's integral over the hemisphere. This holds for lobes of width
+/// `alpha` around the mirror direction of `v`, and for smooth functions.
 ///
-/// The rule sweeps the half vector, dl = 4 V.H dh, for each azimuth up to the angle at which `l` meets the horizon,
-/// because a rule that crosses an edge can't be of high order. `v` must be above the horizon. The integrand must be
+/// The points of the rule are half vectors; dl = 4 V.H dh. For each azimuth, their polar angle ends where `l` meets the
+/// horizon, because a rule across an edge can't be of high order. `v` must be above the horizon. The integrand must be
 /// symmetric about the plane of `v` and the normal, as a BRDF is.
 #[must_use]
 pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(DVec3, f64)> {
@@ -152,9 +152,9 @@ pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(D
 /// the azimuth's cosine.
 ///
 /// theta = alpha sinh(y) spreads a lobe and its tail evenly: the rule has `rings` Gauss-Legendre points in y. Each
-/// quarter of azimuth has `spokes` points. They are denser at right angles to the plane of `v`, where a grazing view
-/// makes the limit steep. The rule sweeps only one side of that plane, with twice the weight. The points alternate
-/// between the sides.
+/// quarter of azimuth has `spokes` points. The points are denser at right angles to the plane of `v`, where a grazing
+/// view makes the limit steep. The integrand is symmetric about that plane, so the azimuths cover only half a turn,
+/// with twice the weight. The half vectors lie alternately on both sides of the plane.
 fn sweep(
     alpha: f64,
     v: DVec3,

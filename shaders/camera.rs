@@ -1,4 +1,4 @@
-//! Twin of `camera.wgsl`: the camera of a frame.
+//! Rust twin of `camera.wgsl`: the camera of a frame.
 
 use glam::dcamera::rh::{proj::directx::perspective, view::look_at_mat4};
 use glam::{DMat4, DVec2, DVec3, Mat4, Vec3};
@@ -45,7 +45,7 @@ pub fn view_direction(view_projection: DMat4, ndc: DVec2) -> DVec3 {
     inverse.project_point3(ndc.extend(1.0)) - inverse.project_point3(ndc.extend(0.0))
 }
 
-/// Returns the corners of the triangle that covers the frame. The frame spans [-1, 1] in both directions.
+/// Returns corner `index` of the triangle that covers the frame. The frame spans [-1, 1] in both directions.
 #[must_use]
 pub fn covering_corner(index: u32) -> DVec2 {
     [DVec2::NEG_ONE, DVec2::new(3.0, -1.0), DVec2::new(-1.0, 3.0)][index as usize % 3]

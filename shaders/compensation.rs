@@ -1,4 +1,4 @@
-//! Twin of `compensation.wgsl`: compensation for light that a single reflection loses.
+//! Rust twin of `compensation.wgsl`: compensation for light that a single reflection loses.
 
 use glam::{DVec2, DVec3};
 

@@ -1,4 +1,4 @@
-//! Twin of `distribution.wgsl`: distributions of microfacet normals in textbook form.
+//! Rust twin of `distribution.wgsl`: distributions of microfacet normals in textbook form.
 //!
 //! Results are densities in 1/sr. The integral of D cos is 1, and D is 0 at and below the horizon. `alpha` is a width
 //! in (0, 1], `n_dot_h` is a cosine, and `n` and `h` are unit vectors.

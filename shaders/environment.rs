@@ -1,4 +1,4 @@
-//! Twin of `environment.wgsl`: the light of the test scene and its cube map.
+//! Rust twin of `environment.wgsl`: the light of the test scene and its cube map.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -11,8 +11,8 @@ pub const FACES: usize = 6;
 /// except 0.
 ///
 /// The studio has features that distinguish materials: broad dim light for the diffuse term, two soft boxes with edges
-/// that blur with roughness, and a sun 50 times as bright as white for the range. Every edge is smooth over several
-/// degrees, so a cube map with faces of 64 x 64 texels shows the edges without aliasing.
+/// that blur with roughness, and a sun 50 times as bright as white, for a large dynamic range. Every edge is smooth
+/// over several degrees, so a cube map with faces of 64 x 64 texels shows the edges without aliasing.
 #[must_use]
 pub fn studio(direction: DVec3) -> DVec3 {
     let d = direction.normalize();

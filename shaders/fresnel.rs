@@ -1,4 +1,4 @@
-//! Twin of `fresnel.wgsl`: Fresnel reflectance in textbook form.
+//! Rust twin of `fresnel.wgsl`: Fresnel reflectance in textbook form.
 
 use glam::{DVec2, DVec3};
 

@@ -1,4 +1,4 @@
-//! Twin of `geometry.wgsl`: masking and shadowing of microfacets in textbook form.
+//! Rust twin of `geometry.wgsl`: masking and shadowing of microfacets in textbook form.
 //!
 //! Results are shares in 0..=1. `n_dot_x` and `v_dot_h` are cosines in 0..=1. `alpha` is the width of GGX or Beckmann,
 //! in (0, 1].

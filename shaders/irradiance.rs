@@ -1,4 +1,4 @@
-//! Twin of `irradiance.wgsl`: light from an environment, reflected by a Lambertian.
+//! Rust twin of `irradiance.wgsl`: light from an environment, reflected by a Lambertian.
 //!
 //! All functions return E / pi in W/(m^2 sr), the radiance of a white Lambertian with unit normal `n`. `radiance` is
 //! the light from a unit direction. If `radiance` also gets a level, it returns the mean over texels of that mip level.
@@ -46,8 +46,8 @@ pub fn filtered_estimate(
     (0..samples).map(sample).sum::<DVec3>() / f64::from(samples)
 }
 
-/// Computes the article's double sum, with each term multiplied by its steps: (1 / pi) L cos sin dtheta dphi. It has
-/// 252 azimuths from 0 in steps of 0.025, and 16 polar angles from 0 in steps of 0.1.
+/// Computes the article's double sum, with each term multiplied by its steps: (1 / pi) L cos sin dtheta dphi. The sum
+/// has 252 azimuths from 0 in steps of 0.025, and 16 polar angles from 0 in steps of 0.1.
 #[must_use]
 pub fn loop_corrected(n: DVec3, radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
     let (d_phi, d_theta) = (0.025, 0.1);
@@ -199,22 +199,22 @@ pub fn lambert(colour: DVec3, irradiance_over_pi: DVec3) -> DVec3 {
     colour * FRAC_1_PI * (irradiance_over_pi * PI)
 }
 
-/// Computes the closed form for an environment with radiance `mean` + `gradient` . d: band 1 keeps 2/3.
+/// Computes the closed form for an environment with radiance `mean` + `gradient` . d: the gradient counts 2/3.
 #[must_use]
 pub fn linear(n: DVec3, mean: f64, gradient: DVec3) -> f64 {
     mean + 2.0 / 3.0 * gradient.dot(n)
 }
 
 /// Computes the closed form for an environment with radiance max(0, axis . d). With the angle gamma between normal and
-/// axis, it is 2 (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two clamped
-/// cosines is the arc-cosine kernel of order 1, eq. 6.
+/// axis, the result is 2 (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two
+/// clamped cosines is the arc-cosine kernel of order 1, eq. 6.
 #[must_use]
 pub fn cosine_lobe(n: DVec3, axis: DVec3) -> f64 {
     let gamma = n.cross(axis).length().atan2(n.dot(axis));
     2.0 / (3.0 * PI) * (gamma.sin() + (PI - gamma) * gamma.cos())
 }
 
-/// The direction at polar angle `theta` from `n` and azimuth `phi` plus half a turn, as in the samplers.
+/// The direction at the polar angle `theta` from `n`, and at the azimuth `phi` plus half a turn, as in the samplers.
 fn around(n: DVec3, theta: f64, phi: f64) -> DVec3 {
     let (sin_phi, cos_phi) = (phi - PI).sin_cos();
     let local = DVec3::new(theta.sin() * cos_phi, theta.sin() * sin_phi, theta.cos());

@@ -1,4 +1,4 @@
-//! Twin of `layering.wgsl`: a thin shiny layer over any base. PV227 lecture 11, task 3.
+//! Rust twin of `layering.wgsl`: a thin shiny layer over any base. PV227 lecture 11, task 3.
 //!
 //! `environment`, `base` and `white` are radiances in W/(m^2 sr), at least 0. Cosines and `mask` are in 0..=1.
 

@@ -1,8 +1,8 @@
 //! Physically based shading and image-based lighting in WGSL, each module with its Rust twin.
 //!
 //! `X.wgsl` is the shader. `X.rs` has its references: the same functions in f64, in the form of the cited paper. Shader
-//! and reference share no code. Where the shader is optimised, they also share no algebra, so agreement between them is
-//! evidence.
+//! and reference share no code. An optimised shader also shares no algebra with its reference, so agreement between
+//! shader and reference is evidence.
 //!
 //! Shader functions are pure: they compute results only from their arguments. These modules have bindings:
 //! `camera.wgsl`; `environment.wgsl`, with the light that `irradiance.wgsl` and `specular.wgsl` sample; and the modules

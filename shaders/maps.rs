@@ -1,4 +1,4 @@
-//! Twin of `maps.wgsl`: the settings of its frames, and the textures made from them.
+//! Rust twin of `maps.wgsl`: the settings of its frames, and the textures made from them.
 
 use glam::{DVec2, DVec3, UVec2};
 use karat::Image;

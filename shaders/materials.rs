@@ -1,4 +1,4 @@
-//! Twin of `materials.wgsl`: the materials of the lecture's test scene. PV227 lecture 11.
+//! Rust twin of `materials.wgsl`: the materials of the lecture's test scene. PV227 lecture 11.
 
 use glam::{DVec3, Vec3};
 

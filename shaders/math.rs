@@ -1,4 +1,4 @@
-//! Twin of `math.wgsl`.
+//! Rust twin of `math.wgsl`.
 
 /// `x` to the fifth power.
 #[must_use]

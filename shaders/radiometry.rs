@@ -1,4 +1,4 @@
-//! Twin of `radiometry.wgsl`: quantities of light in textbook form.
+//! Rust twin of `radiometry.wgsl`: quantities of light in textbook form.
 //!
 //! Units: flux in W, intensity in W/sr, irradiance and radiosity in W/m^2, radiance in W/(m^2 sr), BRDFs in 1/sr,
 //! lengths in m, angles in rad, and solid angles in sr. Cosines are in 0..=1.
@@ -86,7 +86,8 @@ pub fn patch_solid_angle(area: f64, cos_emitter: f64, distance: f64) -> f64 {
 }
 
 /// Computes the exact solid angle of a cube map's texel. The part of the face z = 1 between the origin and (x, y) has
-/// the solid angle atan(x y / sqrt(x^2 + y^2 + 1)). A texel is the second difference of this function.
+/// the solid angle atan(x y / sqrt(x^2 + y^2 + 1)). The solid angle of a texel is the second difference of this
+/// function.
 ///
 /// The arctangents are near 1, so a texel of a face 4096 texels wide, with 2e-7 sr, keeps 8 digits.
 #[must_use]

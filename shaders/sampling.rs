@@ -1,4 +1,4 @@
-//! Twin of `sampling.wgsl`: directions from random numbers, in textbook form.
+//! Rust twin of `sampling.wgsl`: directions from random numbers, in textbook form.
 //!
 //! Directions are in the local frame, in which +Z is the normal. Angles are in radians, and densities in 1/sr. Random
 //! numbers `u` are in `[0, 1]`. The shader turns each pattern by half a turn (its header gives the reason). Here, a

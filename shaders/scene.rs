@@ -1,4 +1,4 @@
-//! Twin of `scene.wgsl`: the spheres, materials and cameras of the frame, and references for its pure functions.
+//! Rust twin of `scene.wgsl`: the spheres, materials and cameras of the frame, and references for its pure functions.
 
 use std::f64::consts::{PI, TAU};
 
@@ -98,8 +98,8 @@ pub fn no_mask() -> Texture {
     mask(|_| 0.0)
 }
 
-/// Returns a mask with rings around the middle of each sphere. The rings' edges take a third of their width, so the
-/// frame also shows values between 0 and 1.
+/// Returns a mask with rings around the middle of each sphere. Each soft edge is about a fifth as wide as a ring, so
+/// the frame also shows values between 0 and 1.
 #[must_use]
 pub fn rings() -> Texture {
     mask(|point| (0.5 + 1.5 * (3.0 * PI * point.length()).sin()).clamp(0.0, 1.0))

@@ -1,4 +1,4 @@
-//! Twin of `specular.wgsl`: light from an environment, reflected by GGX microfacets.
+//! Rust twin of `specular.wgsl`: light from an environment, reflected by GGX microfacets.
 //!
 //! `n`, `v` and `r` are unit vectors with N.V > 0. `alpha` is 0 (a mirror) or in 1e-4..=1. `samples` is at least 1.
 //! Radiances are in W/(m^2 sr).

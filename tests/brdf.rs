@@ -18,8 +18,8 @@ fn exponent_of(alpha: f32) -> f32 {
     2.0 * (1.0 - alpha) * (1.0 + alpha) / (alpha * alpha)
 }
 
-/// A width with a view and a light direction. The light lies anywhere in the hemisphere, within a few widths of the
-/// view's mirror direction, equal to the view, or opposite to the view along the horizon.
+/// A width, a view and a light direction. Some light directions are anywhere in the hemisphere. The others are near the
+/// view's mirror direction (within a few widths), equal to the view, or near the horizon opposite to the view.
 fn lobes() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     (ALPHA, Hemisphere, Hemisphere, 0.0..=1.0_f32).map(|(alpha, v, l, choice)| {
         let at_slope = |slope: Vec3| mirrored(v, (slope + Vec3::Z).normalize());
@@ -40,7 +40,7 @@ fn mirrored(v: Vec3, h: Vec3) -> Vec3 {
 }
 
 /// Reflectances from the reflectance of ice upwards. For smaller reflectances near normal incidence, F is the fifth
-/// power of a difference that cancels. Its error is small beside other light, but large relative to F.
+/// power of a difference that cancels. The error of F is small beside other light, but large relative to F.
 fn reflectance() -> impl Domain<Value = Vec3> {
     UnitRgb.map(|c| (0.02 + 0.98 * c).min(Vec3::ONE))
 }
@@ -85,7 +85,7 @@ fn lambert_pdf() {
 }
 
 /// D is a squared quotient of sums of positive terms (24 ulp). G / (4 N.L N.V) adds 16 ulp, and F adds 12 ulp. The
-/// error of V.H (4 ulp) counts at most five times, where F is at most f0 = 0.02.
+/// error of V.H (4 ulp) counts at most five times, because f0 is at least 0.02.
 // Lesson 15: `eval`
 #[test]
 fn microfacet_eval() {
@@ -200,9 +200,9 @@ fn tri_ace_eval() {
 }
 
 /// Below 1/2, the function divides x (2.5 ulp) by 1 plus a term of at most 1/12, so the errors of this term hardly
-/// count. From 1/2 on, exp(-2 x) is at most 0.37, with an error of 3 + 4 x ulp: 1.5e-7 at 1/2. The exponential shrinks faster
-/// than its error grows. Its error counts 1 / 0.63 times in the difference and 1 / 1.37 times in the sum: 3.5e-7. The
-/// roundings of the difference and of the sum and the division add 4.2e-7.
+/// count. From 1/2 on, exp(-2 x) is at most 0.37, with an error of 3 + 4 x ulp: 1.5e-7 at 1/2. The exponential shrinks
+/// faster than its error grows. The error of the exponential counts 1 / 0.63 times in the difference and 1 / 1.37 times
+/// in the sum: 3.5e-7. The roundings of the difference and of the sum and the division add 4.2e-7.
 // Lesson 32
 #[test]
 fn tanh_of() {
@@ -212,7 +212,8 @@ fn tanh_of() {
     function().over(Just(0.0)).agrees_with(|x: f64| x, Ulp(0.0));
 }
 
-/// The errors are those of the other lobes. Near 1, log is a series. Elsewhere WGSL allows log 2^-21, which is smaller.
+/// The errors are those of the other lobes. Near 1, the shader computes log by a series. Elsewhere WGSL allows log an
+/// error of 2^-21, which is small beside the other errors.
 #[test]
 fn tri_ace_sample() {
     PBR.function("brdf::tri_ace_sample")

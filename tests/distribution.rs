@@ -14,7 +14,8 @@ const VANISHED: Abs = Abs(1e-30);
 /// ulp. The test stops at x = 87, so that these 610 ulp and the other factors stay below 640 ulp: 7.6e-5.
 const EXPONENTIAL: Ulp = Ulp(640.0);
 
-/// A normal and a half vector on the side of the normal: anywhere, or within a few widths for narrow lobes.
+/// A normal and a half vector on the side of the normal: anywhere, or within a few widths of the normal, for narrow
+/// lobes.
 fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
     (UnitVector, UnitVector, 1e-5..=1.0_f32)
         .map(|(n, other, share)| {
@@ -105,8 +106,9 @@ fn cosines_that_round_above_one() {
     );
 }
 
-/// For each exponent, a cosine above 1 counts as a cosine equally far below 1. So tan^2 of the half angle has an error
-/// of that distance, at most 1e-6. The factor of 87 turns it into 9e-5, which adds to the exponential's error.
+/// For each exponent, a cosine above 1 counts as a cosine equally far below 1. The distance from 1 is at most 1e-6, and
+/// is the error of the half angle's tan^2. The factor of 87 turns this error into 9e-5, which adds to the exponential's
+/// error.
 // Lesson 31
 #[test]
 fn blinn_phong_mirrors_cosines_above_one() {

@@ -54,10 +54,10 @@ fn directions_find_the_face_that_webgpu_says() {
 /// The colour of each texel is the direction of the texel, so the test compares the cube maps of `karat` and of the
 /// library with the hardware's addressing. Between texel centres the map is bilinear, with an error of 1.2e-4: 1/8 of
 /// (1/32)^2 times a curvature of at most 1. Weights of 8 bits add 1/512 of 1/64 in each of two directions: 6e-5. At a
-/// corner three texels meet, and their mean replaces the fourth texel. The mean's weight is at most 1/4, it lies up to
-/// a texel (1/32) away, and the slope of the colour there is at most 1/2 of 0.58: together 2.3e-3. At the edges of
-/// faces, wgpu's desktop GL doesn't filter across the edge, but clamps to the nearest texel: the error is half a texel
-/// (1/64) times the slope of 1/2.
+/// corner of the cube only three texels meet, and their mean replaces the fourth texel. The weight of the mean is at
+/// most 1/4, its distance is at most a texel (1/32), and the colour's slope at the corner is at most 1/2 of 0.58:
+/// together 2.3e-3. At the edges of faces, wgpu's desktop GL doesn't filter across the edge, but clamps to the nearest
+/// texel: the error is half a texel (1/64) times the slope of 1/2.
 // Lesson 22: a tolerance of one path
 #[test]
 fn directions_find_their_texel() {
@@ -341,8 +341,9 @@ fn parallax_box() {
 }
 
 /// The result is continuous where two walls meet. There, rounding decides which of two walls a ray hits, and a slightly
-/// turned ray hits nearly the same point. The point moves by the angle of the turn times way^2 / distance. The way to
-/// the point is at most 35, and the distance to a wall is at least 1/10 of a side of 1.1.
+/// turned ray hits nearly the same point. The point moves by the angle of the turn, times the squared length of the
+/// ray, divided by the distance to the wall. The length is at most 35, and the distance is at least 1/10 of a side of
+/// 1.1.
 #[test]
 fn parallax_box_is_continuous() {
     let turn = 1e-5_f32;

@@ -4,8 +4,8 @@ use glam::{DVec2, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, fresnel};
 
-/// `1 - v_dot_h` is exact or has an error of half an ulp, so its fifth power has five halves. With the roundings of
-/// three products, a difference and a sum, the error is at most 11 ulp.
+/// `1 - v_dot_h` is exact or has an error of half an ulp, so its fifth power has an error of up to 2.5 ulp. With the
+/// roundings of three products, a difference and a sum, the error is at most 11 ulp.
 // Lesson 24
 #[test]
 fn schlick() {
@@ -130,8 +130,8 @@ fn schlick_average() {
         .agrees_with(fresnel::schlick_average, Ulp(4.0));
 }
 
-/// The error of the quadrature is 5e-7 at eta = 2.5, which is 7 ulp for results between 0.2 and 1. Sums of positive and
-/// negative terms lose the rest.
+/// The error of the quadrature is 5e-7 at eta = 2.5, which is 7 ulp for results between 0.2 and 1. The other 17 ulp of
+/// the tolerance are for sums of positive and negative terms.
 #[test]
 fn dielectric_average() {
     PBR.function("fresnel::dielectric_average")
@@ -149,8 +149,8 @@ fn dielectric_average_of_almost_no_interface() {
     }
 }
 
-/// Each reflectance is largest at grazing angles. Schlick's is a product of monotone roundings. The exact reflectance
-/// has the error of its own check, upwards or downwards.
+/// Each reflectance is largest at grazing angles. Each operation of Schlick's formula is monotone, also after rounding.
+/// The exact reflectance has the error of its own check, upwards or downwards.
 #[test]
 fn reflectance_rises_toward_grazing() {
     PBR.function("fresnel::schlick").over((UnitRgb, 0.0..=1.0)).is_monotone_in(

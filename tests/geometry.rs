@@ -23,7 +23,7 @@ fn v_cavity() {
         .agrees_with(geometry::v_cavity, Ulp(4.0).or(UNDERFLOW));
 }
 
-/// At P2, each quotient of the formula is 0 / 0 or infinite.
+/// Mistake P2: if V.H is 0, each quotient of the formula is 0 / 0 or infinite.
 #[test]
 fn nothing_is_hidden_where_v_dot_h_vanishes() {
     PBR.function("geometry::v_cavity")

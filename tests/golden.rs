@@ -26,10 +26,10 @@ fn gl_tolerance(name: &str) -> f32 {
     }
 }
 
-/// The tolerance of a frame on SwiftShader, which moves the content of a pixel by up to 1/32 of a pixel
-/// (`frames::is_snapped`). Each outline and each highlight shows this, so a gate for single pixels proves little.
-/// HDR-FLIP finds up to 0.050 in a tile of the spheres and a mean of 0.0057, while faults of shaders have tiles of 0.09
-/// and more. `second_opinion` proves more about this driver: it computes the range of each pixel within that 1/32.
+/// The tolerance of a frame on SwiftShader, which moves drawn surfaces by up to 1/32 of a pixel (`frames::is_snapped`).
+/// Each outline and each highlight shows this shift, so a gate for single pixels proves little. HDR-FLIP finds up to
+/// 0.050 in a tile of the spheres and a mean of 0.0057, while faults of shaders have tiles of 0.09 and more.
+/// `second_opinion` proves more about this driver: it computes the range of each pixel within that 1/32.
 fn swiftshader_tolerance(name: &str) -> FrameTolerance {
     let gate = || FrameTolerance::gate(karat::unstable::metric::DEFAULT_RELATIVE);
     let flip = |tile, mean| {

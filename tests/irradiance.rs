@@ -316,9 +316,9 @@ fn filtered_directions_ask_for_the_right_levels() {
         .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(4e-3));
 }
 
-/// 1024 directions need texels that are 0.08 wide, and 64 directions need texels that are 0.31 wide. A box and a tent
-/// of width w turn light by w^2 / 4, which leaves 0.9985 and 0.975 of a gradient. A little less remains on GL, which
-/// doesn't filter coarse texels across the edges of faces.
+/// 1024 directions need texels that are 0.08 wide, and 64 directions need texels that are 0.31 wide. A box filter and a
+/// tent filter of width w together leave 1 - w^2 / 4 of a gradient: 0.9985 for 1024 directions, and 0.975 for 64. GL
+/// leaves a little less, because GL doesn't filter coarse texels across the edges of faces.
 #[test]
 fn filtered_directions_blur_as_much_as_their_texels() {
     let map = cube_map(sky).with_mips();

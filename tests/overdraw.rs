@@ -107,8 +107,8 @@ struct Hit {
     depth: f64,
 }
 
-/// The distance between the sphere and the middle of a facet, which is 5.6 degrees wide in both directions. The mesh's
-/// normal there differs from the sphere's normal by as much.
+/// The distance between the sphere and the middle of a facet, which is 5.6 degrees wide in both directions. At the
+/// middle of a facet, the mesh's normal and the sphere's normal also differ by this distance.
 const FACET: f64 = 2.5e-3;
 
 /// Hits of the ray through a pixel's middle, or `None` if the ray passes near the rim of a sphere, where the outline of
@@ -141,7 +141,7 @@ fn rays(camera: &Camera) -> Vec<Option<Vec<Hit>>> {
 }
 
 /// Checks if a pixel shows the sphere and the point of a hit. The distance between facet and sphere ([`FACET`]) moves
-/// the point along the ray, and across the ray by at most 8 times as much, because the rim is 0.02 wide.
+/// the point along the ray, and across the ray by at most 8 times this distance, because the rim is 0.02 wide.
 fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     let Some(hit) = hit else { return pixel[..3] == [0.0; 3] };
     let expected = overdraw::label(hit.instance, hit.normal).to_array();
@@ -173,8 +173,8 @@ fn judge(
     }
 }
 
-/// Each pixel shows the nearest sphere without a hole at its hit. The test leaves out pixels for which the distance of
-/// a facet decides.
+/// Each pixel shows the nearest sphere without a hole at its hit. The test leaves out pixels so near to the edge of a
+/// hole that the distance between facet and sphere decides.
 // Lesson 33
 #[test]
 fn holes_show_the_next_sphere() {
@@ -195,8 +195,8 @@ fn holes_show_the_next_sphere() {
 }
 
 /// Each pixel shows a sphere on the nearest step. Of the spheres on this step, it shows the last sphere, which from
-/// this camera is the farthest. The test leaves out pixels for which the distance of a facet, at most 1e-3 of the depth
-/// range, decides between two steps.
+/// this camera is the farthest. The test leaves out pixels for which the distance between facet and sphere, at most
+/// 1e-3 of the depth range, decides between two steps.
 // Lesson 33
 #[test]
 fn steps_show_the_last_sphere() {

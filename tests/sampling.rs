@@ -159,7 +159,7 @@ fn beckmann_normal() {
 }
 
 /// log has an error of 2^-21 = 4.8e-7 near 1 and of 3 ulp elsewhere. At 0.105, where the series takes over, this is
-/// 4.5e-6 of the value. The series is as exact as its division. WGSL may flush its quotient, half of x.
+/// 4.5e-6 of the value. The series is as exact as its division. WGSL may flush the quotient of this division, x / 2.
 #[test]
 fn minus_log_of_rest() {
     PBR.function("sampling::minus_log_of_rest")
@@ -187,7 +187,8 @@ fn halfway_length(alpha: f32, v: Vec3, u: Vec2) -> f64 {
 }
 
 /// The error of sin and cos moves the halfway vector by at most 2^-11, and turns a short vector more than a long one.
-/// The test leaves out normals seen at more than 83 degrees, one in 64: for all others the bound is 4.9e-4 / (1/4).
+/// The test leaves out normals seen at more than 83 degrees, one in 64. For all other normals the bound is 4.9e-4 /
+/// (1/4).
 #[test]
 fn ggx_visible_normal() {
     let domain = seen_normals().filter(|(alpha, v, u)| halfway_length(*alpha, *v, *u) > 0.25);

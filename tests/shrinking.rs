@@ -192,8 +192,8 @@ fn the_simplest_case_is_replayed() {
     assert!(!passed && text.contains("KARAT_INPUT needs KARAT_CASE"), "{text}");
 }
 
-/// Karat also simplifies, replays and remembers samples that a verb adds to the arguments, and cases that aren't made
-/// of `u32` words.
+/// Karat also simplifies, replays and remembers samples that a verb adds to the arguments, and cases that don't consist
+/// of `u32`s.
 #[test]
 fn properties_and_integrals_are_reduced_replayed_and_remembered() {
     for (fault, simplest, kept_line) in [

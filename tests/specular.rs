@@ -10,7 +10,7 @@ use shaders::{PBR, environment, fresnel, specular};
 use crate::drivers::{CUT_OFF, NVIDIA, SWIFTSHADER};
 
 /// The error of the samples' azimuths that remains in the mean over the samples. SwiftShader's sine and cosine have
-/// errors of up to 1.9e-4, with either sign. Half of that was measured in the mean.
+/// errors of up to 1.9e-4, with either sign. In the mean, half of this error was measured.
 const AZIMUTHS: Abs = Abs(2e-4);
 
 /// A normal and a view on the normal's side of the surface. N.V is at least `least`.
@@ -55,8 +55,8 @@ fn a_white_furnace_gives_no_more_than_its_light() {
 }
 
 /// Compares weights and directions of the shader's simplified sum with the general form, which has D in both f and pdf.
-/// N.V is a sum of three products, rounded to 1e-7, and divides the weights. The relative error of the weights is
-/// 1e-7 / N.V, and their slope at the horizon, where samples are rejected, has the same error.
+/// N.V is a sum of three products, rounded to 1e-7, and divides the weights. The relative error of the weights is 1e-7
+/// / N.V. At the horizon, where samples are rejected, the slope of the weights has the same relative error.
 #[test]
 fn estimate() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
@@ -220,7 +220,7 @@ fn the_table_conserves_energy() {
 }
 
 /// The function adds two positive products and multiplies the sum by the light. WGSL may flush the products and the
-/// sum, before and after the multiplication: (2 50 + 1) 1.2e-38.
+/// sum, before and after the multiplication: (2 * 50 + 1) * 1.2e-38.
 #[test]
 fn split_sum() {
     let table = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y));
@@ -300,9 +300,9 @@ fn the_split_sum_is_exact_for_constant_light() {
 }
 
 /// If the view is along the normal, N = V = R. Then the split sum is within half of the full estimator for every normal
-/// in the studio. At N.V = 0.3 the results differ by more than a factor of 4: the split sum's lobe is round about the
-/// mirror direction and shows a lamp, while the true lobe is stretched and spreads the lamp thinly. (For alpha = 0.3
-/// the mean difference is 8 % and 41 %: see the tests of the twin.)
+/// in the studio. At N.V = 0.3 the results differ by more than a factor of 4: the split sum's lobe is a circle around
+/// the mirror direction and shows a lamp, while the true lobe is stretched and spreads the lamp thinly. (For alpha =
+/// 0.3 the mean difference is 8 % along the normal and 41 % at N.V = 0.3: see the tests of the Rust twin.)
 #[test]
 fn the_split_sum_in_the_studio() {
     let cube_map = CubeMap::from_texels(SIZE, environment::cube_map(SIZE, environment::studio));

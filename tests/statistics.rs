@@ -1,8 +1,8 @@
 //! Tests the faults that statistical checks find, their power, and how rarely they reject a right sampler.
 //!
 //! Each planted fault is small, because a fault that a few hundred samples show proves little. On the CPU, the rate of
-//! rejected right samplers is measured over a thousand seeds, with the statistical tests that the checks use. A test on
-//! a device measures the rate again over fewer seeds.
+//! rejected right samplers is measured over a thousand seeds, with the statistical tests that the checks use. Another
+//! test measures the rate again on a driver, over fewer seeds.
 
 use std::f64::consts::TAU;
 
@@ -940,7 +940,7 @@ fn power_is_calibrated_too() {
     assert!(accepts(chance, 1e-3), "{said:?}, but {rate:?}");
 }
 
-/// Measures the rate on a device with complete checks, with several options.
+/// Measures on a driver how often complete checks reject right samplers, with several options.
 // Lesson 7: no more alarms than announced
 #[test]
 fn checks_of_right_samplers_reject_as_often_as_they_say() {

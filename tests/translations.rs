@@ -27,10 +27,10 @@ fn is_asked(row: &str) -> bool {
     frames::are_suites_whole() || SAMPLE.iter().any(|module| row.contains(module))
 }
 
-/// The words in a table's cells, by row and then by column.
+/// The text of each cell of a table, by row and then by column.
 type Words = BTreeMap<String, BTreeMap<String, String>>;
 
-/// The words in the rows of a page's table.
+/// The texts in the cells of a page's table.
 fn words(page: &str) -> Words {
     let cells = |line: &str| -> Vec<String> {
         let inside = line.trim().trim_matches('|').split('|');
@@ -105,7 +105,7 @@ fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
     }
 }
 
-/// Replaces each word that means at least `valid` by one word, because the exact status depends on the driver.
+/// Replaces each status of at least `valid` by one text, because the exact status depends on the driver.
 fn as_far_as_valid(words: &mut Words, columns: &[String]) {
     for (_, word) in words.values_mut().flatten().filter(|(column, _)| columns.contains(column)) {
         if ["valid", "executed", "agrees", "known"].contains(&word.as_str()) {
@@ -114,7 +114,7 @@ fn as_far_as_valid(words: &mut Words, columns: &[String]) {
     }
 }
 
-/// On drivers other than the page's, a row is at least `valid` if it's at least `valid` on the page.
+/// On drivers other than the page's, a row is at least `valid` if the page shows at least `valid` for the row.
 // Lesson 81
 #[cfg_attr(not(target_os = "linux"), ignore = "the page is that of Mesa's drivers")]
 #[test]

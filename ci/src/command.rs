@@ -26,7 +26,7 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
     command
 }
 
-/// The `karat` program, which the build step has put beside this one.
+/// The `karat` program, which the build step has put beside this program.
 pub(crate) fn karat(arguments: &[&str]) -> Result<Command> {
     let program = std::env::current_exe()
         .context("could not find out where cargo puts its programs; run `cargo karat` instead")?

@@ -32,8 +32,9 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// Builds the demo's programs with one command for the whole workspace. For fewer packages, or without tests, Cargo
-/// would choose other features of shared dependencies, and compile these dependencies twice.
+/// The arguments of the command that builds the demo's programs. The command is for the whole workspace: for fewer
+/// packages, or without tests, Cargo would choose other features of shared dependencies, and compile these dependencies
+/// twice.
 pub(crate) const BUILD: &[&str] = &[
     "build",
     "--workspace",
@@ -55,7 +56,7 @@ fn build_library() -> anyhow::Result<()> {
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", LIBRARY]))
 }
 
-/// Runs the tests of one module with Rust's own test runner. A path that doesn't open fails them.
+/// Runs the tests of one module with Rust's own test runner. If a path doesn't open, the tests fail.
 fn first_verdict() -> anyhow::Result<()> {
     let mut test = command::cargo(&["test", "--workspace", "--locked", LIBRARY, FIRST]);
     command::run(test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS))

@@ -203,7 +203,7 @@ fn walk(packages: &Path) -> Result<()> {
     fs::remove_dir_all(place).context("can't remove the folders of the walk")
 }
 
-/// Runs the commands of `docs/guide/web.md`: from an empty folder to a green test and a red one.
+/// Runs the commands of `docs/guide/web.md`: from an empty folder to a test that passes and a test that fails.
 fn web(folder: &Path, packages: &[PathBuf], path: &std::ffi::OsStr) -> Result<()> {
     let page = fs::read_to_string(command::root().join("docs/guide/web.md"))?;
     let files = [

@@ -137,7 +137,7 @@ fn judge(licence: Option<&str>, allowed: &[Licensee]) -> Result<Expression, Stri
     }
 }
 
-/// Checks if the list satisfies an expression. The check ignores the list's line `skipped`.
+/// Checks if the list satisfies an expression. If `skipped` is a line of the list, the check ignores this line.
 fn satisfied(expression: &Expression, allowed: &[Licensee], skipped: Option<usize>) -> bool {
     expression.evaluate(|requirement| {
         let mut lines = allowed.iter().enumerate().filter(|(line, _)| Some(*line) != skipped);

@@ -40,8 +40,8 @@ fn clippy() -> Result<()> {
 }
 
 /// Makes Cargo reuse the metadata of the workspace's libraries that Clippy has written. Cargo identifies metadata by
-/// the program that wrote it and by that program's arguments. `cargo clippy` passes both in these two variables. If the
-/// variables differ, Cargo checks the libraries again.
+/// the program that wrote it and by that program's arguments. `cargo clippy` passes the program and the arguments in
+/// the two environment variables that this function sets. If the variables differ, Cargo checks the libraries again.
 fn after_clippy(doc: &mut Command) {
     let sysroot = Command::new("rustc").args(["--print", "sysroot"]).output();
     let sysroot = sysroot
@@ -55,8 +55,8 @@ fn after_clippy(doc: &mut Command) {
 }
 
 /// Documents programs first, then libraries. The program `karat` and the library `karat` share a folder, and `cargo`
-/// removes the folder before it writes the documentation of either. If both are documented at the same time, `cargo`
-/// sometimes fails.
+/// removes the folder before it writes the documentation of one of them. If both are documented at the same time,
+/// `cargo` sometimes fails.
 fn documentation() -> Result<()> {
     for targets in ["--bins", "--lib"] {
         let mut doc = command::cargo(&["doc", "--workspace", "--no-deps", "--locked", targets]);

@@ -56,12 +56,13 @@ No GPU is needed: Mesa's lavapipe (Vulkan) and llvmpipe (GL) run on the processo
 
 #[derive(Subcommand)]
 enum Task {
-    /// Find the execution paths, and install Mesa's software drivers where one is missing.
+    /// Find the execution paths, and install Mesa's software drivers if one is missing.
     ///
     /// On Linux both Vulkan and GL must be loadable, in software or hardware. On Debian, Fedora and Arch (and their
-    /// relatives) the command installs missing packages; on other systems it prints their names. macOS and Windows
-    /// include Metal and DX12, so nothing is installed there. It also installs a Chromium, which the tests of the
-    /// review page need, and Tint, by npm, outside the working tree. Then it builds the harness, which opens each path.
+    /// relatives) the command installs missing packages; on other systems the command prints their names. macOS and
+    /// Windows include Metal and DX12, so the command installs no drivers there. The command also installs a Chromium,
+    /// which the tests of the review page need, and Tint, by npm, outside the working tree. Then the command builds the
+    /// harness, which opens each path.
     Setup {
         /// Only report: install nothing, and fail if a path is missing.
         #[arg(long)]
@@ -106,7 +107,7 @@ enum Task {
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
     },
-    /// Run the benchmarks; arguments after `--` go to them.
+    /// Run the benchmarks; arguments after `--` go to the benchmarks.
     Bench {
         /// Write the measurements to `docs/speed.md`, with the machine's description.
         #[arg(long)]

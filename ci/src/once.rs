@@ -12,7 +12,7 @@ use cargo_metadata::{Artifact, Message, Metadata, MetadataCommand, PackageId};
 
 use crate::command;
 
-/// The commands that compile code. `--no-run` replaces the run of the tests.
+/// The commands that compile code. With `--no-run`, Cargo compiles the tests and doesn't run them.
 const COMMANDS: [&[&str]; 6] = [
     // `cargo ci` itself, and `cargo karat`, as their aliases do.
     &["build", "--bin", "ci"],
@@ -52,7 +52,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Packages that build scripts and macros use. They run on the host, with their own features.
+/// Packages that build scripts and macros use. Cargo compiles these packages for the host, with their own features.
 fn hosts(metadata: &Metadata) -> BTreeSet<PackageId> {
     use cargo_metadata::DependencyKind;
     let Some(resolve) = &metadata.resolve else { return BTreeSet::new() };

@@ -101,8 +101,8 @@ fn git(arguments: &[&str]) -> Vec<String> {
     text.unwrap_or_default().lines().map(str::to_owned).collect()
 }
 
-/// The two descriptions of a library that cargo-semver-checks has written since the time `since`: of the baseline and
-/// of the working tree.
+/// The files in which cargo-semver-checks has described a library since the time `since`: first the library of the
+/// baseline, then the library of the working tree.
 fn interfaces(name: &str, since: SystemTime) -> Result<[PathBuf; 2]> {
     let folder = command::root().join("target/semver-checks");
     let crate_name = name.replace('-', "_");

@@ -33,7 +33,7 @@ const WRITTEN: [&str; 5] = [
 /// The fewest words of a message. A shorter text is a name or a part of a sentence.
 const FEWEST_WORDS: usize = 5;
 
-/// Code before a string literal that no user sees.
+/// If one of these texts stands before a string literal, no user sees the literal.
 const UNSEEN: [&str; 4] = ["expect(", "expect_err(", "unreachable!(", "reason ="];
 
 /// A sentence, with the text before it.

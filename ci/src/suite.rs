@@ -43,9 +43,9 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
-/// Builds with the features that `cargo test` will need. With `--package karat` some dependencies would lack features
-/// that other members enable, and be compiled twice. Without `--bins`: this program is running, and Windows can't
-/// replace a running program.
+/// The arguments of a build with the features that `cargo test` will need. With `--package karat` some dependencies
+/// would lack features that other members enable, and be compiled twice. The arguments don't include `--bins`, because
+/// this program is running, and Windows can't replace a running program.
 pub(crate) const BUILD: &[&str] =
     &["build", "--workspace", "--locked", "--bin", "karat", "--bin", "planted", "--tests"];
 
@@ -76,7 +76,7 @@ fn both_compilers() -> Result<()> {
     command::run_aside(&mut check)
 }
 
-/// Runs every test. `karat` later reads the recorded verdicts as those of the last run.
+/// Runs every test. The tests record their verdicts. Later commands of `karat` read these records.
 fn test() -> Result<()> {
     let records = output().join("record");
     let running = Running::begin(&records)
@@ -170,7 +170,7 @@ pub(crate) fn npm_packages(all: bool) -> Result<()> {
     Ok(())
 }
 
-/// Tries a sample of the mutants of a module of the library. Its tests kill 97 of 100.
+/// Tries a sample of the mutants of a module of the library. The module's tests kill 97 of 100 mutants.
 fn mutants() -> Result<()> {
     let sample = [
         "--tests",
@@ -274,7 +274,8 @@ fn output() -> PathBuf {
     command::root().join(target).join("karat")
 }
 
-/// The facts of a run that `karat` reads (`karat::unstable::record::Run`). They say that the run left out no test.
+/// The content of `run.json`, which `karat` reads (`karat::unstable::record::Run`). It says that the run left out no
+/// test.
 fn ending(passed: bool) -> String {
     serde_json::json!({ "schema": 5, "selected": [], "passed": passed }).to_string()
 }

@@ -34,14 +34,14 @@ fn view(degrees: f64) -> Vec3 {
     DVec3::new(sin, 0.0, cos).as_vec3()
 }
 
-/// Directions of light, each with its weight times the cosine.
+/// Directions of light, with weights for an integral over the hemisphere. Each weight includes the cosine.
 fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
     brdf::half_vector_rule(f64::from(alpha), v.as_dvec3(), 32, 32)
         .into_iter()
         .map(|(l, weight)| (l.as_vec3(), weight * l.z))
 }
 
-/// The nodes of a furnace for a BRDF with a white `f0`.
+/// The arguments of a BRDF with a white `f0`, and the weights, for the integral over a white furnace.
 fn white(&(alpha, v): &(f32, Vec3)) -> Vec<((Vec3, f32, Vec3, Vec3), f64)> {
     lights(alpha, v).map(|(l, weight)| ((Vec3::ONE, alpha, v, l), weight)).collect()
 }
@@ -79,7 +79,7 @@ fn mixed_conventions_return_more_than_pi() {
     furnace().agrees_with(|view| DVec3::splat(PI + specular(view)), Abs(1e-4));
 }
 
-/// E9: the result is too bright by exactly 4 / pi, so it is 1.27 in a white furnace.
+/// Mistake E9: the result is too bright by exactly 4 / pi, so it is 1.27 in a white furnace.
 #[test]
 fn cook_torrance_as_quoted_is_too_bright() {
     let quoted = || PBR.function("as_written::brdf::cook_torrance");
@@ -109,7 +109,7 @@ fn tri_ace(
     (UnitRgb, reflectance(), exponent, above(), above())
 }
 
-/// E10: the result is infinite at n = 2. At n = 4 the highlight is -7/8 of the right highlight, and at n = 100
+/// Mistake E10: the result is infinite at n = 2. At n = 4 the highlight is -7/8 of the right highlight, and at n = 100
 /// nearly 0.
 #[test]
 fn tri_ace_s_printed_normalisation_has_a_pole() {
@@ -143,7 +143,7 @@ fn tri_ace_s_printed_normalisation_has_a_pole() {
     );
 }
 
-/// E11: a black surface has no highlight. A white surface has 1 / pi of the right highlight.
+/// Mistake E11: a black surface has no highlight. A white surface has 1 / pi of the right highlight.
 #[test]
 fn tri_ace_s_printed_bracket_takes_the_highlight() {
     let printed = || PBR.function("as_written::brdf::tri_ace_bracket");

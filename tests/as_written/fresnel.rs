@@ -16,7 +16,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The disagreement, or `None` on drivers of these `families`, which can't show it.
+/// The disagreement, or `None` if all drivers are of these `families`, which can't show the fault.
 fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Option<Disagreement> {
     let may_agree = |adapter: &Adapter| families.contains(&adapter.family().as_str());
     match result {

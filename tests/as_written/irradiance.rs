@@ -25,7 +25,7 @@ fn furnace(function: &str) -> karat::check::Probe<'static> {
     in_environment(function, CubeMap::constant(Vec3::ONE))
 }
 
-/// E13: the result is 0.5.
+/// Mistake E13: the result is 0.5.
 #[test]
 fn a_factor_of_two_is_missing() {
     let estimate = || {
@@ -51,7 +51,8 @@ fn nested_loop(steps: (f32, f32)) -> karat::Check<'static, Calls<(Vec3, f32, f32
     furnace("nested_loop").over((normals(), Just(steps.0), Just(steps.1))).cases(16)
 }
 
-/// E18: the result is 0.9805, which is pi / 16 times the sum of cos sin. With the true steps it is 1.0014.
+/// Mistake E18: the result is 0.9805, which is pi / 16 times the sum of cos sin. With the true steps the result is
+/// 1.0014.
 #[test]
 fn the_loop_is_dark() {
     let correct = |_: DVec3, _: f64, _: f64| DVec3::ONE;
@@ -74,9 +75,9 @@ fn furnace_of_library(function: &str) -> karat::check::Probe<'static> {
         .with("environment_sampler", Sampler::LINEAR)
 }
 
-/// E17: in a Monte Carlo estimate, four times as many terms would halve the error. Here the error stays: 0.9805 becomes
-/// 0.9815, because 32 steps of 0.05 end at 1.6, as 16 steps of 0.1 do. No argument is a random number or the number of
-/// a sample.
+/// Mistake E17: in a Monte Carlo estimate, four times as many terms would halve the error. Here the error stays: 0.9805
+/// becomes 0.9815, because 32 steps of 0.05 end at 1.6, as 16 steps of 0.1 do. No argument is a random number or the
+/// number of a sample.
 #[test]
 fn more_terms_are_not_more_samples() {
     let halved = (PRINTED.0 / 2.0, PRINTED.1 / 2.0);
@@ -85,7 +86,8 @@ fn more_terms_are_not_more_samples() {
     nested_loop(halved).agrees_with(|_: DVec3, _: f64, _: f64| DVec3::splat(0.9815), Abs(5e-5));
 }
 
-/// E20: if a map's side is odd, the result at the centre of faces 2 and 3 is NaN. This includes each map of side 1.
+/// Mistake E20: if a map's side is odd, the result at the centre of faces 2 and 3 is NaN. This includes each map of
+/// side 1.
 #[test]
 fn nothing_is_right_of_up() {
     let upright = || OneOf(vec![Vec3::Y, Vec3::NEG_Y]);
@@ -118,7 +120,7 @@ fn irradiance_map() -> CubeMap {
     CubeMap::from_fn(32, |n| Vec3::splat(irradiance::linear(n.as_dvec3(), 1.0, gradient) as f32))
 }
 
-/// E7: at grazing angles, a white floor shows 1 instead of 1.6.
+/// Mistake E7: at grazing angles, a white floor shows 1 instead of 1.6.
 #[test]
 fn a_lambertian_looks_the_same_from_everywhere() {
     let floor = |v: Vec3| {
@@ -147,7 +149,7 @@ fn a_lambertian_looks_the_same_from_everywhere() {
     floor(Vec3::Z).agrees_with(below, filter);
 }
 
-/// E8: the result is 1 / pi of the right irradiance.
+/// Mistake E8: the result is 1 / pi of the right irradiance.
 #[test]
 fn stored_irradiance_is_already_divided_by_pi() {
     let white = || PBR.function("as_written::irradiance::lambert").over((UnitRgb, Just(Vec3::ONE)));
@@ -164,8 +166,8 @@ fn stored_irradiance_is_already_divided_by_pi() {
     }
 }
 
-/// E19: the test has the last line of the article's shader, `return float4( PI * sampledColour / index), 1 );`, in
-/// WGSL.
+/// Mistake E19: the test has the last line of the article's shader, `return float4( PI * sampledColour / index), 1 );`,
+/// in WGSL.
 #[test]
 fn an_unbalanced_parenthesis_is_shown_where_it_is() {
     let text = "const PI: f32 = 3.14159265;\n\n\

@@ -24,7 +24,7 @@ fn skies() -> impl Domain<Value = (f32, u32)> {
 
 const SUM: Ulp = Ulp(64.0);
 
-/// E3. A uniform sky of radiance L gives an irradiance of pi L. A sum without the cosine gives 2 pi L.
+/// Mistake E3. A uniform sky of radiance L gives an irradiance of pi L. A sum without the cosine gives 2 pi L.
 #[test]
 fn radiance_summed_without_its_cosine() {
     let sky = || PBR.function("as_written::radiometry::irradiance_of_sky").over(skies());
@@ -37,7 +37,7 @@ fn radiance_summed_without_its_cosine() {
     sky().agrees_with(|radiance: f64, _: u32| 2.0 * PI * radiance, SUM);
 }
 
-/// E4. The strict law is wrong for one albedo: it forbids the white Lambertian.
+/// Mistake E4. The strict law is wrong for one albedo: it forbids the white Lambertian.
 #[test]
 fn conservation_without_white() {
     let albedos = Grid::linear(0.0..=2.0, 201);
@@ -51,9 +51,9 @@ fn conservation_without_white() {
     }
 }
 
-/// E5. A Lambertian reflects its albedo for light from any direction. In the printed law it reflects 2 albedo (N.L).
-/// For a white Lambertian at normal incidence that is 2, so it would "create" energy. A Lambertian of albedo 2 at N.L =
-/// 1/8 gets 1/2 and passes, although it does create energy.
+/// Mistake E5. A Lambertian reflects its albedo for light from any direction. The printed law computes 2 albedo (N.L)
+/// instead. For a white Lambertian at normal incidence the law gives 2, as if the surface created energy. For a
+/// Lambertian of albedo 2 at N.L = 1/8 the law gives 1/2 and is satisfied, although this surface does create energy.
 #[test]
 fn conservation_with_the_incoming_cosine() {
     let over = |albedos: std::ops::RangeInclusive<f32>, n_dot_l: f32| {
@@ -80,8 +80,8 @@ fn conservation_with_the_incoming_cosine() {
     over(2.0..=2.0, 0.125).satisfies("is 1/2", |_, reflected: f32| (reflected - 0.5).abs() < 1e-5);
 }
 
-/// E6. A mirror keeps the radiance that arrives through a small solid angle dw, so its BRDF is 1 / (cos dw). A BRDF of
-/// 1 would keep only cos dw of the radiance: 6.8e-5 of the sun's radiance at normal incidence.
+/// Mistake E6. A mirror keeps the radiance that arrives through a small solid angle dw, so its BRDF is 1 / (cos dw). A
+/// BRDF of 1 would keep only cos dw of the radiance: 6.8e-5 of the sun's radiance at normal incidence.
 #[test]
 fn a_mirror_of_one() {
     let mirror = || PBR.function("as_written::radiometry::mirror_brdf");

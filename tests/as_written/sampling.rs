@@ -17,13 +17,13 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The share of failing cases. It must be equal on each path.
+/// The share of failing cases. The share must be equal on all paths.
 fn share(found: &Disagreement) -> f64 {
     let census = &found.paths[0].census;
     census.failures as f64 / census.cases as f64
 }
 
-/// P6. Half of the azimuths are above pi.
+/// Mistake P6. Half of the azimuths are above pi.
 #[test]
 fn azimuths_leave_the_range_of_sine_and_cosine() {
     let uniform = (0..4096_u16).map(|i| (f32::from(i) + 0.5) / 4096.0);
@@ -39,7 +39,7 @@ fn azimuths_leave_the_range_of_sine_and_cosine() {
         .agrees_with(|u: f64| TAU * u, Ulp(1.0));
 }
 
-/// P3. At m = 0 and R.w = 1 the library's function returns the normal. The printed form computes 0 / 0.
+/// Mistake P3. At m = 0 and R.w = 1 the library's function returns the normal. The printed form computes 0 / 0.
 #[test]
 fn a_mirror_has_no_normal() {
     let edge = || (Just(0.0_f32), Just(Vec2::new(0.5, 1.0)));
@@ -60,7 +60,7 @@ fn smooth() -> impl Domain<Value = (f32, Vec2)> {
     (1e-4..=1e-3_f32, (0.0..=0.0_f32, 0.1..=0.9_f32).map(|(x, y)| Vec2::new(x, y)))
 }
 
-/// P4. The error is relative to the sine, which is 5e-5 to 3e-3 here.
+/// Mistake P4. The error is relative to the sine, which is 5e-5 to 3e-3 here.
 #[test]
 fn sines_of_smooth_surfaces_are_lost() {
     let sine = |alpha: f64, u: DVec2| (alpha * u.y.sqrt()).atan2((1.0 - u.y).sqrt()).sin();
@@ -100,7 +100,8 @@ fn sines_of_smooth_surfaces_are_lost() {
         .agrees_with(sine, Rel(1e-6));
 }
 
-/// E14. Half of GGX's normals have a tangent below alpha, so the lecture's lobe is wider than Karis' by 1 / roughness.
+/// Mistake E14. Half of GGX's normals have a tangent below alpha, so the lecture's lobe is wider than Karis' by 1 /
+/// roughness.
 #[test]
 fn roughness_is_not_squared() {
     let median = || PBR.function("as_written::sampling::median_tangent").over(0.05..=0.9);

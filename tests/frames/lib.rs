@@ -118,8 +118,8 @@ pub fn open_paths() -> Vec<Path> {
 }
 
 /// Checks if a driver snaps vertices to 1/16 of a pixel, as SwiftShader does: its `subPixelPrecisionBits` is 4, the
-/// smallest number that Vulkan allows. Mesa's number is 8. A pixel interpolates its vertices, so its content moves with
-/// the vertices, by at most 1/32 of a pixel.
+/// smallest number that Vulkan allows. Mesa's number is 8. The interpolated values of a pixel move with the vertices,
+/// by at most 1/32 of a pixel.
 ///
 /// # Panics
 ///

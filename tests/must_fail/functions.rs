@@ -330,7 +330,7 @@ fn arguments_that_meet() {
     }
 }
 
-/// Many threads share a device. Each thread gets its own results, every time.
+/// Many threads share one GPU device. Each thread gets its own results, every time.
 #[test]
 fn many_threads_on_one_device() {
     let package = Package::from_source("s", "fn f(x: f32, k: f32) -> f32 { return x + k; }");
@@ -502,8 +502,8 @@ fn step(x: f64, y: f64) -> f64 {
     if x > 0.0 { 1.0 + y } else { y }
 }
 
-/// A driver may replace each subnormal argument with 0, independently of the other arguments. It may change nothing
-/// else.
+/// A driver may replace each subnormal argument with 0, independently of the other arguments. The driver may change
+/// nothing else.
 // Lesson 48
 #[test]
 fn only_subnormal_arguments_may_be_flushed() {

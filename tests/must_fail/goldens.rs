@@ -14,7 +14,8 @@ pub(crate) fn golden_fault(folder: &FilePath, environment: &[(&str, &str)]) -> (
     (output.status.success(), text)
 }
 
-/// The test renders and accepts a frame, and checks that it agrees. Then it damages the golden in each possible way.
+/// The test renders and accepts a frame, and checks that the frame agrees with its golden. Then the test damages the
+/// golden in each possible way.
 // Lesson 1: golden side
 // Lesson 2
 // Lesson 16: the golden records its tolerance
@@ -117,7 +118,8 @@ fn ci_leaves_the_folder_of_goldens_alone() {
     );
 }
 
-/// Karat refuses to accept a golden from another driver than lavapipe, because it would fail on every other machine.
+/// Karat refuses to accept a golden from another driver than lavapipe, because checks against this golden would fail on
+/// every other machine.
 // Lesson 17
 #[test]
 fn accepting_off_the_canonical_rasteriser_is_refused() {

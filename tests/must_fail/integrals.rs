@@ -8,8 +8,8 @@ use std::f64::consts::{PI, TAU};
 use crate::disagreement;
 use crate::processes::planted;
 
-/// The directions of a hemisphere about +Z with the weights of an integral of `f cos`, by the midpoint rule in the
-/// squared sine and the azimuth. The measure contains the cosine.
+/// Directions of the hemisphere around +Z, with weights for an integral of `f cos`. The midpoint rule has steps in the
+/// squared sine and in the azimuth, so the weights already include the cosine.
 pub(crate) fn hemisphere(size: u16) -> Vec<(Vec3, f64)> {
     let at = |index: u16| (f64::from(index) + 0.5) / f64::from(size);
     let node = |row: u16, column: u16| {

@@ -7,8 +7,8 @@ use karat::unstable::job::{Answer, Job, Problem, Reply};
 use karat::unstable::path::{Ability, Greeting};
 use serde_json::{Value, json};
 
-/// The output of `planted pipe` on a path with `planted executor` as its program. The executor has its own path and a
-/// fault.
+/// Runs the checks of `planted pipe` on a path whose program is `planted executor`, and returns their output. The
+/// program runs jobs on `path`, and has the planted `fault`.
 fn piped(path: &str, fault: &str) -> String {
     let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
     told(&executor, "process@mine", &[])
@@ -322,7 +322,7 @@ fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
     })
 }
 
-/// Jobs, greeting and replies follow the published schema, and each required member exists.
+/// Jobs, greetings and replies follow the published schema, and each required member exists.
 // Lesson 87
 #[test]
 fn jobs_are_as_the_schema_says() {

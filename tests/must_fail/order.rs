@@ -116,7 +116,7 @@ fn results_of_an_order() {
     }
 }
 
-/// The results are equal in each order, also if stores happen late.
+/// The results are equal in each order, even if stores reach memory late.
 // Lesson 216: passes with one outcome are green
 #[test]
 fn results_of_no_order() {
@@ -180,7 +180,7 @@ fn results_of_no_order() {
     }
 }
 
-/// The races need a certain order of three workgroups, or an invocation that pauses.
+/// Each race occurs only in a certain order of three workgroups, or if an invocation pauses.
 // Lesson 216
 #[test]
 fn races_of_an_order() {
@@ -214,8 +214,8 @@ fn races_of_an_order() {
     }
 }
 
-/// Tests a subgroup operation in workgroups of all sizes, up to the size from which the result depends on the size of
-/// subgroups.
+/// Tests subgroup operations in workgroups of many sizes. For the last operation, in workgroups of more than 4
+/// invocations, the result depends on the size of subgroups.
 // Lesson 218
 #[test]
 fn subgroups_in_workgroups_of_each_size() {

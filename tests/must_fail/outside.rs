@@ -4,8 +4,8 @@
 use karat::check::HazardKind;
 use karat::prelude::*;
 
-/// Lines with reads or writes outside an array that matter, for one workgroup of four invocations over the array `d`
-/// with these words.
+/// The lines of `body` that read or write outside an array, if this matters. One workgroup of four invocations runs
+/// `body` over the array `d`, which contains `words`.
 fn lines(body: &str, words: &[u32]) -> Vec<usize> {
     let text = format!(
         "@group(0) @binding(0) var<storage, read_write> d: array<u32>;

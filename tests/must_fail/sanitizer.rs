@@ -56,7 +56,7 @@ fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
     (race.kind, race.element.clone(), [access(0), access(1)])
 }
 
-/// Blelloch's sum over a workgroup in a tree, with one barrier of each round missing.
+/// A prefix sum over a workgroup (Hillis and Steele), without one of the two barriers of each iteration.
 // Lesson 215
 #[test]
 fn a_scan_without_its_second_barrier() {
@@ -144,7 +144,7 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     assert_eq!(order.turns[0].matches("`atomic").count(), 12, "{order}");
 }
 
-/// The shader sets a flag before it writes the word that the flag announces. Another invocation may read between the
+/// The shader sets a flag before it writes the `u32` that the flag announces. Another invocation may read between the
 /// two atomics.
 #[test]
 fn a_word_that_is_published_before_it_is_written() {
@@ -650,8 +650,9 @@ fn faults_of_another_order_alone() {
     seen("in_order", 1, &["flag"]).expect("barriers order it in each order");
 }
 
-/// A driver may give the asserted result where the engine gives another, because the driver rounds differently, or
-/// because its subgroups have another size. Even then, all orders on the engine must give the same result.
+/// A driver may give the asserted result although the engine gives another result, because the driver rounds
+/// differently, or because its subgroups have another size. Even then, all orders on the engine must give the same
+/// result.
 #[test]
 fn an_order_that_matters_where_the_usual_one_fails() {
     let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -804,7 +805,7 @@ fn a_tail_that_no_invocation_writes() {
     }
 }
 
-/// In one pass over a texture, the guard is too strict by one texel. In another case nothing writes a buffer.
+/// In one pass over a texture, the guard is too strict by one texel. In another case, no invocation writes the buffer.
 #[test]
 fn texels_that_no_invocation_writes() {
     let text = "@group(0) @binding(0) var image: texture_storage_2d<rgba16float, write>;
@@ -913,7 +914,8 @@ fn one_pass_of_several_depends_on_its_order() {
     assert!(order.location.starts_with("<two>:3:"), "{order}");
 }
 
-/// A function written above its caller isn't a loop: a barrier between both lines orders them.
+/// One access of a race is in a function written above its caller. The lines aren't in a loop, so Karat advises a
+/// barrier between them.
 #[test]
 fn a_race_with_a_function_above() {
     let load = "fn load(i: u32) -> u32 { return tile[i]; }";

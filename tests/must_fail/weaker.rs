@@ -115,7 +115,7 @@ fn cases_beyond_the_first_dispatch_are_new() {
     assert!(all > 2 * first, "{first} of 65536, and {all} of 200000");
 }
 
-/// In dark pixels, a gate allows a share of the frame's key, not a multiple of the key.
+/// In dark pixels, a gate allows a small share of the frame's key (its general brightness), not a multiple of the key.
 // Lesson 178
 #[test]
 fn the_floor_of_a_gate() {
@@ -143,7 +143,7 @@ fn an_edit_of_one_ulp_is_a_change() {
     assert!(matches!(change, Change::Changed { .. }), "{change:?}");
 }
 
-/// Karat reports a read outside an array for any case.
+/// Karat reports a read outside an array, whichever of the cases reads there.
 // Lesson 178
 #[test]
 fn each_case_out_of_range_is_reported() {

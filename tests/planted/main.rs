@@ -13,7 +13,7 @@ use karat::check::Agreement;
 use karat::prelude::*;
 use karat::{Frame, Goldens, Trend};
 
-/// A function with an endless loop: `sum` is never negative. llvmpipe leaves a loop after 65,535 rounds, which take
+/// A function with an endless loop: `sum` is never negative. llvmpipe leaves a loop after 65,535 iterations, which take
 /// minutes because the body is long.
 fn endless() -> String {
     let body = "sum = sin(sum) + 1.5;\n".repeat(64);
@@ -282,7 +282,7 @@ fn turned(fault: bool) -> Agreement {
     )
 }
 
-/// Integrals with names as cases instead of `u32` words.
+/// Checks integrals whose cases are names instead of `u32`s.
 fn many_integrals(excess: &str, end: f32) -> Agreement {
     let wgsl = format!("fn f(c: f32, x: f32) -> f32 {{ return c + {excess}; }}");
     let package = Package::from_source("planted", &wgsl);

@@ -45,10 +45,12 @@ const ROUNDING: f64 = 1.5e-3;
 /// f0 have this error, too, and lobes and their samples depend on both.
 const GL_ROUNDING: f64 = 1e-2;
 
-/// The distance in pixels by which the content of a pixel moves if the driver snaps vertices: see `frames::is_snapped`.
+/// The largest distance, in pixels, by which drawn surfaces move if the driver snaps vertices: see
+/// `frames::is_snapped`.
 const SNAPPED: f64 = 1.0 / 32.0;
 
-/// The number of points along each side of the square that contains a snapped pixel's content.
+/// A snapped pixel shows a point in a small square around its middle. Tests try this number of points along each side
+/// of the square.
 const PLACES: i32 = 5;
 
 /// The data for the second opinion on a frame of the 64 spheres.
@@ -123,7 +125,7 @@ impl Spheres {
         Some((pixel, Surface::new(painted, &self.mask, hit, ray)))
     }
 
-    /// The range of a pixel's value if its content moves by a fraction of a pixel.
+    /// The smallest and the largest value of a pixel, if drawn surfaces move by up to [`SNAPPED`] pixels.
     fn snapped(&self, pixel: (u32, u32), shaded: impl Fn(&Surface) -> DVec3) -> (DVec3, DVec3) {
         range(|by| {
             let ray = self.scene.ray_beside(pixel, by);
@@ -160,7 +162,7 @@ fn first_path() -> Path {
     open_paths()[0]
 }
 
-/// The smallest and the largest value over the square that contains a snapped pixel's content.
+/// The smallest and the largest result of `value` for the points of the square that [`PLACES`] describes.
 fn range(value: impl Fn(DVec2) -> DVec3) -> (DVec3, DVec3) {
     let at = |step: i32| SNAPPED * (2.0 * f64::from(step) / f64::from(PLACES - 1) - 1.0);
     let places = (0..PLACES * PLACES).map(|i| DVec2::new(at(i % PLACES), at(i / PLACES)));
@@ -197,7 +199,7 @@ impl Exhibit {
 }
 
 /// The golden, and the frame as each open path draws it. These frames are smaller than the golden, unless `size` is
-/// given because the content depends on the size.
+/// given because the image depends on the size.
 fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     let mut exhibits = vec![golden(name)];
     for path in open_paths() {
@@ -233,7 +235,7 @@ fn copies(count: u32) -> Vec<Vec<DVec2>> {
     (0..COPIES as u64).map(copy).collect()
 }
 
-/// The mean and the standard deviation of the values of one copy.
+/// The mean and the standard deviation of a pixel's values, which come from different copies of the samples.
 fn statistics(values: &[DVec3]) -> (DVec3, DVec3) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<DVec3>() / count;

@@ -52,7 +52,7 @@ impl Wanted {
         self.krate.clone().or_else(|| self.folder.clone()).unwrap_or_default()
     }
 
-    /// Opens the package with the features that hold for all its modules.
+    /// Opens the package, and turns on the features that all its modules share.
     pub(crate) fn open(&self) -> Result<Package, PackageError> {
         let package = match (&self.krate, &self.folder) {
             (Some(krate), _) => Package::open_crate(Path::new("."), krate, self.root.as_deref()),

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 /// The cause that makes a function impossible to call.
 #[derive(Clone, Copy, PartialEq)]
 enum Whose {
-    /// The shader itself is the cause: no harness could call the function unchanged.
+    /// The shader itself is the cause: no harness could call the function without a change to the shader.
     Nature,
     Karat,
 }

@@ -21,7 +21,7 @@ pub(crate) enum Wanted {
     Node,
 }
 
-/// The distributions that share a package manager.
+/// A group of distributions that share a package manager.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Family {
     Debian,

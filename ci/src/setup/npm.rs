@@ -24,7 +24,8 @@ pub(crate) fn install_tint() -> Result<()> {
     install("tint")
 }
 
-/// Installs the packages for the tests of Karat's npm packages. Runs after Tint's installation, and uses its Node.
+/// Installs the packages for the tests of Karat's npm packages. Runs after [`install_tint`], which may have installed a
+/// Node that this function uses.
 pub(crate) fn install_web() -> Result<()> {
     ["web", "web-before"].into_iter().try_for_each(install)
 }

@@ -42,7 +42,7 @@ pub(crate) fn find(host: &Host) -> Result<String> {
     bail!("lavapipe, the software driver ({hint})")
 }
 
-/// The name of a driver that runs on the processor.
+/// The name of the driver if it runs on the processor, or `None`.
 fn software(driver: &Driver) -> Option<&'static str> {
     let library = host::name(&driver.library);
     if library.contains("vulkan_lvp") {

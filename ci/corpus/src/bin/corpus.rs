@@ -53,12 +53,12 @@ struct Row {
     callable: usize,
     /// For each reason, the number of functions that Karat refuses.
     reasons: BTreeMap<String, usize>,
-    /// The time of the slowest module.
+    /// The time that the slowest module took, in milliseconds.
     slowest_ms: u128,
 }
 
-/// The longest time for a module, even on a busy machine. A longer time is a fault. The program prints the slowest
-/// module of each crate.
+/// The longest time that Karat may take for a module, even on a busy machine. A longer time is a fault. The program
+/// prints the slowest module of each crate.
 const SLOWEST: Duration = Duration::from_secs(10);
 
 fn main() -> ExitCode {
@@ -300,7 +300,7 @@ fn seeming_functions(text: &str) -> usize {
     text.lines().filter(|line| line.trim_start().starts_with("fn ")).count()
 }
 
-/// Parts of the messages that say why Karat can't call a valid function.
+/// Pairs of a part of Karat's message and a short reason, for valid functions that Karat can't call.
 const BY_NATURE: &[(&str, &str)] = &[
     ("a pointer", "pointer"),
     ("returns nothing", "no result"),
@@ -311,7 +311,7 @@ const BY_NATURE: &[(&str, &str)] = &[
     ("", "not probed otherwise"),
 ];
 
-/// Parts of the messages that say why a module or a function doesn't link or isn't valid.
+/// Pairs of a part of Karat's message and a short reason, for modules and functions that don't link or aren't valid.
 const INVALID: &[(&str, &str)] = &[
     ("template's placeholder", "template"),
     ("isn't WGSL: a preprocessor", "unknown preprocessor"),
@@ -328,7 +328,8 @@ const INVALID: &[(&str, &str)] = &[
     ("", "invalid for naga"),
 ];
 
-/// The reason that belongs to the first part of `reasons` that occurs in the message.
+/// Each entry of `reasons` is a part of a message, and a reason. Returns the reason of the first entry whose part
+/// occurs in `message`.
 fn reason(message: &str, reasons: &[(&str, &'static str)]) -> &'static str {
     let found = reasons.iter().find(|(part, _)| message.contains(part));
     found.map_or("", |(_, reason)| reason)

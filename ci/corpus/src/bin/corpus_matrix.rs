@@ -21,7 +21,7 @@ mod list;
 
 use list::{List, Wanted};
 
-/// The number of inputs for each function. So many inputs are enough to show that a translation is wrong.
+/// The number of inputs for each function. 64 inputs are enough to show that a translation is wrong.
 const CASES: usize = 64;
 
 /// The names of faults. Each name heads a column of the printed table, as each status does.

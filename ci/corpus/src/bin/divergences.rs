@@ -27,7 +27,7 @@ struct Question {
     ask: fn(&Package) -> Result<Agreement, Failure>,
 }
 
-/// The result of a question on a path.
+/// The result of a [`Question`]'s expression on a path.
 enum Answer {
     Agrees,
     Differs(Box<PathDisagreement>),
@@ -35,14 +35,14 @@ enum Answer {
     Stopped(String),
 }
 
-/// The bounds in WGSL, section 15.7.4, where they are below 1.
+/// Accepts each result within WGSL's bounds (section 15.7.4), where WGSL bounds the error by 1 or less.
 fn within() -> SpecTolerance {
     Spec.needing(Abs(1.0))
 }
 
 const EXACTLY: Ulp = Ulp(0.0);
 
-/// Integers that show errors by one and errors of the sign.
+/// Integers that show off-by-one errors and wrong signs.
 fn edges() -> OneOf<i32> {
     OneOf(vec![
         i32::MIN,
@@ -259,8 +259,8 @@ fn write_all(folder: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// The answer of each path to a question that was asked. Returns an error if the check failed for a reason that isn't a
-/// fault of a path.
+/// Converts the result of a check into an answer for each path. Returns an error if the check failed for a reason that
+/// isn't a fault of a path.
 fn answers(
     asked: Result<Agreement, Failure>,
     question: &Question,

@@ -480,7 +480,7 @@ fn all(folder: &Path) -> Result<(), String> {
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
 }
 
-/// Results of people who checked passes of other repositories once, by hand.
+/// Results for passes of other repositories, which people checked once, by hand.
 const DISPATCHED: &str = "
 ## Passes with the sizes of their host
 
@@ -569,7 +569,7 @@ fn page(found: &Found) -> Result<String, String> {
     Ok(page)
 }
 
-/// The lines of this file between a marker comment and the comment that ends it.
+/// The lines of this file between the comment `// marker: name` and the next comment `// end`.
 fn own_text(marker: &str, name: &str) -> String {
     let own = include_str!("found.rs");
     let text = own.split(&format!("// {marker}: {name}\n")).nth(1);

@@ -1,5 +1,5 @@
-//! Compares compute passes of a released crate with a reference in Rust. The passes compute the prefix sum over path
-//! tags of vello 0.11, over a scene of 4,096 `u32`s.
+//! Compares compute passes of a released crate with a reference in Rust. The passes belong to vello 0.11. They compute
+//! prefix sums of the path tags in a scene of 4,096 `u32`s.
 //!
 //! `cargo run --bin passes` fetches the crate through cargo, and compares the passes. Then it plants two faults in the
 //! shader, and checks that Karat finds them. `cargo ci found` runs the program.
