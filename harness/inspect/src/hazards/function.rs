@@ -21,7 +21,8 @@ use rayon::prelude::*;
 /// The number of an operation, and the kind of its error.
 pub(super) type Key = (usize, Kind);
 
-/// The contents (sets of generated values) of the resources. Only with the first content do all cases run.
+/// The contents (sets of generated values) of the resources. All cases run over the first content, and some cases over
+/// each other content.
 const CONTENTS_TRIED: &[Content] = &Content::OF_FUNCTIONS;
 const FIRST: Content = Content::OF_FUNCTIONS[0];
 
@@ -97,7 +98,7 @@ impl Tally {
     }
 }
 
-/// Selects the inputs that keep their values from another content.
+/// Selects the inputs that take their values from another content.
 type Takes<'t> = &'t (dyn Fn(&Input) -> bool + Sync);
 
 /// Keeps each finding of a run, so that one finding doesn't hide another of its kind.
@@ -268,7 +269,7 @@ impl Trial {
         }
     }
 
-    /// Runs the function with the declared inputs of a case, and with new samples of the others.
+    /// Runs the function with the declared inputs of a case, and with new samples of the free inputs.
     fn held(&self, case: &Case) -> Tally {
         let takes = |input: &Input| input.known;
         self.again(&takes, &|content| {

@@ -57,8 +57,9 @@ impl Extents {
         Self { elements, workgroups, content: Content { shorter, ..content } }
     }
 
-    /// The value of an integer that its name doesn't constrain: at least 2, 3 or 4, depending on the content.
-    /// Neighbouring components have different values, so that exchanging them changes the result.
+    /// The value of an integer that its name doesn't constrain: the content's `least`, or a few more if `least` is 2, 3
+    /// or 4; `None` without `least`. Neighbouring components have different values, so that exchanging them changes the
+    /// result.
     pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
         const APART: std::ops::RangeInclusive<u32> = 2..=4;
         let least = self.content.least?;
@@ -180,8 +181,8 @@ mod tests {
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], Content::OF_PASSES[7]).elements, [16, 8, 1]);
     }
 
-    /// There are at least 64 elements. With a tail, there are fewer in each direction in which a workgroup has several
-    /// invocations.
+    /// There are at least 64 elements. With a tail, there are fewer elements than invocations in each direction in
+    /// which a workgroup has several invocations.
     #[test]
     fn element_counts_fill_whole_workgroups_or_leave_a_tail() {
         let of = |size, workgroups, at: usize| {
