@@ -1,5 +1,5 @@
-//! Selects the cases of a function that run. In a selected case, no loop has more than 4,096 rounds. Of these cases, as
-//! many run as the function's work budget allows, evenly selected.
+//! Selects the cases of a function that run. In a selected case, no loop has more than 4,096 rounds. The selection is
+//! even, and has as many cases as the function's work budget allows.
 
 use std::borrow::Cow;
 
@@ -39,7 +39,7 @@ pub(crate) struct Chosen {
 }
 
 impl Chosen {
-    /// Selects the rows in which each loop ends. If the engine can't run the function, it selects all rows, because
+    /// Selects the rows in which each loop ends. If the engine can't run the function, all rows are selected, because
     /// other paths may run the function.
     pub(crate) fn ending(
         side: &Side<'_>,
@@ -55,8 +55,8 @@ impl Chosen {
         Self { count, rows: left, cut: all - count, long, allowed: usize::MAX }
     }
 
-    /// Selects as many rows as the work budget allows for each function, without those in which a loop of the first
-    /// function doesn't end.
+    /// Selects as many rows as the work budget allows for the costliest of the functions, and leaves out rows for which
+    /// a loop of the first function doesn't end.
     pub(crate) fn of(
         sides: &[Side<'_>],
         arguments: &Arguments,
@@ -89,8 +89,8 @@ impl Chosen {
     }
 }
 
-/// The arguments for cases of a function without side effects, one row for each case. If fewer cases end, the rows
-/// repeat.
+/// The arguments for cases of a function without side effects, one row for each case. If the function's loops end in
+/// too few cases, the rows of these cases repeat.
 pub(crate) fn rows(
     probed: &Probed,
     ranges: &Ranges,

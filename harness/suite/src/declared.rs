@@ -224,7 +224,7 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
     }
 }
 
-/// `true` for any kind, or a list of kinds.
+/// The kinds of hazards that must not occur: a list of kinds, or `true` for all kinds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct NoHazards(pub(crate) Option<Vec<HazardKind>>);

@@ -50,7 +50,7 @@ impl fmt::Display for Wrong {
 }
 
 impl Wrong {
-    /// Makes an error from a message without a position, or with its position in the text. The first line becomes the
+    /// Makes an error from a message that has no position, or that contains its position. The first line becomes the
     /// headline.
     #[must_use]
     pub fn of(message: String) -> Self {

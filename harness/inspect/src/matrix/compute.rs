@@ -178,7 +178,8 @@ fn pass(passes: &Passes) -> &Pass {
     &passes.passes[0]
 }
 
-/// The largest number of rounds for one invocation. A software driver would need seconds for more.
+/// The largest number of loop iterations that an invocation may run. For more iterations, a software driver would need
+/// seconds.
 const PATIENCE: u32 = 4096;
 
 /// Refuses a pass whose loops don't end with the generated data, because it would hang a driver. If naga's module shows
@@ -332,7 +333,8 @@ impl Buffer {
 
 /// Checks if two floats are at most one step apart.
 fn is_next(expected: u32, actual: u32, step: f32) -> bool {
-    /// The tolerance of a step, because fractions of 255 and of similar numbers are rounded, too.
+    /// A difference of this many steps counts as one step, because floats represent fractions such as 1/255 only
+    /// approximately.
     const ROUNDED: f32 = 1.001;
     step > 0.0 && (f32::from_bits(expected) - f32::from_bits(actual)).abs() <= ROUNDED * step
 }
@@ -352,7 +354,7 @@ mod tests {
     use crate::made_up::Ranges;
     use karat::package::Package;
 
-    /// On each driver, the invocations append in another order.
+    /// Each driver runs the invocations in a different order, so the invocations append in a different order.
     #[test]
     fn results_that_depend_on_the_order_are_open() {
         let text = "@group(0) @binding(0) var<storage, read_write> next: atomic<u32>;
