@@ -445,8 +445,8 @@ impl Request {
         }
     }
 
-    /// The changes of a module's overrides that no function uses; an error if the module is invalid before or after the
-    /// edit.
+    /// The changes of those overrides of a module that no function uses; an error if the module is invalid before or
+    /// after the edit.
     fn overrides_of(&self, module: &str) -> Result<Vec<String>, [Option<String>; 2]> {
         let whole = |side| Program::of_module(side, module);
         let (before, after) = match (whole(&self.before), whole(&self.after)) {

@@ -11,9 +11,9 @@ pub(crate) const SEED: u64 = 0x6861_7a61_7264; // "hazard"
 /// in all these samples. If one sample in ten doesn't go wrong, the probability that all 64 samples go wrong is 1/800.
 pub(crate) const DRAWS: usize = 64;
 
-/// The number of contents with which a pass must reach an operation before a finding counts as a fault. The operation
-/// must go wrong with all these contents. The number is smaller than [`DRAWS`] because the contents are of different
-/// kinds, for example zeros, or numbers in order.
+/// The number of contents (sets of generated values) with which a pass must reach an operation before a finding counts
+/// as a fault. The operation must go wrong with all these contents. The number is smaller than [`DRAWS`] because the
+/// contents are of different kinds, for example zeros, or numbers in order.
 pub(crate) const CONTENTS: usize = 6;
 
 /// The number of new samples of the free inputs over the first content, and over each further content. The first number
@@ -73,7 +73,7 @@ pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
 /// [`DRAWS`].
 pub(crate) const LEAST_EQUAL: usize = 64;
 
-/// The number of rounds that simplify a changed input: more than one round for each bit of a number.
+/// The maximum number of steps in which `compare` simplifies an input: more than one step for each bit of a number.
 pub(crate) const SIMPLER: usize = 64;
 
 /// The number of cases from which `compare` takes other values of an argument. These cases are evenly spread over edges
@@ -97,7 +97,8 @@ pub(crate) const MOST_STATE: usize = 256;
 /// The value of an override without a default. The value can be the size of a small texture, or a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 
-/// Another value for an override. It isn't 0, 1 or a usual size, and is valid for each number type.
+/// The second value with which an override is compared. It isn't 0, 1 or a usual size, and is valid for each number
+/// type.
 pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 
 /// The number of workgroups of a pass that usually runs one workgroup, but may run more.

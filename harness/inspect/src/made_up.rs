@@ -504,8 +504,8 @@ impl Arguments {
         (count + more, rows)
     }
 
-    /// The rows that run over a content of the resources. All rows run over the first content, and some rows over each
-    /// further content.
+    /// The rows that run over one content (set of generated values) of the resources. All rows run over the first
+    /// content, and some rows over each further content.
     pub(crate) fn part(&self, rows: &[u32], count: usize, draw: usize) -> (usize, Vec<u32>) {
         /// One in four rows runs over a further content.
         const SHARE: usize = 4;
@@ -656,7 +656,7 @@ impl Arguments {
 
     /// Checks if all undeclared integers of a row are small, so that a loop with such a count ends.
     pub(crate) fn counts_little(&self, row: &[u32]) -> bool {
-        /// With this count, three nested loops have 512 rounds, far fewer than a long loop.
+        /// With this count, three nested loops have 512 iterations together, far fewer than a long loop.
         const MOST: u32 = 8;
         self.lanes().zip(row).all(|((one, scalar), word)| match scalar {
             Scalar::I32 => one.declared || word.cast_signed().unsigned_abs() <= MOST,
@@ -801,7 +801,7 @@ impl Drawn {
 }
 
 impl Drawn {
-    /// A line for each range, with at most `most` of the names that have it.
+    /// A line for each range, with the names of at most `most` inputs that have the range.
     #[must_use]
     pub fn lines(&self, most: usize) -> Vec<String> {
         let line = |(text, names): (&String, &BTreeSet<String>)| {

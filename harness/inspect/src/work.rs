@@ -1,5 +1,5 @@
-//! Selects the cases of a function that run. In a selected case, no loop has more than 4,096 rounds. The selection is
-//! even, and has as many cases as the function's work budget allows.
+//! Selects the cases of a function that run. In a selected case, no loop has more than 4,096 iterations. The selection
+//! is even, and has as many cases as the function's work budget allows.
 
 use std::borrow::Cow;
 
@@ -32,7 +32,7 @@ pub(crate) struct Chosen {
     pub(crate) count: usize,
     pub(crate) rows: Vec<u32>,
     pub(crate) cut: usize,
-    /// The rows in which a loop has too many rounds, each with the loop's position.
+    /// The rows in which a loop has too many iterations, each with the loop's position.
     pub(crate) long: Vec<(Vec<u32>, Span)>,
     /// The number of cases that the work budget allows; 0 if even the measured cases cost too much.
     pub(crate) allowed: usize,
@@ -69,7 +69,7 @@ impl Chosen {
         };
         let (count, sample) = spread(SAMPLE);
         let sample = Self::ending(&sides[0], arguments, (count, &sample));
-        // If no loop ends in any measured case, no case runs: the number of rounds probably doesn't depend on the
+        // If no loop ends in any measured case, no case runs: the number of iterations probably doesn't depend on the
         // arguments.
         if sample.count == 0 {
             return Self { cut: all, ..sample };

@@ -1051,8 +1051,8 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
     assert!(scatter.needs.contains(&"idx".to_owned()), "{scatter}");
 }
 
-/// A loop with many rounds isn't reported as endless. Karat still checks inputs on which the number of rounds doesn't
-/// depend.
+/// A loop with many iterations isn't reported as endless. Karat still checks inputs on which the number of iterations
+/// doesn't depend.
 #[test]
 fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {

@@ -73,7 +73,7 @@ impl Results {
 type Evidence = (Clarity, bool, Distance);
 
 impl Request {
-    /// Runs both versions on each path, over each content of their buffers.
+    /// Runs both versions on each path, over each content (set of generated values) of their buffers.
     pub(super) fn run_both(
         &self,
         before: &Probed,

@@ -445,7 +445,7 @@ mod tests {
         }
     }
 
-    /// The numbers in the buffer are positions in a list. Only one of the generated contents repeats a number.
+    /// The numbers in the buffer are positions in a list. Only one of the generated sets of numbers repeats a number.
     #[test]
     fn a_violation_with_one_content_is_reported() {
         let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;

@@ -75,7 +75,7 @@ struct Tally {
     found: BTreeMap<Key, Gathered>,
     cut: usize,
     in_part: bool,
-    /// The number of cases in which a loop has too many rounds.
+    /// The number of cases in which a loop has too many iterations.
     long: usize,
 }
 
@@ -101,7 +101,7 @@ impl Tally {
 /// Selects the inputs that take their values from another content.
 type Takes<'t> = &'t (dyn Fn(&Input) -> bool + Sync);
 
-/// Keeps each finding of a run, so that one finding doesn't hide another of its kind.
+/// Keeps each finding of a run, so that one finding doesn't hide another finding of the same kind.
 const EACH: &(dyn Fn(&Found) -> bool + Sync) = &|_| true;
 
 impl Trial {
@@ -279,7 +279,8 @@ impl Trial {
         })
     }
 
-    /// Runs the function over each content with that content's arguments, but takes some inputs from another content.
+    /// Runs the function over each content, with the arguments that `rows` returns for the content. The inputs that
+    /// `takes` selects come from another content, which `rows` also returns.
     fn again(
         &self,
         takes: Takes<'_>,

@@ -55,8 +55,8 @@ fn others() -> Vec<Content> {
     [&plain()[..], &[first, second].map(Content::long), &one].concat()
 }
 
-/// The contents that run with the declared inputs of another content. The list is short, and the contents are of
-/// different kinds.
+/// The contents over which the pass runs again, with the declared inputs of a failing content. The list is short, and
+/// the contents are of different kinds.
 fn held() -> Vec<Content> {
     let [first, _, third, bits, _, _, _, _, drawn] = Content::OF_PASSES;
     [&[first, third, bits, drawn][..], &plain(), &[first.long(), first.of_one_workgroup()]].concat()

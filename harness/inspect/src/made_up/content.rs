@@ -1,5 +1,5 @@
 //! Tables of the contents and sizes of buffers and textures: one table for functions and one for passes. Each row is
-//! one content.
+//! one content: a set of values and sizes.
 
 use crate::limits::ELEMENTS;
 use karat_core::value::Scalar;
@@ -102,7 +102,7 @@ pub(crate) struct Content {
     /// sorted buffer leads to an unsorted one, like the edges of a graph.
     pub(super) orders: Option<[Numbered; 3]>,
     pub(crate) one_workgroup: bool,
-    /// `true` if a host may use indices and counts like the content's.
+    /// `true` if the content's indices and counts are like those that a host may use.
     pub(crate) is_likely: bool,
     /// `true` if all sizes follow from the dispatch.
     pub(crate) is_sized: bool,
@@ -174,7 +174,7 @@ impl Content {
                 ..LIKELY
             },
             Self { draw: 5, numbered: Some(Forwards), least: Some(0), ..DRAWN },
-            // More elements than a tile of 8 or 16, so that a loop over tiles has several rounds.
+            // More elements than a tile of 8 or 16, so that a loop over tiles has several iterations.
             Self {
                 draw: 6,
                 numbered: Some(Forwards),

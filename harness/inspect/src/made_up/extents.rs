@@ -93,8 +93,8 @@ impl Extents {
         self.part_of(name, self.total())
     }
 
-    /// The share of `count` elements that a resource with this name has. Of two resources, the one with the smaller
-    /// share under `Shorter::Most` has the larger share under `Shorter::Least`.
+    /// The number of elements that a resource with this name has, as a share of `count`. Of two resources, the one with
+    /// the smaller share under `Shorter::Most` has the larger share under `Shorter::Least`.
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
         /// The largest and the smallest share in sixteenths. The smallest share is more than half, because a host
         /// dispatches no workgroup without elements.

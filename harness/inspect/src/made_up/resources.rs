@@ -40,7 +40,7 @@ pub(crate) struct Input {
     lanes: usize,
 }
 
-/// The selection of inputs that take their values from another content.
+/// The selection of inputs that take their values from another content (another set of generated values).
 #[derive(Clone, Copy)]
 pub(crate) struct Mix<'m> {
     pub(crate) content: Content,
