@@ -125,8 +125,8 @@ pub struct Hazard {
     pub function: String,
     /// The arguments in the simplest case.
     pub arguments: Vec<(String, String)>,
-    /// The number of cases in which the operation goes wrong, and the number of cases that reached it. A pass runs over
-    /// several contents (sets of generated values of its resources), and each content counts as one case.
+    /// The number of cases in which the operation goes wrong, and the number of cases that reached it. For a pass, each
+    /// content (a set of generated values of its resources) counts as one case.
     pub cases: (usize, usize),
     /// For a requirement: the inputs of the simplest case that can avert the error. A change of any one of them
     /// suffices.

@@ -110,8 +110,8 @@ impl InContent {
     }
 }
 
-/// Checks if a finding is always wrong: enough contents reach the finding's operation, the finding occurs over each of
-/// these contents, and one invocation goes wrong over each content over which this invocation reaches the operation.
+/// Checks if a finding occurs always: the pass reaches the finding's operation over enough contents, the finding occurs
+/// over each of these contents, and one invocation goes wrong whenever it reaches the operation.
 fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
     let reaching = || contents.clone().filter(|content| content.is_reached(key));
     let is_enough = reaching().count() >= CONTENTS;
