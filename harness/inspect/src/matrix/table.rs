@@ -355,8 +355,8 @@ impl Matrix {
     /// Does the same as [`expect_but`](Self::expect_but), but returns an error and doesn't panic.
     ///
     /// # Errors
-    /// If an undeclared row doesn't reach the status, a declared row reaches the status, the column doesn't exist, or the
-    /// matrix has no row.
+    /// If an undeclared row doesn't reach the status, a declared row reaches the status, the column doesn't exist, or
+    /// the matrix has no row.
     pub fn try_expect_but(
         &self,
         column: &str,
