@@ -24,7 +24,7 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
 }
 
 /// A fault goes wrong in every sample of the free inputs. If some sample doesn't go wrong, the finding is a
-/// requirement. Its `needs` list the inputs that can avert the error, each on its own.
+/// requirement. The finding's `needs` list each input that can avert the error without a change of other inputs.
 // Lesson 97
 #[test]
 fn running_separates_faults_from_requirements() {

@@ -415,7 +415,8 @@ mod tests {
             if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
         }";
 
-    /// Each single pixel has the same results as before. The violation is between pixels that write the same element.
+    /// Each pixel has the same results before and after the edit. The violation is between pixels that write the same
+    /// element.
     #[test]
     fn a_new_race_between_pixels_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;

@@ -4,8 +4,8 @@ use crate::limits::VISIBLE;
 use karat_core::tolerance::ulp_distance;
 use karat_core::value::{Scalar, Shape, format_lane};
 
-/// The largest number of components of a result that is shown as a whole. Of a larger result, such as a buffer, only
-/// changed components are shown.
+/// The largest number of components of a result that is shown as a whole. If a result is larger, for example a buffer,
+/// only the changed components are shown.
 const WHOLE: usize = 16;
 
 /// The text of a result. Shows the changed components if the result is long, or if the two versions have different
