@@ -86,7 +86,8 @@ pub struct Request {
 pub struct Compared {
     /// The function's path: `fresnel::schlick`.
     pub function: String,
-    /// The function's position, `file:line:column`. It refers to the edited package if that contains the function.
+    /// The function's position, `file:line:column`. The position is in the edited package, or in the original package
+    /// if the edit removed the function.
     pub location: String,
     /// The features that the comparison turned on in both packages, because the edit has no effect without them. They
     /// are off by default.
@@ -102,8 +103,8 @@ pub struct Compared {
     pub drawn: Drawn,
     /// The number of inputs that didn't run because they cost too much work.
     pub cut: usize,
-    /// The workgroup size of a compute pass; `None` for other functions. For a pass, the numbers of cases count the
-    /// 32-bit values that the pass writes.
+    /// The workgroup size of a compute pass; `None` for other functions. For a pass, the numbers of cases in
+    /// [`change`](Self::change) are numbers of 32-bit values that the pass writes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispatched: Option<[u32; 3]>,
     /// Violations that exist only after the edit, for example races in a compute pass or between pixels that write
@@ -254,8 +255,8 @@ impl Request {
         self.run_with(&|_, _, _| {})
     }
 
-    /// Does the same as [`run`](Self::run). Calls `told` with each verdict, its number and the number of all verdicts,
-    /// in the order of the functions' names.
+    /// Does the same as [`run`](Self::run). Calls `told` with each verdict, the verdict's number and the number of all
+    /// verdicts, in the order of the functions' names.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -444,8 +445,8 @@ impl Request {
         }
     }
 
-    /// The changes of a module's overrides that no function uses; an error if the module is invalid before or after the
-    /// edit.
+    /// The changes of those overrides of a module that no function uses; an error if the module is invalid before or
+    /// after the edit.
     fn overrides_of(&self, module: &str) -> Result<Vec<String>, [Option<String>; 2]> {
         let whole = |side| Program::of_module(side, module);
         let (before, after) = match (whole(&self.before), whole(&self.after)) {
@@ -624,8 +625,7 @@ impl Request {
     }
 
     /// The private variables through which a function receives values from other functions or passes values to them.
-    /// Private variables of both packages and renamed variables count. If only one package has a variable, no other
-    /// function uses it.
+    /// Only variables that both packages declare with the same type count, and a variable that the edit renamed.
     fn state_of(&self, name: &str) -> Stateful {
         let sides = [&self.before, &self.after];
         let programs = sides.map(|side| Program::of_function(side, name).ok());
@@ -668,8 +668,9 @@ impl Request {
         all
     }
 
-    /// The settings of overrides that neither the request nor `karat.toml` sets. The first setting has a value for each
-    /// override without a default. Each further setting changes one override that both packages have.
+    /// The settings to compare: each setting has values for overrides that neither the request nor `karat.toml` sets.
+    /// The first setting has a value for each override without a default. Each further setting changes one override
+    /// that both packages have.
     fn settings(&self, before: &Program, after: &Program) -> Vec<BTreeMap<String, f64>> {
         let declared = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
         let is_bool = |side: &Program, name: &str| side.override_type(name) == Some(Scalar::Bool);
@@ -824,7 +825,7 @@ struct Under {
 /// The numbers with which conditions compare each feature.
 type Values = BTreeMap<String, Vec<Feature>>;
 
-/// All numbers of each feature except the first.
+/// All numbers of each feature except the feature's first number, as `NAME=NUMBER`.
 fn other_values(values: &Values) -> Vec<String> {
     let of = |(name, all): (&String, &Vec<Feature>)| {
         all[1..].iter().map(|value| format!("{name}={value}")).collect::<Vec<_>>()
@@ -856,9 +857,9 @@ fn featured(package: &Package, features: &[String]) -> Package {
     })
 }
 
-/// Sets of features, smaller sets first. No set has two values for one feature. For few features, these are all sets.
-/// For more features: the empty set, each feature, each pair, and for each n, all features with their n-th value. For
-/// many features, there are no pairs.
+/// Sets of features, smaller sets first. No set has two values for one feature. For few features, the function returns
+/// all sets. For more features: the empty set, each feature, each pair, and for each n, all features with their n-th
+/// value. For many features, the function leaves out the pairs.
 fn subsets(all: &[String]) -> Vec<Vec<String>> {
     let chosen = |at: Vec<usize>| at.into_iter().map(|at| all[at].clone()).collect::<Vec<_>>();
     let of_mask = |mask: usize| chosen((0..all.len()).filter(|at| mask >> at & 1 == 1).collect());
@@ -985,7 +986,7 @@ impl Both {
         [after.uncovered_beside(before), before.uncovered_beside(after)].concat()
     }
 
-    /// An index outside of an array that the edit adds, if the results depend on it.
+    /// A violation if an index is outside of an array only after the edit, and the results depend on this index.
     fn outside(&self, function: &str) -> Option<Violation> {
         let [before, after] = &self.sides;
         let place = after.outside_beside(before).into_iter().next().filter(|_| self.strays)?;
@@ -1005,7 +1006,7 @@ impl PathChange {
         (self.clarity, self.ulp.unwrap_or(u64::MAX))
     }
 
-    /// Adds the change over other contents of buffers, and keeps the clearer case.
+    /// Adds the change that other contents of buffers show, and keeps the case that shows the change more clearly.
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
         let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
@@ -1106,8 +1107,8 @@ mod tests {
         assert_eq!(ways("x > 3u", "3u < x"), []);
     }
 
-    /// With an index outside of an array, the engine may read what drivers read, for example the last element. A guard
-    /// would choose the last element, too, so both versions would return the same.
+    /// With an index outside of an array, the engine may read what drivers read, for example the last element. The
+    /// guard in the original also chooses the last element, so both versions may return the same value.
     #[test]
     fn a_new_index_out_of_bounds_is_reported() {
         let of = |value: &str| {
@@ -1483,8 +1484,8 @@ mod tests {
         assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
     }
 
-    /// Nested loops may need more work than a function may use. Then Karat runs an even sample of the inputs, and
-    /// counts the others.
+    /// Nested loops may exceed the work budget of a function. Karat then runs evenly selected inputs, and counts the
+    /// other inputs.
     #[test]
     fn the_work_of_a_function_is_bounded() {
         let text = |rounds: &str, step: &str| {
@@ -1879,7 +1880,7 @@ mod tests {
     }
 
     /// A feature that a condition compares with a number gets this number. If the edit has no effect with this number,
-    /// the feature gets the numbers next to it.
+    /// the feature gets the next smaller and the next larger number.
     #[test]
     fn features_without_a_value_get_a_value_from_their_conditions() {
         let text = "#if LIGHTS > 2\nfn f(x: f32) -> f32 { return x + 1.0; }\n#else\n\
@@ -1906,7 +1907,8 @@ mod tests {
         assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
     }
 
-    /// A setting without a verdict covers no line. If a setting finds a violation, its verdict wins.
+    /// A setting without a verdict covers no line. If a setting shows a violation, Karat reports the verdict with this
+    /// setting.
     #[test]
     fn a_setting_that_cannot_be_judged_covers_no_line() {
         let line = || Uncovered {

@@ -34,7 +34,7 @@ use serde::Serialize;
 /// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// The executor's adapter, from the executor's greeting.
+    /// The executor's adapter, as the executor describes it when it starts.
     pub adapter: Adapter,
     /// All questions with their answers, in order.
     pub answers: Vec<Answered>,
@@ -72,7 +72,8 @@ pub enum Answer {
     /// The executor refused the shader, because it doesn't support such shaders. A test with such a shader needs
     /// `refused_on`.
     Refused,
-    /// The greeting lacks the ability that the question needs, or the executor hung in earlier questions.
+    /// Karat didn't ask the question: the executor lacks an ability that the question needs, or the executor hung in
+    /// earlier questions.
     NotAsked,
 }
 
@@ -383,7 +384,7 @@ fn function(executor: &dyn Executor) -> Result<(), Stop> {
     Ok(same("lane", &rows, &(0..1000_u16).flat_map(pair).collect::<Vec<_>>())?)
 }
 
-/// A job with a pass for each text. All passes have the same bindings.
+/// A job with a pass for each WGSL text in `texts`. All passes have the same bindings.
 fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     let shader = |wgsl: &str| Shader {
         wgsl: wgsl.to_owned(),
@@ -455,7 +456,7 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
     }
 }
 
-/// A texture of 4 x 2 texels, with their numbers as values, from the top left.
+/// A texture of 4 x 2 texels. Each texel's value is its number, counted from 0 at the top left, row by row.
 fn numbered() -> Texture {
     Texture::from_fn(4, 2, |x, y| (x + 4 * y) as f32)
 }

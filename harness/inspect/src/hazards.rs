@@ -6,10 +6,10 @@
 //! operation whose operands were still good.
 //!
 //! To classify a finding, Karat runs the function again, with the declared inputs of a failing case and new samples of
-//! the free inputs. If the operation goes wrong in every sample that reaches it, the finding is a *fault*. If it
-//! doesn't go wrong in some sample, the finding is a *requirement*. Declared inputs are those in `[inputs]` of
-//! `karat.toml`. In a function without callers, inputs whose names suggest a range are declared, too. Karat judges a
-//! function that has callers through its callers.
+//! the free inputs. If the operation goes wrong in every sample that reaches it, the finding is a *fault*. If the
+//! operation doesn't go wrong in at least one sample, the finding is a *requirement*. Declared inputs are those in
+//! `[inputs]` of `karat.toml`. In a function without callers, inputs whose names suggest a range are declared, too.
+//! Karat judges a function that has callers through its callers.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -125,8 +125,8 @@ pub struct Hazard {
     pub function: String,
     /// The arguments in the simplest case.
     pub arguments: Vec<(String, String)>,
-    /// The number of cases in which the operation goes wrong, and the number of cases that reached it. For a pass,
-    /// these are numbers of contents of its resources.
+    /// The number of cases in which the operation goes wrong, and the number of cases that reached it. For a pass, each
+    /// content (a set of generated values of its resources) counts as one case.
     pub cases: (usize, usize),
     /// For a requirement: the inputs of the simplest case that can avert the error. A change of any one of them
     /// suffices.
@@ -138,7 +138,8 @@ pub struct Hazard {
     pub fails: Option<String>,
     /// For lost digits: the values in the simplest case, in `f32` and in `f64`.
     pub values: Option<(String, String)>,
-    /// The operands in the simplest case, in `f32`. Empty if they aren't floats, or too many to show.
+    /// The operands in the simplest case, in `f32`. Empty if the operands aren't floats, or if there are too many to
+    /// show.
     pub operands: Vec<String>,
     /// The reason why `karat.toml` accepts the finding, if accepted findings were requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -150,7 +151,7 @@ pub struct Hazard {
     pub violation: Option<Violation>,
 }
 
-/// The progress of a search: a function was checked.
+/// The progress of a search, after each checked function.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'p> {
     /// The function's name.
@@ -202,7 +203,8 @@ pub struct Unseen {
     pub inputs: usize,
     /// The number of functions with such inputs.
     pub functions: usize,
-    /// The number of functions with more operations than Karat records: 4,096 for 256 inputs together.
+    /// The number of functions with too many operations to check them all: Karat records at most 4,096 operations in a
+    /// run of 256 inputs.
     pub in_part: usize,
     /// The number of functions that read a private variable with more than 256 numbers. Such a variable keeps its
     /// initial value.
@@ -503,8 +505,8 @@ impl Request {
         Err(HazardError::UnknownInput { name: name.clone(), nearest, place })
     }
 
-    /// The reason and the position if naga rejects a function or code that it uses. A crate's shaders may need
-    /// abilities of its renderer.
+    /// The reason and the position if naga rejects a function or code that it uses. `None` for the shaders of a crate,
+    /// because they may need abilities that only the crate's renderer enables.
     fn invalid(&self, name: &str) -> Option<String> {
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = || Program::of_items(&self.package, module, &[own]);
@@ -761,7 +763,8 @@ impl Hazard {
         std::iter::once(&self.function).chain(&self.also).map(String::as_str)
     }
 
-    /// The lines after the first: the inputs, the explanation, and the other functions that the finding concerns.
+    /// The finding's text without its first line: the inputs, the explanation, and the other functions that the finding
+    /// concerns.
     pub fn details(&self) -> impl fmt::Display + '_ {
         fmt::from_fn(move |f| self.write_details(f))
     }

@@ -6,7 +6,7 @@
 //! | which results does an edit change? | [`compare`] |
 //! | do naga's translations give the same results, here and on other drivers? | [`matrix()`] |
 //!
-//! All three run shaders over inputs that [`made_up`] generates from declarations, source text and types.
+//! All three modules run shaders over inputs that [`made_up`] generates from declarations, source text and types.
 //!
 //! ```
 //! use karat::Package;

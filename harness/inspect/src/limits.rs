@@ -8,12 +8,12 @@ pub(crate) const CASES: usize = 1024;
 pub(crate) const SEED: u64 = 0x6861_7a61_7264; // "hazard"
 
 /// The number of samples that must reach an operation before a finding counts as a fault. The operation must go wrong
-/// in all these samples. If an input averts one sample in ten, 64 samples miss it once in 800 times.
+/// in all these samples. If one sample in ten doesn't go wrong, the probability that all 64 samples go wrong is 1/800.
 pub(crate) const DRAWS: usize = 64;
 
-/// The number of contents with which a pass must reach an operation before a finding counts as a fault. The operation
-/// must go wrong with all these contents. The number is smaller than [`DRAWS`] because the contents are of different
-/// kinds, for example zeros, or numbers in order.
+/// The number of contents (sets of generated values) with which a pass must reach an operation before a finding counts
+/// as a fault. The operation must go wrong with all these contents. The number is smaller than [`DRAWS`] because the
+/// contents are of different kinds, for example zeros, or numbers in order.
 pub(crate) const CONTENTS: usize = 6;
 
 /// The number of new samples of the free inputs over the first content, and over each further content. The first number
@@ -24,28 +24,30 @@ pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 /// its free inputs again. The first cases include an end of a range.
 pub(crate) const HOLDS: usize = 4;
 
-/// The number of held cases (see [`HOLDS`]) for all findings of a function together. Each costs a twentieth of the
-/// function's trial.
+/// The number of held cases (see [`HOLDS`]) for all findings of a function together. Each held case costs a twentieth
+/// of the function's trial.
 pub(crate) const ALL_HOLDS: usize = 8;
 
-/// The number of failing cases that are kept for each finding. The held cases are chosen from them.
+/// The number of failing cases that are kept for each finding. Karat chooses the held cases from the kept cases.
 pub(crate) const KEPT: usize = 64;
 
 /// The number of other values of an input that are tried to avert a finding: all edges, and as many samples.
 pub(crate) const VARIED: usize = 32;
 
-/// The number of buffer members, arrays and textures that are varied separately. Each costs a run over each content.
+/// The number of buffer members, arrays and textures that are varied separately. Each varied input costs one run over
+/// each content.
 pub(crate) const INPUTS_TRIED: usize = 16;
 
 /// The number of calls in which callers must run an operation without an error before a requirement counts as met. The
 /// first hundred calls include the edges of the callers' inputs.
 pub(crate) const MET: usize = 256;
 
-/// The maximum number of operations that all inputs of a function execute over one content. They take some seconds on
-/// one core, because the engine computes each operation four times and compares all results.
+/// The maximum number of operations that all inputs of a function execute over one content. This number of operations
+/// takes some seconds on one core, because the engine computes each operation four times and compares all results.
 pub(crate) const WORK: u64 = 1 << 21;
 
-/// The number of long loops that continue to run in the search for an endless one. Each takes some tenths of a second.
+/// The number of long loops that continue to run in the search for an endless one. Each of these loops takes some
+/// tenths of a second.
 pub(crate) const LONG_CASES: usize = 3;
 
 /// The number of buffer members that are shown beside the arguments.
@@ -63,15 +65,15 @@ pub(crate) const LAST_VERTEX: f64 = 35.0;
 /// core.
 pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 
-/// The maximum number of operations once a change is known. The further contents only show its extent, and take a tenth
-/// of a second each.
+/// The maximum number of operations over each further content once Karat knows that the results change. The further
+/// contents only show how far the results change, and take a tenth of a second each.
 pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
 
 /// The number of inputs with equal results that is enough for the verdict "same" if not all inputs could run. It equals
 /// [`DRAWS`].
 pub(crate) const LEAST_EQUAL: usize = 64;
 
-/// The number of rounds that simplify a changed input: more than one round for each bit of a number.
+/// The maximum number of steps in which `compare` simplifies an input: more than one step for each bit of a number.
 pub(crate) const SIMPLER: usize = 64;
 
 /// The number of cases from which `compare` takes other values of an argument. These cases are evenly spread over edges
@@ -84,8 +86,8 @@ pub(crate) const WHOLE_FEATURES: usize = 5;
 /// The largest number of features for which each pair is tested: 28 pairs.
 pub(crate) const PAIRED_FEATURES: usize = 8;
 
-/// The number of other values of features with which a function runs if its results are the same. Each value costs
-/// another full run.
+/// If a function's results are the same before and after the edit, the function also runs with this number of other
+/// values of features. Each value costs another full run.
 pub(crate) const OTHER_VALUES: usize = 4;
 
 /// The largest number of scalars in a private variable that is compared. With more scalars, a kernel takes seconds to
@@ -95,7 +97,8 @@ pub(crate) const MOST_STATE: usize = 256;
 /// The value of an override without a default. The value can be the size of a small texture, or a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 
-/// Another value for an override. It isn't 0, 1 or a usual size, and is valid for each number type.
+/// The second value with which an override is compared. It isn't 0, 1 or a usual size, and is valid for each number
+/// type.
 pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 
 /// The number of workgroups of a pass that usually runs one workgroup, but may run more.
@@ -112,12 +115,12 @@ pub(crate) const VISIBLE: f32 = 1e-3;
 // Limits of `matrix`.
 
 /// The largest float argument in functions with samplers that repeat or mirror. WebGPU doesn't bound the error of a
-/// texture coordinate, and a filter weight has 8 bits. At 2^10 times 16 texels, a float still has 10 bits after the
-/// point.
+/// texture coordinate, and a filter weight has 8 bits. At the coordinate 2^10 in a texture of 16 texels, the position
+/// in texels still has 10 bits after the point.
 pub(crate) const REPEATED: f64 = 1024.0;
 
-/// The smallest magnitude of a component in comparisons, relative to the largest component. With the default tolerance
-/// of 1e-3, the allowed error is 1e-6 of the largest component, or about 8 steps of an `f32`.
+/// In comparisons, a component's scale is at least this share of the largest component's scale. With the default
+/// tolerance of 1e-3, the allowed error is 1e-6 of the largest component, or about 8 steps of an `f32`.
 pub(crate) const CANCELLED: f64 = 1e-3;
 
 // Sizes of generated resources.

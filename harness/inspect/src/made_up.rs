@@ -167,7 +167,8 @@ impl Ranges {
         Self { negative: true, ..self.clone() }
     }
 
-    /// Returns the ranges for a shader's text. Inputs also take values from numbers with which the text compares.
+    /// Returns the ranges for a shader's text. Inputs are then also sampled from the numbers in the text, because the
+    /// shader may compare inputs with these numbers.
     #[must_use]
     pub(crate) fn with_literals(&self, literals: Literals) -> Self {
         Self { literals: Some(literals), ..self.clone() }
@@ -192,8 +193,8 @@ impl Ranges {
             .collect()
     }
 
-    /// The numbers of a type in the shader's text, each with the next smaller and the next larger number. The name
-    /// determines the first number. Integers may be 0 or negative, whatever their names are.
+    /// The numbers of a type in the shader's text, each with the next smaller and the next larger number. The input's
+    /// name determines which number is first. Integers may be 0 or negative, whatever their names are.
     fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
         let Some(literals) = &self.literals else { return Vec::new() };
         let mut all: Vec<[u32; 3]> = match scalar {
@@ -481,9 +482,9 @@ impl Arguments {
     }
 
     /// Rows as in [`rows`](Self::rows), followed by a quarter as many rows of `others`, which ignore names. In every
-    /// second row of `others`, two inputs of the same type are equal.
+    /// second of these additional rows, two inputs of the same type are equal.
     pub(crate) fn rows_beside(&self, others: &Self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
-        /// One of this number of rows comes from `others`.
+        /// One in four rows comes from `others`.
         const SHARE: usize = 4;
         let (count, mut rows) = self.rows(seed, cases - cases / SHARE);
         let (more, mut of_others) = others.rows(seed, (cases - count).min(cases / SHARE));
@@ -503,15 +504,15 @@ impl Arguments {
         (count + more, rows)
     }
 
-    /// The rows that run over a content of the resources. All rows run over the first content, and some rows over each
-    /// further content.
+    /// The rows that run over one content (set of generated values) of the resources. All rows run over the first
+    /// content, and some rows over each further content.
     pub(crate) fn part(&self, rows: &[u32], count: usize, draw: usize) -> (usize, Vec<u32>) {
-        /// One of this number of rows runs over a further content.
+        /// One in four rows runs over a further content.
         const SHARE: usize = 4;
         self.select(rows, count, |at| draw == 0 || count < SHARE || at % SHARE == draw % SHARE)
     }
 
-    /// The rows whose numbers `wanted` accepts.
+    /// The rows for whose row number `wanted` returns `true`.
     pub(crate) fn select(
         &self,
         rows: &[u32],
@@ -540,7 +541,7 @@ impl Arguments {
         self.described.iter().all(|one| one.known)
     }
 
-    /// For each lane, `true` if the lane is free. If `not_declared` is set, `true` if the lane isn't declared.
+    /// For each lane, `true` if the lane is free. With `not_declared`, a lane counts as free if it isn't declared.
     pub(crate) fn free(&self, not_declared: bool) -> Vec<bool> {
         self.lanes().map(|(one, _)| if not_declared { !one.declared } else { !one.known }).collect()
     }
@@ -563,7 +564,7 @@ impl Arguments {
     }
 
     /// Makes `count` rows with the known lanes of `row` and the free lanes of `others`. If `others` has too few rows,
-    /// they repeat.
+    /// its rows repeat.
     pub(crate) fn held(&self, row: &[u32], others: &[u32], count: usize) -> Vec<u32> {
         let known: Vec<bool> = self.lanes().map(|(one, _)| one.known).collect();
         self.replaced(row, others, count, &|lane| !known[lane])
@@ -603,9 +604,10 @@ impl Arguments {
         [extreme, odd]
     }
 
-    /// Makes a row for each pixel of a draw. A position is the pixel's own position. The first two numbers of a vector
-    /// rise from 0 to 1 horizontally and vertically, as texture coordinates do. Each other float changes evenly from
-    /// its value in one row to its value in another row. All other lanes come from the first row.
+    /// Makes a row for each pixel of a draw. An input for the pixel's position has the coordinates of the pixel's
+    /// centre. The first two numbers of a vector rise from 0 to 1 horizontally and vertically, as texture coordinates
+    /// do. Each other float changes evenly from its value in `row` to its value in `other`. All other lanes come from
+    /// `row`.
     pub(crate) fn of_pixels(
         &self,
         function: &Function,
@@ -654,7 +656,7 @@ impl Arguments {
 
     /// Checks if all undeclared integers of a row are small, so that a loop with such a count ends.
     pub(crate) fn counts_little(&self, row: &[u32]) -> bool {
-        /// With this count, three nested loops have 512 rounds, far fewer than a long loop.
+        /// With this count, three nested loops have 512 iterations together, far fewer than a long loop.
         const MOST: u32 = 8;
         self.lanes().zip(row).all(|((one, scalar), word)| match scalar {
             Scalar::I32 => one.declared || word.cast_signed().unsigned_abs() <= MOST,
@@ -777,7 +779,7 @@ impl Drawn {
         }
     }
 
-    /// Combines the ranges with those of `others`, if a quarter of the samples come from `others`.
+    /// Combines the ranges with those of `others`, from which a quarter of the samples come.
     pub(crate) fn beside(self, others: &Self) -> Self {
         let mut all = Self::default();
         for (key, names) in self.by {
@@ -791,7 +793,7 @@ impl Drawn {
         all
     }
 
-    /// All names, and their paths.
+    /// The paths of all inputs, and the last names of these paths.
     pub(crate) fn names(&self) -> BTreeSet<&str> {
         let all = self.by.values().flatten();
         all.flat_map(|path| [path.as_str(), path.rsplit('.').next().unwrap_or(path)]).collect()
@@ -799,7 +801,7 @@ impl Drawn {
 }
 
 impl Drawn {
-    /// A line for each range, with at most `most` of the names that have it.
+    /// A line for each range, with the names of at most `most` inputs that have the range.
     #[must_use]
     pub fn lines(&self, most: usize) -> Vec<String> {
         let line = |(text, names): (&String, &BTreeSet<String>)| {
@@ -852,7 +854,7 @@ mod tests {
         (probed, Ranges::default())
     }
 
-    /// A function with few values has few rows. All of them run over each content of the resources.
+    /// A function with few values has few rows. All these rows run over each content of the resources.
     #[test]
     fn a_function_with_few_rows_is_tried_with_all_of_them() {
         let (probed, ranges) = function("fn f(b: bool) -> bool { return b; }");
@@ -874,7 +876,8 @@ mod tests {
         );
     }
 
-    /// Declared lanes keep their values. Names count in a function without callers. Plain numbers come first.
+    /// Declared lanes keep their values. In a function without callers, ranges that names suggest count as declared.
+    /// Plain numbers come first.
     // Lesson 99
     #[test]
     fn declared_arguments_keep_their_values() {

@@ -1,9 +1,10 @@
 //! Checks naga's translations of a package's functions and entry points, on every route.
 //!
-//! A *row* of the matrix is a function or an entry point. A *column* is a path, or a language that no path here runs.
-//! A *cell* is a row on a column. Its status is how far the row gets: [`Status::Translated`] by naga, [`Status::Valid`]
-//! for every installed validator of the language, [`Status::Executed`] on sampled inputs, and [`Status::Agrees`] with
-//! another route. If the row gets no further, [`Stop`] has the reason, in naga's or the tool's own words. A row is
+//! A *row* of the matrix is a function or an entry point. A *column* is a path, or a language for which Karat has no
+//! path. A *cell* is a row on a column. The cell's status is the last step that succeeded: naga translates the row
+//! ([`Status::Translated`]), every installed validator of the language accepts the translation ([`Status::Valid`]), the
+//! row runs on sampled inputs ([`Status::Executed`]), and its results equal those of another column
+//! ([`Status::Agrees`]). If a step fails, [`Stop`] has the reason, with the message of naga or of the tool. A row is
 //! valid only if a validator accepts it, and executed only if a driver ran it.
 
 mod allowed;
@@ -105,7 +106,7 @@ pub enum Stop {
     Rejected(String),
     /// A validator or a driver gives no verdict, because it crashed, took too long or didn't start.
     Broke(String),
-    /// The installed validators don't support a part of the language. Holds this part and their messages.
+    /// The installed validators don't support a part of the language. Holds this part and the validators' messages.
     Unable(String),
     /// No validator of the language is installed.
     NoValidator(String),
@@ -163,7 +164,7 @@ pub struct Cell {
     /// its buffers.
     pub compared: usize,
     /// The number of cases whose results differ by more than the tolerance, although WGSL defines them. For an entry
-    /// point: the number of such words.
+    /// point: the number of words that differ in this way.
     pub differing: usize,
     /// The number of cases, or of an entry point's words, that differ where WGSL leaves the result open: after an index
     /// outside of an array, or with a float that isn't finite.
@@ -172,7 +173,7 @@ pub struct Cell {
     pub worst_ulp: Option<u64>,
     /// If the results differ: the simplest input, and the first value that differs.
     pub divergence: Option<Divergence>,
-    /// The suspect: a column with another result than at least two columns that agree.
+    /// The suspect: a column whose result differs, while at least two other columns agree with each other.
     pub suspect: Option<String>,
     /// The comparison of the results with WGSL's bounds; `None` if Karat's engine doesn't know the bounds.
     pub allowed: Option<Allowed>,

@@ -1,5 +1,5 @@
-//! Selects the cases of a function that run. In a selected case, no loop has more than 4,096 rounds. Of these cases, as
-//! many run as the function's work budget allows, evenly selected.
+//! Selects the cases of a function that run. In a selected case, no loop has more than 4,096 iterations. The selection
+//! is even, and has as many cases as the function's work budget allows.
 
 use std::borrow::Cow;
 
@@ -32,14 +32,14 @@ pub(crate) struct Chosen {
     pub(crate) count: usize,
     pub(crate) rows: Vec<u32>,
     pub(crate) cut: usize,
-    /// The rows in which a loop has too many rounds, each with the loop's position.
+    /// The rows in which a loop has too many iterations, each with the loop's position.
     pub(crate) long: Vec<(Vec<u32>, Span)>,
     /// The number of cases that the work budget allows; 0 if even the measured cases cost too much.
     pub(crate) allowed: usize,
 }
 
 impl Chosen {
-    /// Selects the rows in which each loop ends. If the engine can't run the function, it selects all rows, because
+    /// Selects the rows in which each loop ends. If the engine can't run the function, all rows are selected, because
     /// other paths may run the function.
     pub(crate) fn ending(
         side: &Side<'_>,
@@ -55,8 +55,8 @@ impl Chosen {
         Self { count, rows: left, cut: all - count, long, allowed: usize::MAX }
     }
 
-    /// Selects as many rows as the work budget allows for each function, without those in which a loop of the first
-    /// function doesn't end.
+    /// Selects as many rows as the work budget allows for the costliest of the functions, and leaves out rows for which
+    /// a loop of the first function doesn't end.
     pub(crate) fn of(
         sides: &[Side<'_>],
         arguments: &Arguments,
@@ -69,7 +69,7 @@ impl Chosen {
         };
         let (count, sample) = spread(SAMPLE);
         let sample = Self::ending(&sides[0], arguments, (count, &sample));
-        // If no loop ends in any measured case, no case runs: the number of rounds probably doesn't depend on the
+        // If no loop ends in any measured case, no case runs: the number of iterations probably doesn't depend on the
         // arguments.
         if sample.count == 0 {
             return Self { cut: all, ..sample };
@@ -89,8 +89,8 @@ impl Chosen {
     }
 }
 
-/// The arguments for cases of a function without side effects, one row for each case. If fewer cases end, the rows
-/// repeat.
+/// The arguments for cases of a function without side effects, one row for each case. If the function's loops end in
+/// too few cases, the rows of these cases repeat.
 pub(crate) fn rows(
     probed: &Probed,
     ranges: &Ranges,

@@ -24,7 +24,7 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
 }
 
 /// A fault goes wrong in every sample of the free inputs. If some sample doesn't go wrong, the finding is a
-/// requirement. Its `needs` list the inputs that can avert the error, each on its own.
+/// requirement. The finding's `needs` list each input that can avert the error without a change of other inputs.
 // Lesson 97
 #[test]
 fn running_separates_faults_from_requirements() {
@@ -225,7 +225,7 @@ fn declared_inputs_are_held() {
     assert_eq!(classes(&[("value", 0.0, 0.99), ("x", 1.0, 2.0)]), []);
 }
 
-/// The outermost callers of a function judge its findings.
+/// Karat judges the findings in a function by running the function's outermost callers.
 // Lesson 97
 // Lesson 143
 #[test]
@@ -427,7 +427,7 @@ fn each_hazard_is_reported_where_it_arises() {
     at(sum, Kind::Infinite, "1.0 / t");
 }
 
-/// The hazard of a kind, in any class, and all hazards of the package.
+/// The first finding that has this kind of hazard; panics if there is none.
 fn of_kind(hazards: &Hazards, kind: Kind) -> Hazard {
     let is_of = |one: &&Hazard| one.kind == kind || one.kinds.contains(&kind);
     let one = hazards.found.iter().find(is_of);
@@ -555,7 +555,7 @@ fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
     }
 }
 
-/// Members of buffers have names and ranges, and run with several contents.
+/// Members of buffers have several values, and `karat.toml` may declare their ranges by their names.
 // Lesson 149
 #[test]
 fn members_of_buffers_are_drawn_and_declared() {
@@ -617,7 +617,8 @@ fn unchecked_inputs_and_functions_are_counted() {
     assert_eq!(long.unseen.in_part, 1);
 }
 
-/// Names don't relate the sizes of two textures. An array is as long as the dispatch.
+/// Two textures may have different sizes, because names don't relate the sizes. An array has an element for each
+/// invocation.
 #[test]
 fn a_texel_outside_may_be_one_of_another_size() {
     let of = |source: &str, value: &str| {
@@ -893,7 +894,8 @@ fn compute_passes_are_looked_through() {
     assert!(race.needs.contains(&"order".to_owned()) && race.violation.is_some(), "{race:#?}");
 }
 
-/// The largest number in half precision is 65504. A constant in half precision means its decimal.
+/// The largest number in half precision is 65504. A constant in half precision, such as `0.1h`, stands for the decimal
+/// number 0.1.
 #[test]
 fn halves_overflow_and_lose_digits_of_their_own() {
     let text = "enable f16;
@@ -1025,7 +1027,8 @@ fn pixels_that_write_storage_race() {
     assert!(race.advice.starts_with("the pixels of a draw have no order"), "{}", race.advice);
 }
 
-/// The contents decide which invocations write, but not where: the indices don't come from the contents.
+/// In `bright`, the contents decide which invocations write, but not to which element: the index doesn't come from the
+/// contents.
 #[test]
 fn a_race_for_one_element_is_one_whatever_contents_are() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
@@ -1048,8 +1051,8 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
     assert!(scatter.needs.contains(&"idx".to_owned()), "{scatter}");
 }
 
-/// A loop with many rounds isn't reported as endless. Karat still checks other inputs, if the number of rounds doesn't
-/// depend on them.
+/// A loop with many iterations isn't reported as endless. Karat still checks inputs on which the number of iterations
+/// doesn't depend.
 #[test]
 fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {
@@ -1183,7 +1186,8 @@ fn races_of_read_values_are_reported() {
     assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
 }
 
-/// The tail shows a missing guard, along a long side and along three short sides. The report gives the condition.
+/// The tail shows a missing guard, along a long side and along three short sides. The report gives the condition under
+/// which the index is outside.
 #[test]
 fn a_tail_without_its_guard_is_found() {
     let line = "@group(0) @binding(0) var<storage, read_write> v: array<f32>;

@@ -46,7 +46,7 @@ fn faults_of_transformations_are_seen_in_the_vertices() {
     changed("vec4f(position, 1.0)", "vec4f(position, 0.0)", "vs_main");
 }
 
-/// The words that a pass writes are its result, for any workgroup size.
+/// The result of a pass consists of the 32-bit values that the pass writes, whatever its workgroup size is.
 #[test]
 fn faults_of_passes_are_seen_in_what_they_leave() {
     let blur = changed("k <= 2", "k < 2", "blur_x");

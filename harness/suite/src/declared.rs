@@ -224,7 +224,7 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
     }
 }
 
-/// `true` for any kind, or a list of kinds.
+/// The kinds of hazards that must not occur: a list of kinds, or `true` for all kinds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct NoHazards(pub(crate) Option<Vec<HazardKind>>);
@@ -459,7 +459,7 @@ impl Assertion {
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// The position of a key; without a key, of the assertion.
+    /// The position of a key; without a key, the position of the assertion.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&Span> {
         let named = key.and_then(|key| self.keys.place_of(key));
         named.or_else(|| self.keys.place_of(self.what.key()))

@@ -163,7 +163,7 @@ impl Suite {
     }
 }
 
-/// The files of a package, or beside its only file, that their authors probably meant as test files.
+/// The files that their authors probably meant as test files: in a package's folder, or beside a package's only file.
 fn meant(package: &Package) -> Result<Vec<PathBuf>, FindError> {
     let root = package.root();
     let own = root.is_file().then(|| root.file_stem().unwrap_or_default().to_string_lossy());

@@ -718,7 +718,7 @@ mod tests {
         }
     }
 
-    /// A structure with a counter and a list, as passes use that append to a buffer.
+    /// The structure has a counter and a list. Passes that append to a buffer use such structures.
     #[test]
     fn the_last_array_of_a_structure_has_a_size() {
         let text = "struct All { count: u32, items: array<vec2f> }

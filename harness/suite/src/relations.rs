@@ -40,7 +40,7 @@ pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
     })
 }
 
-/// Adds to a domain that its vectors are perpendicular to others, as `over` declares.
+/// Returns the domain in which vectors are perpendicular to other vectors, as `over` declares.
 pub(crate) fn related(
     domain: Dynamic,
     parameters: &[(String, Shape)],

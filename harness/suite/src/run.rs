@@ -57,8 +57,8 @@ impl Suite {
         Self::on_a_thread(test, || self.verdict(test, groups))
     }
 
-    /// Does the same as [`run`](Self::run) for shaders that aren't saved. It doesn't add the verdict to the record, and
-    /// doesn't store it for later runs. Also returns the values that the test's checks saw.
+    /// Does the same as [`run`](Self::run) for shaders that aren't saved. The verdict isn't added to the record, and
+    /// isn't stored for later runs. Also returns the values that the test's checks saw.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -313,7 +313,8 @@ fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdecla
     Ok(check.cases(test.cases.unwrap_or(CASES)).try_expects())
 }
 
-/// The default number of cases for a WGSL test with parameters. It is small because each case has its own report.
+/// The default number of cases for a WGSL test with parameters. The number is small because each case has its own
+/// report.
 const CASES: u64 = 4096;
 
 fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {

@@ -158,7 +158,8 @@ fn placed_rows<'r>(
     })
 }
 
-/// The byte position in `text` from which the reader reads a record. Blank lines may precede the record there.
+/// The byte position in `text` from which the reader reads a record. Blank lines may lie between this position and the
+/// record.
 fn begins(text: &[u8], position: Option<&csv::Position>) -> usize {
     let below = usize::try_from(position.map_or(0, csv::Position::byte)).unwrap_or(0);
     (head_of(text) + below).min(text.len())

@@ -50,7 +50,7 @@ impl fmt::Display for Wrong {
 }
 
 impl Wrong {
-    /// Makes an error from a message without a position, or with its position in the text. The first line becomes the
+    /// Makes an error from a message that has no position, or that contains its position. The first line becomes the
     /// headline.
     #[must_use]
     pub fn of(message: String) -> Self {
@@ -176,7 +176,8 @@ impl Misdeclared {
         Self { key: Some(key), ..self }
     }
 
-    /// The error of a file that can't be read, at the position of its key, or otherwise of the whole test.
+    /// Makes the message about a file that can't be read: at the position of the error's key, or otherwise at the
+    /// position `whole` of the test.
     pub(crate) fn unread(self, keys: &Keys, whole: &Span) -> Diagnostic {
         let place = self.key.and_then(|key| keys.place_of(&key).cloned());
         Diagnostic::new(self.message).at(place.unwrap_or_else(|| whole.clone()), "")
@@ -187,7 +188,7 @@ impl Misdeclared {
         Self { key: None, message, place: Some(format!("{}:{line}:1", shown(file))) }
     }
 
-    /// The error at the position of its key, or otherwise of the whole test.
+    /// Makes the error of a test, at the position of the wrong key, or otherwise at the position of the whole test.
     pub(crate) fn told(
         self,
         place_of: &dyn Fn(Option<&str>) -> Option<Span>,

@@ -68,11 +68,12 @@ impl Results {
     }
 }
 
-/// A measure of how well a case shows a change: the clarity first, and the distance between the two results last.
+/// A measure of how well a case shows a change: the change's clarity, `true` if the arguments are in their domain, and
+/// the distance between the two results.
 type Evidence = (Clarity, bool, Distance);
 
 impl Request {
-    /// Runs both versions on each path, over each content of their buffers.
+    /// Runs both versions on each path, over each content (set of generated values) of their buffers.
     pub(super) fn run_both(
         &self,
         before: &Probed,
@@ -211,8 +212,8 @@ impl Made {
     }
 }
 
-/// The members of buffers that affect a change: with another value of such a member, the function's results for the
-/// arguments in `row` differ.
+/// The members of buffers that affect a change: if such a member has another value, the results for the arguments in
+/// `row` are different.
 fn matter(
     sides: [&Probed; 2],
     ranges: &Ranges,
@@ -316,8 +317,9 @@ fn changed(
     Ok(Some((change, row)))
 }
 
-/// Checks for each argument lane (scalar) if it affects the change. A lane does if its value from another case's row
-/// changes the results. If the work budget allows no other row, all lanes count.
+/// Checks for each argument lane (scalar) if it affects the change. A lane affects the change if the results are
+/// different with the lane's value from another case. If the work budget allows no further runs, each lane counts as
+/// affecting the change.
 fn lanes_that_matter(
     pair: &Pair<'_>,
     (rows, count, allowed): (&[u32], usize, usize),

@@ -191,8 +191,9 @@ impl Request {
     }
 }
 
-/// Checks if the sanitizer saw both versions completely. If it saw only the original, it may miss violations that the
-/// edit adds. Then `unwatched` gets the reason, which the comparison reports if nothing else shows the edit.
+/// Checks if the sanitizer saw both versions completely. If the sanitizer saw only the original completely, violations
+/// that the edit adds may be missing. In this case, this function writes the reason into `unwatched`, and the
+/// comparison reports the reason if nothing else shows the edit.
 fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) -> bool {
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
     if was.is_empty() && !is.is_empty() {
@@ -203,8 +204,8 @@ fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) 
     was.is_empty() && is.is_empty()
 }
 
-/// The kind and the variable of a violation, by the variable's name after the edit. A wrong index has no variable, so
-/// the violation's headline stands in its place.
+/// The kind and the variable of a violation, by the variable's name after the edit. For a wrong index, the text is the
+/// violation's headline, because the violation has no variable.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
     let text = match one.kind.is_of_index() {
@@ -220,13 +221,14 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
-    /// Indices outside of arrays with arbitrary sizes and numbers. They show that the edit removed a guard.
+    /// All indices outside of arrays, including those that occur only with arbitrary sizes and numbers. These
+    /// violations show that the edit removed a guard.
     of_indices: Vec<Violation>,
 }
 
 impl Brought {
-    /// Adds the violations over one content that only the second version has. `renamed` has the resources that the edit
-    /// renamed.
+    /// Adds the violations over one content, if only the second version has them. `renamed` has the resources that the
+    /// edit renamed.
     fn add(&mut self, content: Content, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
         let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
@@ -245,7 +247,8 @@ impl Brought {
         }
     }
 
-    /// The violations to report. They include indices over arbitrary sizes only if nothing else shows the edit.
+    /// The violations to report. An index that is outside of its array only with arbitrary sizes or numbers is reported
+    /// only if nothing else shows the edit.
     fn told(self, is_changed: bool) -> Vec<Violation> {
         if self.sure.is_empty() && !is_changed { self.of_indices } else { self.sure }
     }
@@ -257,8 +260,8 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
-/// The change in an order of invocations in which the pass had its usual results before the edit. `None` if the results
-/// change in no tested order.
+/// The change of results if the invocations run in another order. Only orders count in which the original pass has its
+/// usual results. `None` if no tested order shows a change.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
@@ -412,7 +415,8 @@ mod tests {
             if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
         }";
 
-    /// Each single pixel has the same results as before. The violation is between pixels that write the same element.
+    /// Each pixel has the same results before and after the edit. The violation is between pixels that write the same
+    /// element.
     #[test]
     fn a_new_race_between_pixels_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -442,7 +446,7 @@ mod tests {
         }
     }
 
-    /// The numbers in the buffer are positions in a list. Only one of the generated contents repeats a number.
+    /// The numbers in the buffer are positions in a list. Only one of the generated sets of numbers repeats a number.
     #[test]
     fn a_violation_with_one_content_is_reported() {
         let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
@@ -476,7 +480,7 @@ mod tests {
         }
     }
 
-    /// If only one version writes a resource, its values don't count as changed.
+    /// If only one version writes a resource, the resource's values don't count as changed.
     #[test]
     fn a_resource_that_only_one_side_writes_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
@@ -563,8 +567,7 @@ mod tests {
                 y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
             }";
 
-    /// An index that is outside of an array only for arbitrary numbers is reported only if Karat finds nothing else. A
-    /// pass that races only with several workgroups is written for one workgroup.
+    /// An index that is outside of an array only for arbitrary numbers is reported only if Karat finds nothing else.
     #[test]
     fn findings_with_arbitrary_numbers_come_last() {
         let text = GATHER;

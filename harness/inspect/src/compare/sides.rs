@@ -50,7 +50,8 @@ pub(super) fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)
 }
 
 /// Sets the same contents in both packages for renamed resources, and for resources with renamed members, because
-/// contents depend on names. If one version writes a resource, both get the length that this version needs.
+/// contents depend on names. If one version writes a resource, the resource has the length that this version needs in
+/// both packages.
 pub(super) fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
     let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
     let mut named = renamed(Side::of(before), Side::of(after));

@@ -4,8 +4,8 @@ use crate::limits::VISIBLE;
 use karat_core::tolerance::ulp_distance;
 use karat_core::value::{Scalar, Shape, format_lane};
 
-/// The largest number of components of a result that is shown as a whole. Of a larger result, such as a buffer, only
-/// changed components are shown.
+/// The largest number of components of a result that is shown as a whole. If a result is larger, for example a buffer,
+/// only the changed components are shown.
 const WHOLE: usize = 16;
 
 /// The text of a result. Shows the changed components if the result is long, or if the two versions have different
@@ -45,7 +45,8 @@ impl Distance {
         if let Self::Ulp(steps) = self { Some(steps) } else { None }
     }
 
-    /// Checks if the distance is about as clear as the largest one: it has at least half as many binary digits.
+    /// Checks if the distance is about as clear as the largest distance: the number of steps has at least half as many
+    /// binary digits.
     pub(super) fn is_like(self, farthest: Self) -> bool {
         match (self, farthest) {
             (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),

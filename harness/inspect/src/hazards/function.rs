@@ -21,7 +21,8 @@ use rayon::prelude::*;
 /// The number of an operation, and the kind of its error.
 pub(super) type Key = (usize, Kind);
 
-/// The contents (sets of generated values) of the resources. Only with the first content do all cases run.
+/// The contents (sets of generated values) of the resources. All cases run over the first content, and some cases over
+/// each other content.
 const CONTENTS_TRIED: &[Content] = &Content::OF_FUNCTIONS;
 const FIRST: Content = Content::OF_FUNCTIONS[0];
 
@@ -74,7 +75,7 @@ struct Tally {
     found: BTreeMap<Key, Gathered>,
     cut: usize,
     in_part: bool,
-    /// The number of cases in which a loop has too many rounds.
+    /// The number of cases in which a loop has too many iterations.
     long: usize,
 }
 
@@ -97,10 +98,10 @@ impl Tally {
     }
 }
 
-/// Selects the inputs that keep their values from another content.
+/// Selects the inputs that take their values from another content.
 type Takes<'t> = &'t (dyn Fn(&Input) -> bool + Sync);
 
-/// Keeps each finding of a run, so that one finding doesn't hide another of its kind.
+/// Keeps each finding of a run, so that one finding doesn't hide another finding of the same kind.
 const EACH: &(dyn Fn(&Found) -> bool + Sync) = &|_| true;
 
 impl Trial {
@@ -268,7 +269,7 @@ impl Trial {
         }
     }
 
-    /// Runs the function with the declared inputs of a case, and with new samples of the others.
+    /// Runs the function with the declared inputs of a case, and with new samples of the free inputs.
     fn held(&self, case: &Case) -> Tally {
         let takes = |input: &Input| input.known;
         self.again(&takes, &|content| {
@@ -278,7 +279,8 @@ impl Trial {
         })
     }
 
-    /// Runs the function over each content with that content's arguments, but takes some inputs from another content.
+    /// Runs the function over each content, with the arguments that `rows` returns for the content. The inputs that
+    /// `takes` selects come from another content, which `rows` also returns.
     fn again(
         &self,
         takes: Takes<'_>,

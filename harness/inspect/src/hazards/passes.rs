@@ -1,5 +1,5 @@
-//! Finds hazards in compute passes, and in pixels that write storage. The engine dispatches both over generated
-//! resources.
+//! Finds hazards in compute passes, and in pixels that write storage. The engine runs the passes and the pixels over
+//! generated resources.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -55,7 +55,8 @@ fn others() -> Vec<Content> {
     [&plain()[..], &[first, second].map(Content::long), &one].concat()
 }
 
-/// The contents that run with the declared inputs of another content. They are few and of different kinds.
+/// The contents over which the pass runs again, with the declared inputs of a failing content. The list is short, and
+/// the contents are of different kinds.
 fn held() -> Vec<Content> {
     let [first, _, third, bits, _, _, _, _, drawn] = Content::OF_PASSES;
     [&[first, third, bits, drawn][..], &plain(), &[first.long(), first.of_one_workgroup()]].concat()
@@ -101,16 +102,16 @@ impl InContent {
         }
     }
 
-    /// Checks if the finding occurs. Two writes of zero count as equal writes. They also count as a race if the writes
-    /// differ over other contents.
+    /// Checks if the finding occurs. Two equal writes, for example of zeros, also count as the race that these writes
+    /// cause over other contents.
     fn is_wrong(&self, key: &Key) -> bool {
         let equal = || (key.0.clone(), Kind::EqualWrites, key.2.clone());
         self.wrong.contains_key(key) || key.1 == Kind::Race && self.wrong.contains_key(&equal())
     }
 }
 
-/// Checks if a finding occurs over each content in which its operation is reached, in the same invocation, and if there
-/// are enough such contents.
+/// Checks if a finding occurs always: the pass reaches the finding's operation over enough contents, the finding occurs
+/// over each of these contents, and one invocation goes wrong whenever it reaches the operation.
 fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
     let reaching = || contents.clone().filter(|content| content.is_reached(key));
     let is_enough = reaching().count() >= CONTENTS;

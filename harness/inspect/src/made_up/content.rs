@@ -1,5 +1,5 @@
 //! Tables of the contents and sizes of buffers and textures: one table for functions and one for passes. Each row is
-//! one content.
+//! one content: a set of values and sizes.
 
 use crate::limits::ELEMENTS;
 use karat_core::value::Scalar;
@@ -55,7 +55,7 @@ pub(crate) enum Texels {
     Noise,
     /// Independent values, many of them negative.
     NoiseBelowZero,
-    /// 0, also in the alpha channel.
+    /// All channels are 0, including the alpha channel.
     Black,
     /// The same value in all texels, which filtering doesn't change. The value is the number at this position in the
     /// list of numbers in the shader's text.
@@ -73,7 +73,7 @@ pub(crate) enum Shorter {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Content {
-    /// The content's number. With 0, all values are random samples. With each further number, the first value is
+    /// The content's number. In content 0, all values are random samples. In each further content, the first value is
     /// another preferred number.
     pub(crate) draw: usize,
     pub(super) texels: Texels,
@@ -88,19 +88,21 @@ pub(crate) struct Content {
     /// dispatch, the second number for a long side. With a tail, the number of elements isn't a multiple of the
     /// workgroup size.
     pub(crate) tail: Option<[u32; 2]>,
-    /// The number of elements for each invocation, in several rows. It doesn't cause a race that another content lacks.
+    /// The number of elements for each invocation of a one-dimensional dispatch; the elements then form a grid of
+    /// several rows. The grid doesn't cause a race that another content lacks.
     pub(super) rows: Option<u32>,
     /// `true` if unconstrained floats in arrays are negative, so that a missing element changes the result.
     pub(super) negative: bool,
-    /// Which runtime-sized arrays and textures are shorter, each by another share; `None` if all have the same size.
+    /// The choice of runtime-sized arrays and textures that are shorter than others, each by a different share; `None`
+    /// if all have the same size.
     pub(crate) shorter: Option<Shorter>,
     /// `true` if resources have more elements than a pass needs.
     pub(super) long: bool,
-    /// The kinds of values that three buffers get, and the buffers after them in turn. A sorted buffer leads to an
-    /// unsorted one, like the edges of a graph.
+    /// The kinds of values of three successive buffers. The next three buffers have these kinds again, and so on. A
+    /// sorted buffer leads to an unsorted one, like the edges of a graph.
     pub(super) orders: Option<[Numbered; 3]>,
     pub(crate) one_workgroup: bool,
-    /// `true` if a host may use indices and counts like the content's.
+    /// `true` if the content's indices and counts are like those that a host may use.
     pub(crate) is_likely: bool,
     /// `true` if all sizes follow from the dispatch.
     pub(crate) is_sized: bool,
@@ -125,9 +127,9 @@ const DRAWN: Content = Content {
 };
 
 impl Content {
-    /// The contents that functions read. The first has random samples. In the others, each member has its first
-    /// preferred number, then its second, and so on. Preferred numbers include ends of ranges, 0 and 1. Textures have
-    /// another size in each content. A short array shows a missing guard.
+    /// The contents that functions read. The first content has random samples. In the other contents, each member has
+    /// its first preferred number, then its second, and so on. Preferred numbers include ends of ranges, 0 and 1.
+    /// Textures have another size in each content. A short array shows a missing guard.
     pub(crate) const OF_FUNCTIONS: [Self; 6] = [
         DRAWN,
         Self { draw: 1, ..DRAWN },
@@ -144,8 +146,9 @@ impl Content {
         Self { draw: 66, texels: Texels::OfText(11), ..DRAWN },
     ];
 
-    /// The contents that passes read and write. In the first, sizes follow from the dispatch. The second has a tail.
-    /// Others have numbers with which a shader may compare a parameter. The last has random samples.
+    /// The contents that passes read and write. In the first content, sizes follow from the dispatch. The second
+    /// content has a tail. Other contents have numbers with which a shader may compare a parameter. The last content
+    /// has random samples.
     pub(crate) const OF_PASSES: [Self; 9] = {
         use Numbered::{Backwards, Bits, Forwards};
         const LIKELY: Content = Content { is_likely: true, ..DRAWN };
@@ -171,7 +174,7 @@ impl Content {
                 ..LIKELY
             },
             Self { draw: 5, numbered: Some(Forwards), least: Some(0), ..DRAWN },
-            // More elements than a tile of 8 or 16, so that a loop over tiles has several rounds.
+            // More elements than a tile of 8 or 16, so that a loop over tiles has several iterations.
             Self {
                 draw: 6,
                 numbered: Some(Forwards),

@@ -57,8 +57,9 @@ impl Extents {
         Self { elements, workgroups, content: Content { shorter, ..content } }
     }
 
-    /// The value of an integer that its name doesn't constrain: at least 2, 3 or 4, depending on the content.
-    /// Neighbouring components have different values, so that exchanging them changes the result.
+    /// The value of an integer that its name doesn't constrain: the content's `least`, or a few more if `least` is 2, 3
+    /// or 4; `None` without `least`. Neighbouring components have different values, so that exchanging them changes the
+    /// result.
     pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
         const APART: std::ops::RangeInclusive<u32> = 2..=4;
         let least = self.content.least?;
@@ -92,8 +93,8 @@ impl Extents {
         self.part_of(name, self.total())
     }
 
-    /// The share of `count` elements that a resource with this name has. Of two resources, the one with the smaller
-    /// share under `Shorter::Most` has the larger share under `Shorter::Least`.
+    /// The number of elements that a resource with this name has, as a share of `count`. Of two resources, the one with
+    /// the smaller share under `Shorter::Most` has the larger share under `Shorter::Least`.
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
         /// The largest and the smallest share in sixteenths. The smallest share is more than half, because a host
         /// dispatches no workgroup without elements.
@@ -180,8 +181,8 @@ mod tests {
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], Content::OF_PASSES[7]).elements, [16, 8, 1]);
     }
 
-    /// There are at least 64 elements. With a tail, there are fewer in each direction in which a workgroup has several
-    /// invocations.
+    /// There are at least 64 elements. With a tail, there are fewer elements than invocations in each direction in
+    /// which a workgroup has several invocations.
     #[test]
     fn element_counts_fill_whole_workgroups_or_leave_a_tail() {
         let of = |size, workgroups, at: usize| {

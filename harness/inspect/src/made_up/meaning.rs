@@ -17,7 +17,7 @@ pub(super) enum Meaning {
     Any,
 }
 
-/// The largest refractive index: germanium's in the infrared. The smallest one is the vacuum's.
+/// The largest refractive index: germanium's in the infrared. The smallest refractive index is the vacuum's.
 const MOST_REFRACTION: f64 = 4.0;
 
 /// The largest dot product of unit vectors. It may round to one step above 1.

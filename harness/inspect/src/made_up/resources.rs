@@ -40,7 +40,7 @@ pub(crate) struct Input {
     lanes: usize,
 }
 
-/// The selection of inputs that take their values from another content.
+/// The selection of inputs that take their values from another content (another set of generated values).
 #[derive(Clone, Copy)]
 pub(crate) struct Mix<'m> {
     pub(crate) content: Content,
@@ -511,7 +511,7 @@ impl Ranges {
 enum Likeness {
     /// All are equal, so that drivers agree. Texels beyond the edges follow this address mode.
     Equal(Address),
-    /// Each variable has another texture or sampler, so that exchanging two of them changes the result.
+    /// Each variable has a texture or sampler of its own, so that exchanging two of them changes the result.
     Own,
 }
 
@@ -579,7 +579,7 @@ pub(crate) const INVOCATIONS: u32 = 64;
 /// The possible sizes of a texture in texels: powers of two, so that each level is half as large as the level above.
 const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
 
-/// Random numbers for a variable. They depend on its name, and not on its binding.
+/// Random numbers for a variable. The numbers depend on the variable's name, and not on its binding.
 fn source_of(path: &str, draw: usize) -> Source {
     let hash = blake3::hash(path.as_bytes());
     let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
@@ -728,10 +728,10 @@ impl Noise<'_> {
     }
 }
 
-/// Makes a texture. Its texels are smooth, so that the few bits of a filter's weights hardly matter. If a variable has
-/// its `own` texels, these are also curved, so that levels differ, and may be transparent. With noise, texels are
-/// independent of each other, so that each order of neighbours occurs. With a contrast below 1, texels use only a part
-/// of their range.
+/// Makes a texture. Its texels are smooth, so that the few bits of a filter's weights hardly matter. With `own`, each
+/// variable has different texels, which aren't linear, so that levels differ, and which may be transparent. With noise,
+/// texels are independent of each other, so that each order of neighbours occurs. With a contrast below 1, texels use
+/// only a part of their range.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],

@@ -178,11 +178,12 @@ fn pass(passes: &Passes) -> &Pass {
     &passes.passes[0]
 }
 
-/// The largest number of rounds for one invocation. A software driver would need seconds for more.
+/// The largest number of loop iterations that an invocation may run. For more iterations, a software driver would need
+/// seconds.
 const PATIENCE: u32 = 4096;
 
 /// Refuses a pass whose loops don't end with the generated data, because it would hang a driver. If naga's module shows
-/// no bound for the loops, this function runs a copy of the pass that leaves each loop after [`PATIENCE`] rounds.
+/// no bound for the loops, this function runs a copy of the pass that leaves each loop after [`PATIENCE`] iterations.
 fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let Pass { program, entry_point, workgroups, bindings, .. } = pass(passes);
     if program.most_rounds().is_some_and(|rounds| rounds < u64::from(PATIENCE)) {
@@ -216,7 +217,7 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
 const UNCHANGED: &str =
     "with generated data, the pass changes no value in its buffers and textures";
 
-/// The writable resources with their initial words. A texture has four words for each texel.
+/// The writable resources with their initial 32-bit words. A texture has four words for each texel.
 fn writable(passes: &Passes) -> impl Iterator<Item = (&Binding, Vec<u32>)> {
     let Pass { program, bindings, .. } = pass(passes);
     bindings.iter().filter(|(binding, _)| binding.kind.is_written()).map(|(binding, held)| {
@@ -234,9 +235,9 @@ fn initial(passes: &Passes) -> Vec<u32> {
     writable(passes).flat_map(|(_, words)| words).collect()
 }
 
-/// Finds the words of writable buffers that WGSL leaves open, in the first column's results. A word is open if it
-/// depends on an access outside of an array, on the order of invocations or on the size of subgroups, or if it is a
-/// float that isn't finite. Returns an error if the engine can't run the pass.
+/// Finds the 32-bit words of writable buffers whose values WGSL leaves open, from the first column's results. A word is
+/// open if it depends on an access outside of an array, on the order of invocations or on the size of subgroups, or if
+/// it is a float that isn't finite. Returns an error if the engine can't run the pass.
 fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>, String> {
     let mut open = strays(passes).map_err(|error| error.to_string())?;
     open.resize(expected.len(), false);
@@ -280,8 +281,9 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
     Ok(open)
 }
 
-/// The distance between two neighbouring values of each word. A texture may store texels as fractions of an integer.
-/// Between two fractions, columns may round in different directions. For all other words, the distance is 0.
+/// For each 32-bit word, the distance between two neighbouring values that the word may have. A texture may store
+/// texels as fractions of an integer. Between two fractions, columns may round in different directions. For all other
+/// words, the distance is 0.
 fn steps(passes: &Passes) -> Vec<f32> {
     let of = |(binding, words): (&Binding, Vec<u32>)| {
         let step = match binding.kind {
@@ -332,7 +334,8 @@ impl Buffer {
 
 /// Checks if two floats are at most one step apart.
 fn is_next(expected: u32, actual: u32, step: f32) -> bool {
-    /// The tolerance of a step, because fractions of 255 and of similar numbers are rounded, too.
+    /// A difference of this many steps counts as one step, because floats represent fractions such as 1/255 only
+    /// approximately.
     const ROUNDED: f32 = 1.001;
     step > 0.0 && (f32::from_bits(expected) - f32::from_bits(actual)).abs() <= ROUNDED * step
 }
@@ -352,7 +355,7 @@ mod tests {
     use crate::made_up::Ranges;
     use karat::package::Package;
 
-    /// On each driver, the invocations append in another order.
+    /// Each driver runs the invocations in a different order, so the invocations append in a different order.
     #[test]
     fn results_that_depend_on_the_order_are_open() {
         let text = "@group(0) @binding(0) var<storage, read_write> next: atomic<u32>;

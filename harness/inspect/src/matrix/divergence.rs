@@ -53,8 +53,8 @@ pub struct Intermediate {
     pub here: String,
     /// The binding's value on the baseline.
     pub there: String,
-    /// `true` if the binding is in a loop. Its values are those of the last round. They may differ because of another
-    /// binding that precedes it in the text.
+    /// `true` if the binding is in a loop. The compared values are those of the loop's last iteration. They may differ
+    /// because another binding had a different value in an earlier iteration.
     pub in_loop: bool,
     /// The binding's line in this column's translation.
     pub text_line: Option<usize>,

@@ -53,8 +53,8 @@ pub(super) struct Comparison {
 pub(super) struct Judge<'j> {
     scalars: &'j [Scalar],
     within: &'j Tolerance,
-    /// For each component, its largest result, or 1 if all its results are 0. Absolute tolerances are relative to this
-    /// result. Otherwise, all small results would count as equal.
+    /// The scale of each component: the largest magnitude of the component's results, but at most 1; 1 if all results
+    /// are 0. Absolute tolerances are relative to this scale. Otherwise, all small results would count as equal.
     scales: Vec<f64>,
 }
 

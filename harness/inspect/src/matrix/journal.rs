@@ -17,10 +17,10 @@ use super::{Cell, Column, Stop};
 #[serde(rename_all = "snake_case")]
 enum Line {
     Began(At),
-    /// The row exceeded the time limit. Holds a sentence about it.
+    /// The row exceeded the time limit. Holds a sentence with the details.
     Overdue(At, String),
     Ended(At),
-    /// The process ended. Holds a sentence about it.
+    /// The process ended. Holds a text that says how the process ended.
     Process(String),
 }
 
@@ -136,7 +136,8 @@ fn lines(file: &Path) -> io::Result<Vec<Line>> {
     Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
 }
 
-/// The rows that ran when each process ended. If one row exceeded the time limit, only this row.
+/// The rows that ran when each process ended. If rows exceeded the time limit, the list has only these rows for the
+/// process.
 fn culprits(lines: &[Line]) -> Vec<Culprit> {
     let (mut culprits, mut running, mut overdue) = (Vec::new(), Vec::<At>::new(), Vec::new());
     for line in lines {

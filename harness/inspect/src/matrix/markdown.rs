@@ -8,7 +8,7 @@ use karat_core::output::{counted, markdown, visible};
 use super::{Cell, Matrix, Status, Stop};
 
 impl Cell {
-    /// The cell's word in a table: its status, its fault, or `known` for a declared failure.
+    /// The cell's text in a table: its status, its fault, or `known` for a declared failure.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match (self.status, &self.stopped) {

@@ -25,7 +25,7 @@ pub(super) struct Ready {
     pub(super) made: Vec<Made>,
 }
 
-/// A function in its kernel, or an entry point of its module.
+/// A function in the kernel that calls it, or an entry point in the author's module.
 pub(super) enum About {
     Function(Box<Probed>),
     EntryPoint { program: Arc<Program>, name: String },

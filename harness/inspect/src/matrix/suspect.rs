@@ -13,8 +13,9 @@ pub(super) enum Side {
     Neither,
 }
 
-/// Names the suspect of a cell that differs from the first column, if further columns agree with only one of the two
-/// columns. `sides` has the name and the side of each column, including these two.
+/// Names the suspect if a cell differs from the first column: the first column or the cell's own column, if further
+/// columns agree only with the other of these two columns. `sides` has the name and the side of each column, including
+/// these two columns.
 pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     let of = |side: Side| -> Vec<&str> {
         sides.iter().filter(|(_, own)| *own == side).map(|(name, _)| name.as_str()).collect()

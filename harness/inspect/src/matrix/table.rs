@@ -352,10 +352,11 @@ impl Matrix {
         self.try_expect_but(column, status, known).unwrap_or_else(|missed| panic!("{missed}"));
     }
 
-    /// Does the same as [`expect_but`](Self::expect_but), and returns an error where that panics.
+    /// Does the same as [`expect_but`](Self::expect_but), but returns an error and doesn't panic.
     ///
     /// # Errors
-    /// If a row doesn't reach the status, a declared row does, the column doesn't exist, or the matrix has no row.
+    /// If an undeclared row doesn't reach the status, a declared row reaches the status, the column doesn't exist, or
+    /// the matrix has no row.
     pub fn try_expect_but(
         &self,
         column: &str,

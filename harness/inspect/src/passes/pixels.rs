@@ -11,9 +11,9 @@ use karat::unstable::probe::Probed;
 
 use crate::made_up::{Arguments, Content, Extents, Mix, Ranges, Resources};
 
-/// The widths and heights of draws in pixels, used in turn. Each has about as many pixels as a compute pass of 8 x 8
-/// workgroups has invocations, and width and height differ. An edge at any tenth, quarter or third of the draw splits a
-/// quad in at least one of these sizes.
+/// The widths and heights of draws in pixels, used in turn. Each draw has about as many pixels as the usual dispatch of
+/// a compute pass has invocations, if the workgroup size is 8 x 8. Width and height differ. An edge at any tenth,
+/// quarter or third of the draw splits a quad in at least one of these sizes.
 const SIZES: [[u32; 2]; 4] = [[18, 26], [14, 22], [22, 30], [10, 34]];
 
 /// The seed of the inputs. Functions with the same signature get the same inputs on every machine.

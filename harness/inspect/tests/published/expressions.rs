@@ -1,7 +1,8 @@
 //! Expressions that lose digits, or become NaN or infinite, for some inputs in the declared ranges, and equivalent
-//! expressions without these faults. All compute in `f32`. The sources are: Hamming, *Numerical Methods for Scientists
-//! and Engineers*, chapter 3; and the 33 expressions in single precision of Herbie's benchmarks, which are formulas of
-//! pbrt, the level of detail in Direct3D 11.3 (7.8.11), and three of Rust's inverse hyperbolic functions.
+//! expressions without these faults. All these expressions compute in `f32`. The sources are: Hamming, *Numerical
+//! Methods for Scientists and Engineers*, chapter 3; and the 33 expressions in single precision of Herbie's benchmarks,
+//! which are formulas of pbrt, the level of detail in Direct3D 11.3 (7.8.11), and three of Rust's inverse hyperbolic
+//! functions.
 
 #![expect(clippy::approx_constant, reason = "they are the constants that the shaders have")]
 
