@@ -192,7 +192,8 @@ impl PathError {
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. } => true,
-            // naga panicked while it wrote a shader language. In Karat's own routes, the error is `Route`.
+            // naga panicked while it wrote a shader language. In Karat's own routes, such a panic becomes the error
+            // `Route`.
             Self::Panicked { panicked, .. } => panicked.language().is_some(),
             _ => false,
         }

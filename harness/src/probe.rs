@@ -60,7 +60,8 @@ impl Probed {
     /// Prepares the function `path`, such as `fresnel::schlick`.
     ///
     /// # Errors
-    /// If the function doesn't exist, if the shader isn't valid, or if a kernel can't call the function.
+    /// Returns an error if the function doesn't exist, if the shader isn't valid, or if a kernel can't call the
+    /// function.
     pub fn new(package: &Package, path: &str) -> Result<Self, ProbeError> {
         Self::with_overrides(package, path, &Overrides::new())
     }
@@ -119,8 +120,8 @@ impl Probed {
     /// constants.
     ///
     /// # Errors
-    /// If the arguments of one case don't fit into a uniform buffer, or if the function needs a storage buffer for its
-    /// arguments.
+    /// Returns an error if the arguments of one case don't fit into a uniform buffer, or if the function needs a
+    /// storage buffer for its arguments.
     pub(crate) fn with_inputs(self, inputs: Inputs) -> Result<Self, ProbeError> {
         let form = &self.function.form;
         if inputs != Inputs::Storage && (form.alone || form.fragment) {
@@ -140,7 +141,7 @@ impl Probed {
     /// Sets the lengths of the resources that the function writes to the lengths of their fixtures.
     ///
     /// # Errors
-    /// If the fixtures don't match the variables.
+    /// Returns an error if the fixtures don't match the variables.
     pub fn fit(&mut self, fixtures: &Fixtures) -> Result<(), ProbeError> {
         if self.function.written().next().is_none() {
             return Ok(());

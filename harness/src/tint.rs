@@ -115,7 +115,7 @@ impl Tint {
     /// `needed` is set, or if KARAT_TINT names it.
     ///
     /// # Errors
-    /// If there is no Tint, with the reason and the remedy.
+    /// Returns an error if there is no Tint, with the reason and the remedy.
     pub fn beside(folder: &Path, needed: bool) -> Result<Arc<Self>, Missing> {
         type Known = Vec<((PathBuf, bool), Result<Arc<Tint>, Missing>)>;
         static KNOWN: Mutex<Known> = Mutex::new(Vec::new());
@@ -154,7 +154,7 @@ impl Tint {
     /// The version of Tint, such as `webgpu 0.6.2, Node 20.20.2`. The call starts Tint.
     ///
     /// # Errors
-    /// If Tint doesn't run, with the reason.
+    /// Returns an error if Tint doesn't run, with the reason.
     pub fn version(&self) -> Result<String, String> {
         match &self.kind {
             Kind::Program(_) => Ok("unknown".to_owned()),

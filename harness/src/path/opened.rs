@@ -81,7 +81,7 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
 /// The device of a path. `None` for the path `cpu` and for programs, because they use no device of this process.
 ///
 /// # Errors
-/// If the path can't be opened.
+/// Returns an error if the path can't be opened.
 pub fn device(path: Path) -> Result<Option<&'static Device>, PathError> {
     open(path).map(Opened::device)
 }

@@ -26,7 +26,7 @@ pub trait Prepared: Sync {
     /// results. The executor guarantees that each case wrote its own words, or returns an error.
     ///
     /// # Errors
-    /// If the executor can't start the batch.
+    /// Returns an error if the executor can't start the batch.
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError>;
 
     /// Checks if a texture that the function reads has 16-bit floats.
