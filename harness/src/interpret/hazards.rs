@@ -421,7 +421,7 @@ impl Interpreted {
             let firsts: Vec<usize> = (0..cases).step_by(together).skip(alone).collect();
             parts.extend(firsts.into_par_iter().map(of_part).collect::<Vec<_>>());
         }
-        // Parts end in any order. Karat reports the error of the part with the lowest cases.
+        // Parts end in any order. Karat reports the error of the first part.
         for part in parts {
             let part = part?;
             for (site, count) in part.reached {

@@ -358,8 +358,7 @@ fn steps(
         let limit = |site: &Site| {
             let at = site.expression.map(|at| at.index());
             let components = at.map_or(1, |at| program.components(&site.function, at));
-            // The engine computes a derivative by several operations at one site. The last of these operations returns
-            // the derivative.
+            // The engine computes a derivative by several operations at one site. The last one returns it.
             let is_many = at.is_some_and(|at| program.is_derivative(&site.function, at));
             let limit = if is_many { usize::MAX } else { runs.unwrap_or(0) * components };
             (std::ptr::from_ref(site).addr(), (limit, AtomicUsize::new(0)))

@@ -39,7 +39,7 @@ impl Opened {
     }
 }
 
-/// Opens a path, or returns it if it is already open. Several paths may open at the same time.
+/// Opens a path, or returns the path if it is already open. Several paths may open at the same time.
 pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     type Once = OnceLock<Result<Opened, PathError>>;
     static OPENED: Mutex<BTreeMap<Path, &'static Once>> = Mutex::new(BTreeMap::new());

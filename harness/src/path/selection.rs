@@ -76,7 +76,7 @@ pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
     let Settings { paths, require, adapter, .. } = settings::current()?;
     let unasked = [paths, require, adapter].iter().all(|setting| setting.is_none());
     match select(paths.as_deref(), require.as_deref()) {
-        // The user set none of the variables, and no driver opens on this machine.
+        // The user set no variable that selects paths, and no driver opens on this machine.
         Err(PathError::None { .. }) if unasked => open(Path::CPU).map(|engine| vec![engine]),
         chosen => chosen,
     }
@@ -124,8 +124,8 @@ fn distinct(all: &[Opened]) -> Vec<Opened> {
     all.iter().copied().filter(stays).collect()
 }
 
-/// Checks the names of custom executors: each must be unique, and different from the drivers' names. Also checks the
-/// environment's list of paths for misspelt names.
+/// Checks the names of custom executors. Each name must be unique, and different from the drivers' names. Also checks
+/// the environment's list of paths for misspelt names.
 pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathError> {
     let settings = settings::current()?;
     for (variable, names) in

@@ -11,7 +11,7 @@ pub struct Call<'c> {
     pub probed: &'c Probed,
     /// The textures, samplers and buffers that the function reads, by the variable's name.
     pub fixtures: &'c Fixtures,
-    /// The largest number of cases in a batch. An executor may support fewer.
+    /// The largest number of cases in a batch. An executor may support fewer cases.
     pub cases: usize,
 }
 
@@ -35,7 +35,7 @@ pub trait Prepared: Sync {
     }
 }
 
-/// A running batch. Call it to wait for the results.
+/// A running batch. Call this function to wait for the results.
 pub type Started<'p> = Box<dyn FnOnce(Reader<'_>) -> Result<(), ProbeError> + 'p>;
 
 /// A function that gets the results of a batch: the words of all cases, and the stride in words from one case to the

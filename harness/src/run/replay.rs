@@ -63,7 +63,7 @@ pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed>
 /// Notes that the comparison of a frame begins.
 ///
 /// # Errors
-/// Returns an error if an environment variable can't be used. Also the errors of [`begin`].
+/// Returns an error if an environment variable can't be used. Also returns the errors of [`begin`].
 pub(crate) fn begin_frame(name: &str) -> Result<(), NotBegun> {
     Ok(begin(settings::current()?, &format!("frame {name}"))?)
 }
