@@ -89,8 +89,8 @@ use crate::reflect::Overrides;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Shape};
 
-/// The number of cases if the check doesn't set a number. 65,536 cases fit into one dispatch. For six
-/// arguments, they are enough to combine each edge of an argument with every edge of every other argument.
+/// The number of cases if the check doesn't set a number. 65,536 cases fit into one dispatch. This number is enough to
+/// combine each edge of an argument with every edge of every other argument, if the function has six arguments.
 const CASES: u64 = 65_536;
 
 /// The largest size of a finite domain for which Karat tries every value, if the check sets no number of cases.
@@ -194,8 +194,8 @@ impl<'a> Probe<'a> {
         self
     }
 
-    /// Runs the function on this executor instead of the environment's paths. Further calls add more
-    /// executors.
+    /// Runs the function on this executor, instead of on the paths that environment variables select. Further calls add
+    /// more executors.
     ///
     /// `KARAT_PATHS` and `KARAT_REQUIRE` don't affect this function: Karat only checks these variables for
     /// mistakes. Some verbs take a second function, such as the density of a sampler. The second function runs
@@ -263,9 +263,9 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// A function with its domain. The type `C` says how the check uses the domain's values: it calls the function
-/// with them ([`Calls`]), integrates the function with them as parameters ([`Integral`]), or samples from the
-/// function ([`Sampling`]).
+/// A function with its domain. The type `C` says how the check uses the domain's values: to call the function
+/// ([`Calls`]), as parameters of an integral of the function ([`Integral`]), or as arguments of a sampler
+/// ([`Sampling`]).
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -390,9 +390,9 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Declares that a path can't run the function: its compiler rejects the function, or the path lacks a
-    /// resource that the function reads. `reason` names the cause. If the function runs on that path, the check
-    /// fails until you remove the declaration, even if all values are right. For wrong values, use
+    /// Declares that a path can't run the function: the path's compiler rejects the function, or the path lacks a
+    /// resource that the function reads. `reason` names the cause. If the function runs on that path, the check fails
+    /// until you remove the declaration, even if all values are right. For wrong values, use
     /// [`fails_on`](Self::fails_on).
     ///
     /// ```no_run
@@ -412,7 +412,7 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Keeps the verdict out of the record of the run. Use it in tests that expect a failure.
+    /// Keeps the verdict out of the record of the run. Call this method in tests that expect the check to fail.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -99,7 +99,8 @@ pub trait Executor: Debug + Sync {
     /// Runs a job. The default implementations of the methods below call `run`.
     ///
     /// # Errors
-    /// If the executor can't run jobs now. The default implementation runs no job, and always returns an error.
+    /// Returns an error if the executor can't run jobs now. The default implementation runs no job, and always returns
+    /// an error.
     fn run(&self, job: &Job) -> Result<Reply, PathError> {
         let _ = job;
         Err(PathError::NoJobs { path: self.path() })
@@ -108,7 +109,7 @@ pub trait Executor: Debug + Sync {
     /// Prepares a function to be called.
     ///
     /// # Errors
-    /// If this executor can't call the function, or a fixture doesn't fit its variable.
+    /// Returns an error if this executor can't call the function, or a fixture doesn't fit its variable.
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
         jobs::prepare(self.path(), Box::new(|job| self.run(job)), call)
     }
@@ -116,15 +117,15 @@ pub trait Executor: Debug + Sync {
     /// Draws a frame. The image has linear colours and the drawing's size. The top row comes first.
     ///
     /// # Errors
-    /// If this executor can't draw the frame.
+    /// Returns an error if this executor can't draw the frame.
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
         jobs::draw(self.path(), &|job| self.run(job), drawing)
     }
 
-    /// Dispatches compute passes. Returns the number and the words of each resource that the passes write.
+    /// Dispatches compute passes. Returns the index and the words of each resource that the passes write.
     ///
     /// # Errors
-    /// If this executor can't dispatch the passes.
+    /// Returns an error if this executor can't dispatch the passes.
     fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
         jobs::dispatch(self.path(), &|job| self.run(job), passes)
     }
@@ -234,7 +235,7 @@ impl Executor for Device {
 /// ```
 ///
 /// # Errors
-/// If the path doesn't open.
+/// Returns an error if the path doesn't open.
 pub fn of(path: Path) -> Result<&'static dyn Executor, PathError> {
     path::open(path).map(opened)
 }
@@ -262,11 +263,11 @@ fn opened(opened: Opened) -> &'static dyn Executor {
 /// ```
 ///
 /// # Errors
-/// If the path doesn't open, if a fixture is missing, or if Karat can't get the function's results on this
-/// path.
+/// Returns an error if the path doesn't open, if a fixture is missing, or if Karat can't get the function's results on
+/// this path.
 ///
 /// # Panics
-/// If a case has another number of words than the function's arguments.
+/// Panics if a case has another number of words than the function's arguments.
 pub fn call(
     probed: &Probed,
     path: Path,

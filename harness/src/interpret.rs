@@ -65,7 +65,7 @@ pub struct Interpreted {
     lowered: Lowered,
     resources: Resources,
     arguments: Vec<Scalar>,
-    /// The layout of a quad's four pixels. It is set if each case is a quad.
+    /// The layout of a quad's four pixels. `Some` if each case is a quad.
     quads: Option<Quads>,
     results: Vec<Scalar>,
     function: Box<Function>,
@@ -73,7 +73,7 @@ pub struct Interpreted {
     program: Arc<Program>,
     /// The largest number of loop rounds that a case may take.
     fuel: u64,
-    /// Set if the arithmetic treats subnormals as zero.
+    /// `true` if the arithmetic treats subnormals as zero.
     flush: bool,
 }
 
@@ -99,7 +99,7 @@ impl Interpreted {
         Self::with(probed, fixtures, &Settings::default())
     }
 
-    /// Like `new`, with one of the arithmetics of path `cpu`.
+    /// Lowers a function like `new`, with one of the arithmetics of the path `cpu`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -198,8 +198,8 @@ impl Interpreted {
     }
 
     /// For each scalar of the results, `true` if WGSL allows other values. Such a scalar depends on a read or a write
-    /// outside of an array or a texture. Or it depends on a derivative or on a sampled texture's mip level, whose
-    /// errors have no bound (15.7.4).
+    /// outside of an array or a texture, on a derivative, or on the mip level of a sampled texture. WGSL sets no bound
+    /// for the errors of derivatives and mip levels (section 15.7.4).
     pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {
@@ -208,7 +208,8 @@ impl Interpreted {
         Ok(open)
     }
 
-    /// For each scalar of the results, `true` if it depends on a read or a write outside of an array or a texture.
+    /// For each scalar of the results, `true` if the scalar depends on a read or a write outside of an array or a
+    /// texture.
     fn of_outside(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         differing(|outside| {
             let options = Options { outside, ..self.options() };
@@ -222,8 +223,8 @@ impl Interpreted {
         self.bounded(cases, arguments, &Options { decimals: true, ..self.options() })
     }
 
-    /// The values that WGSL allows a driver to return. They use the constants rounded to `f32`, so they lie within
-    /// [`bounds`](Self::bounds).
+    /// The values that WGSL allows a driver to return. The calculation uses the constants rounded to `f32`, so the
+    /// values lie within [`bounds`](Self::bounds).
     pub(crate) fn driver_bounds(
         &self,
         cases: usize,
@@ -232,7 +233,7 @@ impl Interpreted {
         self.bounded(cases, arguments, &self.options())
     }
 
-    /// Like [`bounds`](Self::bounds), with the measured accuracy of an adapter. The bounds are equal or narrower.
+    /// The bounds that follow from an adapter's measured accuracy. They are never wider than [`bounds`](Self::bounds).
     pub(crate) fn measured_bounds(
         &self,
         cases: usize,
@@ -255,7 +256,7 @@ impl Interpreted {
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 
-    /// The [`driver_bounds`](Self::driver_bounds) for all arguments between those of two rows. It is `None` for quads
+    /// The [`driver_bounds`](Self::driver_bounds) for all arguments between the arguments of two rows. `None` for quads
     /// and for 16-bit floats.
     pub(crate) fn bounds_between(
         &self,
@@ -272,8 +273,8 @@ impl Interpreted {
         Ok(Some((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect()))
     }
 
-    /// Runs the function once with intervals, for all arguments between those of two rows. Returns `false` if the
-    /// engine can't run the function in this way.
+    /// Runs the function once with intervals, for all arguments between the arguments of two rows. Returns `false` if
+    /// the engine can't run the function in this way.
     fn watched_between(&self, rows: [&[u32]; 2], observer: &dyn Observer<Intervals>) -> bool {
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let ran = || self.lowered.call_between(1, rows, &self.resources, &options, observer);
@@ -298,7 +299,7 @@ impl Interpreted {
         if self.quads.is_some() { quads::PIXELS } else { 1 }
     }
 
-    /// Fails if WGSL doesn't bound the function's results.
+    /// Returns an error if WGSL doesn't bound the function's results.
     fn expect_bounds(&self) -> Result<(), ProbeError> {
         if self.quads.is_none() {
             return Ok(());
@@ -368,7 +369,7 @@ impl Interpreted {
             Some(quads) => (cases * quads::PIXELS, Cow::Owned(quads.pixels(arguments))),
             None => (cases, Cow::Borrowed(arguments)),
         };
-        // Rows have 16-bit floats as 32-bit floats. The engine needs the 16-bit pattern.
+        // Rows of arguments contain 16-bit floats as 32-bit floats. The engine needs the bits of the 16-bit float.
         let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
         each_half(&self.arguments, || rows.to_mut(), half);
         self.lowered.call::<A>(cases, &rows, &self.resources, options, observer)
@@ -400,7 +401,8 @@ pub(crate) fn author(program: &Program, range: ops::Range<usize>) -> Option<(Spa
     Some((span, text))
 }
 
-/// The position and the text of an operation in the source file. naga gives `-x` the range of `x`.
+/// The position and the text of an operation in the source file. naga gives the expression `-x` the source range of
+/// `x`.
 fn author_of(program: &Program, site: &Site) -> Option<(Span, String)> {
     let range = site.span.to_range()?;
     let (mut span, text) = author(program, range)?;
@@ -474,8 +476,8 @@ impl Bound {
     }
 }
 
-/// For each word that passes write, `true` if it depends on a read or a write outside of an array. WGSL allows several
-/// values for such a word.
+/// For each word that passes write, `true` if the word depends on a read or a write outside of an array. WGSL allows
+/// several values for such a word.
 pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
         let options = |_: usize| Options { outside, ..dispatch::options() };
@@ -484,7 +486,7 @@ pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     })
 }
 
-/// For each word, `true` if it depends on the values that reads outside of arrays return, or on the elements that
+/// For each word, `true` if the word depends on the values that reads outside of arrays return, or on the elements that
 /// writes outside of arrays change.
 fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(Choice::default())?;

@@ -192,7 +192,7 @@ impl PathError {
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. } => true,
-            // naga panicked while it wrote a shader language. In Karat's own routes, the error is `Route`.
+            // naga panicked while it wrote a shader language. Karat's own routes return `Route` instead.
             Self::Panicked { panicked, .. } => panicked.language().is_some(),
             _ => false,
         }

@@ -1,7 +1,7 @@
 //! Calls one WGSL function with many cases.
 //!
 //! The kernel is ordinary WGSL, which `karat show` prints. Before a dispatch, Karat fills all results with poison. Each
-//! invocation writes a canary that only this dispatch uses. So if a kernel doesn't run, or if the results are those of
+//! invocation writes a canary that only this dispatch uses. So if a kernel doesn't run, or if the results come from
 //! another dispatch, Karat reports an error instead of a verdict. An [`Executor`](crate::executor::Executor) runs the
 //! kernel.
 
@@ -60,15 +60,17 @@ impl Probed {
     /// Prepares the function `path`, such as `fresnel::schlick`.
     ///
     /// # Errors
-    /// If the function doesn't exist, if the shader isn't valid, or if a kernel can't call the function.
+    /// Returns an error if the function doesn't exist, if the shader isn't valid, or if a kernel can't call the
+    /// function.
     pub fn new(package: &Package, path: &str) -> Result<Self, ProbeError> {
         Self::with_overrides(package, path, &Overrides::new())
     }
 
-    /// Like [`new`](Self::new), with values for overrides. The keys are names or `@id` numbers.
+    /// Prepares a function like [`new`](Self::new), with values for overrides. The keys are names or `@id` numbers.
     ///
     /// # Errors
-    /// As for [`new`](Self::new). Also if an override has no value, or if a name or number is unknown.
+    /// Returns the errors of [`new`](Self::new), and an error if an override has no value, or if a name or number is
+    /// unknown.
     pub fn with_overrides(
         package: &Package,
         path: &str,
@@ -77,8 +79,9 @@ impl Probed {
         Self::in_state(package, path, overrides, &State::new())
     }
 
-    /// Like [`with_overrides`](Self::with_overrides), but private variables become additional arguments and results.
-    /// `state` has the variables that the function reads and writes, as [`Program::state_of`] finds them.
+    /// Prepares a function like [`with_overrides`](Self::with_overrides), but private variables become additional
+    /// arguments and results. `state` has the variables that the function reads and writes, as [`Program::state_of`]
+    /// finds them.
     ///
     /// # Errors
     /// As for [`with_overrides`](Self::with_overrides).
@@ -96,12 +99,12 @@ impl Probed {
         Ok(Self { program, function, kernel })
     }
 
-    /// Like [`with_overrides`](Self::with_overrides), for a test. The function's whole module must be valid, because an
-    /// engine compiles the whole module. Modules of crates may be invalid, because many need features that the test
-    /// didn't set.
+    /// Prepares a function like [`with_overrides`](Self::with_overrides), for a test. The function's whole module must
+    /// be valid, because an engine compiles the whole module. Modules of crates may be invalid, because many need
+    /// features that the test didn't set.
     ///
     /// # Errors
-    /// As for [`with_overrides`](Self::with_overrides). Also if the module isn't valid.
+    /// Returns the errors of [`with_overrides`](Self::with_overrides), and an error if the module isn't valid.
     pub fn in_valid(
         package: &Package,
         path: &str,
@@ -119,8 +122,8 @@ impl Probed {
     /// constants.
     ///
     /// # Errors
-    /// If the arguments of one case don't fit into a uniform buffer, or if the function needs a storage buffer for its
-    /// arguments.
+    /// Returns an error if the arguments of one case don't fit into a uniform buffer, or if the function needs a
+    /// storage buffer for its arguments.
     pub(crate) fn with_inputs(self, inputs: Inputs) -> Result<Self, ProbeError> {
         let form = &self.function.form;
         if inputs != Inputs::Storage && (form.alone || form.fragment) {
@@ -140,7 +143,7 @@ impl Probed {
     /// Sets the lengths of the resources that the function writes to the lengths of their fixtures.
     ///
     /// # Errors
-    /// If the fixtures don't match the variables.
+    /// Returns an error if the fixtures don't match the variables.
     pub fn fit(&mut self, fixtures: &Fixtures) -> Result<(), ProbeError> {
         if self.function.written().next().is_none() {
             return Ok(());
@@ -172,7 +175,8 @@ impl Probed {
         self
     }
 
-    /// Prepares for arguments of these types. If the function takes derivatives, quads get derivatives as inputs.
+    /// Prepares the kernel for arguments of these types. If the function takes derivatives, the kernel takes the
+    /// derivatives of arguments that are quads as inputs.
     pub(crate) fn with_quads_of(self, arguments: &[Shape]) -> Self {
         if !self.takes_derivatives() {
             return self;
@@ -235,7 +239,7 @@ impl ProbeError {
         }
     }
 
-    /// Checks if a path refuses the program before it runs any part of it. In this case the compiler or the route
+    /// Checks if a path refuses the program before any part of the program runs. In this case the compiler or the route
     /// rejects the program, or the path lacks an ability.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {

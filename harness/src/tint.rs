@@ -1,8 +1,8 @@
 //! Asks Tint if a text is valid. Tint is the WGSL compiler of Chrome, Edge, Node and Electron.
 //!
 //! naga and Tint are two implementations of WGSL. Each rejects programs that the other accepts, so a shader for the web
-//! needs both verdicts. This module finds Tint on the machine ([`Tint::beside`]), and asks it about texts. `reflect`
-//! decides the meaning of a verdict for a package.
+//! needs both verdicts. This module finds Tint on the machine ([`Tint::beside`]), and asks Tint about texts. The module
+//! `reflect` decides the meaning of a verdict for a package.
 //!
 //! Three programs contain Tint: the npm package `webgpu` (Dawn for Node), the program `tint`, and Chromium. For Dawn
 //! and for Chromium, Karat keeps one process running, which answers line by line.
@@ -59,7 +59,7 @@ pub struct Missing {
 pub struct Question {
     /// The WGSL text.
     pub text: String,
-    /// Set to ask for WebGPU's compatibility mode. If it isn't set, Tint assumes a device with all features.
+    /// `true` asks for WebGPU's compatibility mode. With `false`, Tint assumes a device with all features.
     pub compatibility: bool,
     /// The pipelines to make from the text.
     pub pipelines: Vec<Pipeline>,
@@ -108,14 +108,14 @@ pub enum NoVerdict {
 }
 
 impl Tint {
-    /// The Tint for a folder. It is the package in the nearest `node_modules`, or else another Tint on this machine. A
-    /// process searches once for each folder.
+    /// Finds the Tint for a folder: the package in the nearest `node_modules`, or else another Tint on this machine. A
+    /// process searches only once for each folder.
     ///
-    /// KARAT_TINT may name another Tint, or be `off`. Chromium takes a second to start. So Karat uses it only if
-    /// `needed` is set, or if KARAT_TINT names it.
+    /// KARAT_TINT may name another Tint, or be `off`. Chromium takes a second to start. So Karat uses Chromium only if
+    /// `needed` is set, or if KARAT_TINT names Chromium.
     ///
     /// # Errors
-    /// If there is no Tint, with the reason and the remedy.
+    /// Returns an error if there is no Tint, with the reason and the remedy.
     pub fn beside(folder: &Path, needed: bool) -> Result<Arc<Self>, Missing> {
         type Known = Vec<((PathBuf, bool), Result<Arc<Tint>, Missing>)>;
         static KNOWN: Mutex<Known> = Mutex::new(Vec::new());
@@ -142,7 +142,7 @@ impl Tint {
             kind => {
                 let mut resident = self.resident.lock().unwrap_or_else(PoisonError::into_inner);
                 let mut answers = resident::ask(kind, &mut resident, questions);
-                // The browser uses a software device here, which supports less than other devices.
+                // Karat's browser uses a software device, which supports less than other devices.
                 if matches!(kind, Kind::Browser(_)) {
                     answers.iter_mut().for_each(lacking);
                 }
@@ -154,7 +154,7 @@ impl Tint {
     /// The version of Tint, such as `webgpu 0.6.2, Node 20.20.2`. The call starts Tint.
     ///
     /// # Errors
-    /// If Tint doesn't run, with the reason.
+    /// Returns an error if Tint doesn't run, with the reason.
     pub fn version(&self) -> Result<String, String> {
         match &self.kind {
             Kind::Program(_) => Ok("unknown".to_owned()),
@@ -166,7 +166,7 @@ impl Tint {
     }
 }
 
-/// Replaces a rejection by "no verdict" if the device is the reason.
+/// Replaces a rejection by "no verdict" if the browser's device is the reason.
 fn lacking(answer: &mut Result<Answer, NoVerdict>) {
     let is_device = |reason: &&str| {
         reason.contains("not allowed in the current environment")

@@ -33,7 +33,7 @@ pub(super) fn with_reference<A: Arguments, T>(
     then(Expected {
         shape: reference.shape(),
         expect: &|rows, lanes| {
-            // A loop is fast in tests too, which Cargo compiles with little optimisation. The loop runs once
+            // This is a plain loop, because Cargo compiles tests with little optimisation, and because the loop runs
             // for each case.
             let mut row = 0;
             while row < rows.len() {
@@ -56,7 +56,7 @@ struct Comparison<'c> {
     tolerance: &'c Tolerance,
     /// The results that WGSL or the adapter allows, if the test asks for `Spec` or `DeviceSpec`.
     allowed: Option<Allowed<'c>>,
-    /// Set as soon as the comparison of a result with its reference can show a mistake (see `tells`).
+    /// Becomes `true` as soon as the comparison of a result with its reference can show a mistake (see `tells`).
     told_apart: &'c AtomicBool,
 }
 
@@ -146,7 +146,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Errors
-    /// If a case disagrees or nothing could be compared.
+    /// Returns the failure if a case disagrees or nothing could be compared.
     pub fn try_agrees_with(
         self,
         reference: impl Reference<V>,

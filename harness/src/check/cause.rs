@@ -11,8 +11,8 @@ use crate::reflect::Function;
 use crate::tolerance::significant;
 use crate::value::{Scalar, Shape};
 
-/// The largest number of failing cases, and of passing cases, that Karat examines first. With 2048 cases, a
-/// share is exact to within 1 %.
+/// The largest number of failing cases, and of passing cases, that Karat examines first. With 2048 cases, Karat knows
+/// the share of failing cases in an interval to within 1 %.
 const CASES: usize = 2048;
 
 /// The smallest number of failing cases, and of passing cases, for which Karat reports a cause. With fewer
@@ -23,8 +23,8 @@ const FEWEST: usize = 8;
 /// share of the passing cases.
 const TELLING: f64 = 0.95;
 
-/// Karat prefers a property of one argument. Karat reports a property of two arguments only if the gain of this
-/// property is larger by more than this number.
+/// The advantage that a property of two arguments needs: Karat reports such a property only if its gain is larger, by
+/// more than this number, than the gain of each property of one argument.
 const SIMPLER: f64 = 0.02;
 
 /// A function that returns the arguments of a case.
@@ -48,8 +48,8 @@ struct Property {
     mixed: bool,
 }
 
-/// An interval of a property's values. `failing` is the share of all failing cases that lie in it, `passing`
-/// the share of all passing cases.
+/// An interval of a property's values. `failing` is the share of all failing cases that lie in the interval. `passing`
+/// is the share of all passing cases that lie in the interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Interval {
     /// The lower end. `None` if the interval begins at the smallest value of all cases.

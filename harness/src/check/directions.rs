@@ -35,8 +35,8 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`is_unit`](Self::is_unit), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a length isn't 1, if the function doesn't return a vector of floats, or if nothing could be
-    /// checked.
+    /// Returns the failure if a length isn't 1, if the function doesn't return a vector of floats, or if nothing could
+    /// be checked.
     pub fn try_is_unit(self) -> Result<Agreement, Failure> {
         self.plan.is_unit(&*self.stream, &self.demand())
     }
@@ -64,8 +64,8 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`is_perpendicular_to`](Self::is_perpendicular_to), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result isn't perpendicular, if the argument or the result has another type, or if nothing could be
-    /// checked.
+    /// Returns the failure if a result isn't perpendicular, if the argument or the result has another type, or if
+    /// nothing could be checked.
     pub fn try_is_perpendicular_to(
         self,
         argument: impl Into<Parameter>,
@@ -99,7 +99,8 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`is_right_handed_frame`](Self::is_right_handed_frame), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result isn't a right-handed frame, if the result has another type, or if nothing could be checked.
+    /// Returns the failure if a result isn't a right-handed frame, if the result has another type, or if nothing could
+    /// be checked.
     pub fn try_is_right_handed_frame(self) -> Result<Agreement, Failure> {
         self.plan.is_right_handed_frame(&*self.stream, &self.demand())
     }

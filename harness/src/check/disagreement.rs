@@ -41,7 +41,8 @@ pub struct Disagreement {
     pub assertion: String,
     /// The relation between the expected value and the actual value.
     pub expectation: Expectation,
-    /// The domain, such as `x from 0 to 1`, if Karat may have chosen it. Empty if the test's author chose it.
+    /// The domain, such as `x from 0 to 1`, if Karat may have chosen the domain. Empty if the test's author chose the
+    /// domain.
     pub domain: String,
     /// The paths on which the check fails.
     pub paths: Vec<PathDisagreement>,
@@ -111,7 +112,7 @@ pub struct PathDisagreement {
     pub first: Option<CaseFailure>,
     /// The command that runs the worst case again.
     pub replay: Replay,
-    /// The simplest failing case that Karat found by simplifying the worst case, if it found one.
+    /// The simplest failing case that Karat found by simplifying the worst case. `None` if Karat found no simpler case.
     pub simplest: Option<Simplest>,
 }
 
@@ -289,7 +290,7 @@ impl CaseFailure {
                 ),
                 Unit::Conditioning => {
                     let expected = expected.and_then(|expected| expected.get(lane));
-                    // A few operations can make such a value subnormal: smaller than 1.2e-38.
+                    // A few operations can make a value below 1e-37 subnormal: smaller than 1.2e-38.
                     let flushed = expected.is_some_and(|value| value.abs() < 1e-37);
                     let advice = if flushed {
                         "; a driver may turn a value so near to 0 into 0: allow this with `Spec.or(Abs(1e-37))`, \

@@ -142,7 +142,7 @@ impl Check<'_, Calls<Words>> {
     /// ```
     ///
     /// # Errors
-    /// If an expectation fails, or the test evaluates no expectation.
+    /// Returns the failure if an expectation fails, or the test evaluates no expectation.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn try_expects(self) -> Result<Agreement, Failure> {

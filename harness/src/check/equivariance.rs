@@ -64,7 +64,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Runs [`equivariant_under`](Self::equivariant_under), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result doesn't rotate with its arguments, if no rotation changes any argument, or if
+    /// Returns the failure if a result doesn't rotate with its arguments, if no rotation changes any argument, or if
     /// nothing could be compared.
     pub fn try_equivariant_under<R: Shareable>(
         self,

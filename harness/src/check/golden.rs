@@ -68,7 +68,7 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`matches`](Self::matches), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result differs from the golden, or there is no golden.
+    /// Returns the failure if a result differs from the golden, or there is no golden.
     pub fn try_matches(
         self,
         goldens: &Goldens,

@@ -190,7 +190,7 @@ fn class(kind: Kind) -> Class {
 }
 
 impl Session<'_> {
-    /// Finds the hazards for a row of arguments. Each note has a name and a text.
+    /// Returns the hazards for a row of arguments, as notes. Each note has a name and a text.
     pub(super) fn hazards_of(&self, row: &[u32], kinds: Kinds) -> Vec<(&'static str, String)> {
         let left_out = |one: &Found| self.leaves_out(one, kinds).0;
         let found = self.witness().and_then(|witness| witness.hazards_but(1, row, &left_out));

@@ -156,7 +156,7 @@ where
     /// Runs [`agrees_with`](Self::agrees_with), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If an integral disagrees, a node has no finite result, or nothing could be compared.
+    /// Returns the failure if an integral disagrees, a node has no finite result, or nothing could be compared.
     pub fn try_agrees_with<E: Mirror>(
         self,
         expected: impl Fn(&V) -> E + Sync,
@@ -188,7 +188,7 @@ where
     /// Runs [`is_at_most`](Self::is_at_most), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If an integral exceeds its bound, a node has no finite result, or nothing could be compared.
+    /// Returns the failure if an integral exceeds its bound, a node has no finite result, or nothing could be compared.
     pub fn try_is_at_most<E: Mirror>(
         self,
         bound: impl Fn(&V) -> E + Sync,
@@ -269,8 +269,8 @@ impl Integrals<'_> {
             let (tally, nodes) = judge(first, values.collect::<Result<_, _>>()?)?;
             sum = Some(PathTally::and(sum, tally));
             first = cases.end;
-            // If the next rules have as many nodes, the next group fills a dispatch. The group's size at most
-            // doubles, so that long rules after short rules don't fill the memory.
+            // If the rules of the next group have as many nodes as the rules of this group, the next group fills a
+            // dispatch. The group's size at most doubles, so that long rules after short rules don't fill the memory.
             let fitting = session.called.capacity() / nodes.max(1);
             size = (2 * size).min(fitting.max(1) as u64);
         }

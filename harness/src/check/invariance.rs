@@ -77,7 +77,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Runs [`invariant_under`](Self::invariant_under), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result is wrong or nothing could be compared.
+    /// Returns the failure if a result is wrong or nothing could be compared.
     pub fn try_invariant_under(
         self,
         transform: impl Fn(V) -> V + Sync,
@@ -125,7 +125,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Runs [`scales_under`](Self::scales_under), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result is wrong or nothing could be compared.
+    /// Returns the failure if a result is wrong or nothing could be compared.
     pub fn try_scales_under(
         self,
         transform: impl Fn(V) -> V + Sync,

@@ -109,8 +109,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Runs [`at_limit`](Self::at_limit), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a case's error rises or is too large at the last step, if all cases are within the tolerance at every
-    /// step, or if nothing could be compared.
+    /// Returns the failure if a case's error rises or is too large at the last step, if all cases are within the
+    /// tolerance at every step, or if nothing could be compared.
     pub fn try_at_limit(
         self,
         argument: impl Into<Parameter>,

@@ -42,12 +42,12 @@ impl fmt::Display for Trend {
     }
 }
 
-/// The possible numbers of candidates for a case's second value. Karat uses the candidate nearest to the case's
-/// first value. The difference between the two values is the step. A single candidate may lie at the other end
-/// of the range. The nearest of 32 candidates is about 1/64 of the range away. A wide step shows a wrong slope,
-/// and a short step shows a bump. In three of four cases, Karat shortens the step by a random factor, down to
-/// 1/4096. Such short steps show a small jump backwards, which the slope hides over a wide step. They usually
-/// find a jump of 1/1000 of the range.
+/// The possible numbers of candidates for a case's second value. Karat uses the candidate nearest to the case's first
+/// value. The difference between the two values is the step. A single candidate may lie at the other end of the range.
+/// The nearest of 32 candidates is about 1/64 of the range away. A wide step shows a wrong slope, and a short step
+/// shows a bump. In three of four cases, Karat shortens the step by a random factor, down to 1/4096. Such short steps
+/// show a small jump backwards, which the slope hides over a wide step. Short steps usually find a jump of 1/1000 of
+/// the range.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
 /// The largest number of attempts to sample a value that differs from the first value. A domain may be a list
@@ -90,8 +90,8 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`is_monotone_in`](Self::is_monotone_in), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result changes in the wrong direction by more than the tolerance, if no result changes by more than
-    /// the tolerance, or if nothing could be compared.
+    /// Returns the failure if a result changes in the wrong direction by more than the tolerance, if no result changes
+    /// by more than the tolerance, or if nothing could be compared.
     pub fn try_is_monotone_in(
         self,
         argument: impl Into<Parameter>,

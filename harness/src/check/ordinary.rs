@@ -106,7 +106,7 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`is_finite`](Self::is_finite), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result isn't finite, if the function returns no float, or if nothing could be checked.
+    /// Returns the failure if a result isn't finite, if the function returns no float, or if nothing could be checked.
     pub fn try_is_finite(self) -> Result<Agreement, Failure> {
         self.plan.is_finite(&*self.stream, &self.demand())
     }
@@ -139,7 +139,8 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`stays_within`](Self::stays_within), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a number lies outside the range, if the range contains no number, or if nothing could be checked.
+    /// Returns the failure if a number lies outside the range, if the range contains no number, or if nothing could be
+    /// checked.
     pub fn try_stays_within(self, range: impl RangeBounds<f64>) -> Result<Agreement, Failure> {
         let range = (range.start_bound().cloned(), range.end_bound().cloned());
         self.plan.stays_within(&*self.stream, &self.demand(), range)
@@ -174,8 +175,8 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`agrees_with_function`](Self::agrees_with_function), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a case disagrees, if the engine can't execute the reference function, or if nothing could be
-    /// compared.
+    /// Returns the failure if a case disagrees, if the engine can't execute the reference function, or if nothing could
+    /// be compared.
     pub fn try_agrees_with_function(
         self,
         reference: &str,
@@ -233,7 +234,7 @@ impl Plan<'_> {
         let begun = self.function().and_then(suited);
         let asserted = ("is_finite", statement);
         self.with(begun, asserted, (stream, demand), |function| {
-            // A result that isn't finite fails every statement, so this statement can always hold.
+            // A result that isn't finite fails every statement, so this closure can always return `true`.
             let holds = |_: &[u32], _: &[u32]| true;
             self.states(stream, demand, asserted, (&function.result, &holds))
         })
@@ -356,7 +357,7 @@ impl Plan<'_> {
         let mut probed = probed.with_quads_of(drawn);
         let taken: Vec<Shape> =
             probed.function.parameters.iter().map(|(_, shape)| shape.clone()).collect();
-        // A reference without derivatives takes only the pixel's own value.
+        // If the reference takes no derivative, it gets only the pixel's own value, not the whole quad's.
         let fits = |(own, drawn): (&Shape, &Shape)| {
             drawn.stands_for(own, false)
                 || drawn.quad().is_some_and(|value| value.stands_for(own, false))

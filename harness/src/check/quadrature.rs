@@ -163,8 +163,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Runs [`integrates_to`](Self::integrates_to), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If an integral differs from the expected integral, if the two rules disagree, if the result at a node
-    /// isn't finite, or if nothing could be compared.
+    /// Returns the failure if an integral differs from the expected integral, if the two rules disagree, if the result
+    /// at a node isn't finite, or if nothing could be compared.
     pub fn try_integrates_to<E: Mirror>(
         self,
         directions: Directions,
@@ -207,7 +207,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Runs [`integrates_to_at_most`](Self::integrates_to_at_most), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If an integral exceeds its bound, the rules disagree, a node has no finite result, or
+    /// Returns the failure if an integral exceeds its bound, the rules disagree, a node has no finite result, or
     /// nothing could be compared.
     pub fn try_integrates_to_at_most<E: Mirror>(
         self,

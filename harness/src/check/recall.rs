@@ -26,7 +26,7 @@ impl Session<'_> {
         rows
     }
 
-    /// Checks if the domain still contains the value. For a domain that can't tell, the same sampling and
+    /// Checks if the domain still contains the value. If the domain can't tell this, the same sampling and
     /// simplification as before must give the same value.
     fn still_drawn(&self, entry: &Entry) -> bool {
         let again = || Some(self.descend(&entry.descent)?.row == entry.words);

@@ -10,8 +10,8 @@ use super::session::Session;
 use crate::probe::Inputs;
 use crate::value::Scalar;
 
-/// The number of cases that a search examines first. From then on, each round of the search begins at the
-/// `FOLLOWED` rows with the nearest results.
+/// The number of cases that a search examines first. Each round of the search begins at the `FOLLOWED` rows of
+/// arguments with results nearest to the excluded value.
 const LOOKED_AT: u64 = 4096;
 const FOLLOWED: usize = 8;
 

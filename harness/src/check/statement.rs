@@ -61,7 +61,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Runs [`satisfies`](Self::satisfies), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a case doesn't satisfy the statement or nothing could be checked.
+    /// Returns the failure if a case doesn't satisfy the statement or nothing could be checked.
     pub fn try_satisfies<R: Shareable>(
         self,
         statement: &str,

@@ -22,7 +22,7 @@ impl Package {
     /// ```
     ///
     /// # Panics
-    /// If a module isn't valid. [`try_is_valid`](Self::try_is_valid) returns the reason.
+    /// Panics if a module isn't valid. [`try_is_valid`](Self::try_is_valid) returns the reason.
     #[track_caller]
     pub fn is_valid(&self) -> Validated {
         let modules = self.modules().unwrap_or_default();

@@ -22,7 +22,7 @@ const TESTED: &str = "karat_tested";
 pub struct WgslTest {
     /// The test's name, such as `brdf_test::is_a_fraction`.
     pub name: String,
-    /// The place of the test in the author's file.
+    /// The position of the test in the author's file.
     pub span: Span,
     /// The number in `@cases`.
     pub cases: Option<u64>,
@@ -57,7 +57,8 @@ impl Package {
     /// If a test isn't valid WGSL, you get an error only when you [use](WgslTest::parameters) the test.
     ///
     /// # Errors
-    /// If Karat can't read the package. If Karat can't read a module, the result for that module is an error.
+    /// Returns an error if Karat can't read the package. If Karat can't read a module, the result for that module is an
+    /// error.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn tests_in(
@@ -181,7 +182,7 @@ impl WgslTest {
     /// The names and types of the test's parameters.
     ///
     /// # Errors
-    /// If the test isn't valid WGSL. The error has the place.
+    /// Returns an error if the test isn't valid WGSL. The error has the place.
     pub fn parameters(&self) -> Result<&[(String, Shape)], Arc<ReflectError>> {
         Ok(&self.made()?.parameters)
     }
@@ -195,7 +196,7 @@ impl WgslTest {
     /// The test as a function. Give the function a domain, then [run](super::Check::try_expects) it.
     ///
     /// # Errors
-    /// If the test isn't valid WGSL. The error has the place.
+    /// Returns an error if the test isn't valid WGSL. The error has the place.
     pub fn probe(&self) -> Result<Probe<'_>, Arc<ReflectError>> {
         let place = Some((self.span.clone(), self.package.root()));
         let Made { counting, telling, .. } = self.made()?;

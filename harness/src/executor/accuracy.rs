@@ -11,7 +11,7 @@ use crate::package::Package;
 use crate::probe::{ProbeError, Probed};
 use crate::{image, settings};
 
-/// The version of the measured arguments and of the file's format. A new version causes a new measurement.
+/// The version of the measured arguments and of the file's format. If the version changes, Karat measures again.
 const EDITION: u32 = 3;
 
 /// Returns the accuracy of an executor's builtin functions. If `kept`, Karat stores the result in a file for

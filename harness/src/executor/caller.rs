@@ -101,7 +101,7 @@ impl<'e> Caller<'e> {
     /// Calls the function any number of times. Returns the results, one call after the other.
     ///
     /// # Panics
-    /// If `rows` has another number of words than `calls` calls need.
+    /// Panics if `rows` has another number of words than `calls` calls need.
     pub fn results(&self, rows: &[u32], calls: usize) -> Result<Vec<u32>, ProbeError> {
         assert_eq!(rows.len(), calls * self.words, "each call has all its arguments");
         let mut results = Vec::with_capacity(calls * self.width);

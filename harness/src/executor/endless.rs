@@ -99,8 +99,8 @@ pub(super) fn guarded<'e>(
     }
     Ok(match Watcher::new(call) {
         Ok(function) => Box::new(Guarded { prepared, function, leaves: None }),
-        // The engine can't run this function. The driver doesn't stop loops silently, so its results can be
-        // trusted.
+        // The engine can't run this function. The driver doesn't stop loops silently, so Karat can trust the driver's
+        // results.
         Err(_) => prepared,
     })
 }

@@ -6,8 +6,8 @@ use super::Executor;
 use crate::job::{Answer, Job, Problem, Reply};
 use crate::path::{Ability, Adapter, Greeting, JOBS};
 
-/// Writes a greeting. Then reads jobs line by line, runs each job, and writes the replies. Returns at the end
-/// of the input.
+/// Writes a `Greeting`, the first line that a program for jobs must write. Then reads jobs line by line, runs each job,
+/// and writes the replies. Returns at the end of the input.
 ///
 /// ```no_run
 /// use karat::Path;
@@ -21,7 +21,7 @@ use crate::path::{Ability, Adapter, Greeting, JOBS};
 /// ```
 ///
 /// # Errors
-/// If a line can't be read or written.
+/// Returns an error if a line can't be read or written.
 pub fn serve(
     executor: &dyn Executor,
     jobs: impl BufRead,

@@ -26,11 +26,11 @@ pub struct Alone {
     words_in: usize,
     words_out: usize,
     least: usize,
-    /// The layout of a quad's four pixels. It is set if the function takes derivatives between these pixels.
+    /// The layout of a quad's four pixels. `Some` if the function takes derivatives between these pixels.
     quads: Option<Quads>,
     /// The largest number of loop rounds that a case may take.
     fuel: u64,
-    /// Set if the arithmetic treats subnormals as zero.
+    /// `true` if the arithmetic treats subnormals as zero.
     flush: bool,
 }
 
@@ -38,12 +38,12 @@ impl Alone {
     /// Lowers a function with rounding to the nearest float.
     ///
     /// # Errors
-    /// If the engine can't execute the function.
+    /// Returns an error if the engine can't execute the function.
     pub fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
         Self::rounding(probed, fixtures, Via::Direct)
     }
 
-    /// Like `new`, with one of the arithmetics of path `cpu`.
+    /// Lowers a function like `new`, with one of the arithmetics of the path `cpu`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -97,7 +97,7 @@ impl Alone {
         Ok(open)
     }
 
-    /// For each word, `true` if it depends on a read or a write outside of an array or a texture.
+    /// For each word, `true` if the word depends on a read or a write outside of an array or a texture.
     pub(super) fn of_outside(
         &self,
         cases: usize,

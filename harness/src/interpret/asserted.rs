@@ -18,10 +18,10 @@ use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Program, ReflectError, Valued};
 use crate::value::{Scalar, Shape, format_lane};
 
-/// The number of values that a print keeps, from the first cases.
+/// The number of values that Karat keeps for each printing line. The values come from the first cases.
 pub(crate) const KEPT: usize = 1024;
 
-/// The number of values of a print that a test's output shows.
+/// The number of values that a test's output shows for each printing line.
 pub(crate) const SHOWN: usize = 16;
 
 /// A line that prints, with its values. `C` is the type of a case: its index during a run, and its name afterwards.
@@ -32,8 +32,8 @@ struct Print<C> {
     count: u64,
     /// The first values in the order of cases, each with its call or invocation.
     first: Vec<(C, Vec<u32>)>,
-    /// The smallest and the largest number of each component, each with its bits and its case. Booleans and NaN aren't
-    /// counted.
+    /// The smallest and the largest number of each component, each with its bits and its case. Booleans and NaN are
+    /// left out.
     ends: Vec<Option<[(f64, u32, C); 2]>>,
     nans: u64,
     /// The first case in which the line reads outside of an array.
@@ -59,7 +59,7 @@ enum Line {
 /// The asserting and printing lines of a program, with their values so far.
 struct Seen<'p> {
     program: &'p Program,
-    /// The index of each line among the lines. The key is the address of the line's site (the engine's record of an
+    /// The index of each line in `lines`. The key is the address of the line's site (the engine's record of an
     /// operation).
     sites: BTreeMap<usize, usize>,
     spans: Vec<Span>,
@@ -79,7 +79,7 @@ pub(crate) fn has_lines(program: &Program) -> bool {
 /// The assertions that functions of a program reach, each with its position.
 ///
 /// # Errors
-/// If an assertion has a side effect.
+/// Returns an error if an assertion has a side effect.
 pub(crate) fn assertions(
     program: &Program,
     of: &[&str],
@@ -337,7 +337,8 @@ impl Watched {
     /// Prepares a function. Returns `None` if the function has no such lines.
     ///
     /// # Errors
-    /// If the engine can't execute the function. An assertion without an evaluation would prove nothing.
+    /// Returns an error if the engine can't execute the function. An assertion without an evaluation would prove
+    /// nothing.
     pub(crate) fn of(probed: &Probed, fixtures: &Fixtures) -> Result<Option<Self>, ProbeError> {
         if !has_lines(&probed.program) {
             return Ok(None);
@@ -350,10 +351,10 @@ impl Watched {
         Ok(has_own.then(|| Self { function, lines: Mutex::default() }))
     }
 
-    /// Evaluates the asserting and printing lines in some calls. A case is named by the arguments of its call.
+    /// Evaluates the asserting and printing lines in some calls. In messages, the arguments of a call name its case.
     ///
     /// # Errors
-    /// If an assertion is false, or reads outside of an array.
+    /// Returns an error if an assertion is false, or reads outside of an array.
     pub(crate) fn look(&self, calls: usize, rows: &[u32]) -> Result<(), ProbeError> {
         let function = &self.function;
         let seen = Seen::of(&function.program, &function.lowered, function.lanes());
@@ -401,7 +402,7 @@ impl Watched {
     }
 }
 
-/// The tables of a function's prints for some rows of arguments. Fails if an assertion is false for a row.
+/// The tables of a function's prints for some rows of arguments. Returns an error if an assertion is false for a row.
 pub fn printed(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -426,7 +427,7 @@ pub fn printed(
 /// The tables of the prints in passes, each with at most `most` values.
 ///
 /// # Errors
-/// If an assertion of the passes is false, or if the engine can't execute the passes.
+/// Returns an error if an assertion of the passes is false, or if the engine can't execute the passes.
 pub(crate) fn printed_by(passes: &Passes, most: usize) -> Result<Vec<String>, DispatchError> {
     if !passes.passes.iter().any(|pass| has_lines(&pass.program)) {
         return Ok(Vec::new());

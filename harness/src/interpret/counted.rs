@@ -20,7 +20,8 @@ const ENDING: &str = "coverage";
 pub struct Ran {
     /// The name of the test.
     pub test: String,
-    /// The features and the overrides' values of the program. The text is empty if there are none.
+    /// The features and the values of overrides with which the program was built. Empty if the program has no features
+    /// and no overrides.
     pub variant: String,
     /// All statements of the program.
     pub statements: Vec<Counted>,
@@ -42,9 +43,9 @@ pub struct Counted {
     /// The number of cases, pixels or invocations that reached the statement. `None` says that the number is unknown,
     /// because the engine didn't run the statement.
     pub count: Option<u64>,
-    /// For each of the [ways](Self::ways) of a branch, the number of cases, pixels or invocations that took it.
+    /// For each of the [ways](Self::ways) of a branch, the number of cases, pixels or invocations that took this way.
     pub taken: Vec<u64>,
-    /// Set if a checked result depends on the statement.
+    /// `true` if a checked result depends on the statement.
     pub needed: bool,
     /// The arguments of the first call that reached the statement: `x = 0.5`.
     pub input: Option<String>,
@@ -76,7 +77,7 @@ pub enum CountedKind {
 
 impl Counted {
     /// The names of a branch's ways, such as `true` and `false`, each with the number of cases that took this way. A
-    /// plain statement has none.
+    /// plain statement has no ways.
     pub fn ways(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let names: &[&str] = match self.kind {
             CountedKind::Plain | CountedKind::Switch | CountedKind::Fixed => &[],
@@ -113,7 +114,7 @@ impl Ran {
     /// Reads the coverage that the tests of a run wrote.
     ///
     /// # Errors
-    /// If a file can't be read, or if it contains no coverage.
+    /// Returns an error if a file can't be read, or if it contains no coverage.
     pub fn all(folder: &Path) -> std::io::Result<Vec<Self>> {
         let mut all = Vec::new();
         for entry in std::fs::read_dir(folder)? {

@@ -30,7 +30,7 @@ struct Seen {
     reached: bool,
     is_true: bool,
     is_false: bool,
-    /// Set if an index was outside of its array.
+    /// `true` if an index was outside of its array.
     outside: bool,
 }
 

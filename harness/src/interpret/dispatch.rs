@@ -13,8 +13,8 @@ use crate::settings;
 /// The largest workgroup that the engine accepts, in invocations.
 const MOST_INVOCATIONS: u32 = 1024;
 
-/// Dispatches passes, and returns the data that they write. Fails if their loops take more than about ten thousand
-/// rounds together, to stay quick.
+/// Dispatches passes, and returns the data that they write. To stay quick, returns an error if all loops together take
+/// more than about ten thousand rounds.
 pub fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
     const WORK: u64 = 1 << 16;
     dispatched(passes, &|_| Options { work: WORK, ..options() })
@@ -88,7 +88,7 @@ impl<'p> Prepared<'p> {
         Ok(Self { passes, lowered: lowered.collect::<Result<_, _>>()?, resources })
     }
 
-    /// Like [`in_order`], for the prepared passes.
+    /// Runs the prepared passes one after another, and returns all resources, like [`in_order`].
     pub(super) fn run(&self, run: Run<'_>) -> Result<Resources, DispatchError> {
         let mut held = self.resources.clone();
         for (pass, lowered) in self.passes.passes.iter().zip(&*self.lowered) {

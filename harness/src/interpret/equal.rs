@@ -123,8 +123,8 @@ const ALL_INPUTS: usize = 1 << 24;
 
 /// Calls two functions with all inputs. Returns the number of inputs if both functions return the same bits for each
 /// input, where all NaN are equal. Returns `None` if a result differs, or if there are more than 2^24 inputs. Only
-/// booleans and 16-bit floats have so few values. A resource or an override would be another input, so functions must
-/// not read any.
+/// booleans and 16-bit floats have so few values. A resource or an override would be another input, so the functions
+/// must not read resources or overrides.
 pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
     let lanes = functions.map(|probed| {
         let of = probed.function().parameters.iter().flat_map(|(_, shape)| shape.lanes());
@@ -212,7 +212,7 @@ mod tests {
             format!("var<private> n = 0; fn f(x: bool) -> bool {{ n += {by}; return x; }}")
         };
         assert_eq!(agree([&left("1"), &left("2")]), None);
-        // Functions of 32-bit numbers have too many inputs to try. Overrides aren't tried, either.
+        // Functions of 32-bit numbers have too many inputs to try. Functions with overrides aren't tried, either.
         let text = "fn f(x: f32) -> f32 { return x; }";
         assert_eq!(agree([text, text]), None);
         let text = "override N = 1.0; fn f(x: bool) -> f32 { return select(N, 0.0, x); }";

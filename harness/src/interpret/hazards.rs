@@ -2,7 +2,8 @@
 //! operations that WGSL doesn't bound.
 //!
 //! A function runs in `f32` and also in `f64` (the shadow). Both runs record each operation with its operands. If an
-//! operand is already wrong, the operation isn't at fault. So each hazard is reported at the operation that causes it.
+//! operand is already wrong, the operation isn't at fault. So Karat reports each hazard at the operation that causes
+//! the hazard.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
@@ -42,7 +43,7 @@ pub struct Found {
     pub span: Span,
     /// The text of the operation in the source file.
     pub text: String,
-    /// Set if the result is finite nevertheless, because a later operation hides the hazard.
+    /// `true` if the result is finite nevertheless, because a later operation hides the hazard.
     pub hidden: bool,
     /// The operation's value in `f32` and in `f64`, for the hazard "lost digits"; otherwise `None`.
     pub values: Option<(f32, f64)>,
@@ -57,7 +58,7 @@ pub struct Found {
 pub struct Missing {
     /// The name of the pixel that takes the derivative.
     pub reached: String,
-    /// The name of the pixel that doesn't take it.
+    /// The name of the pixel that doesn't take the derivative.
     pub missing: String,
     /// The condition or the jump at which the second pixel took another branch.
     pub parted: Option<Span>,
@@ -73,11 +74,11 @@ fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
     })
 }
 
-/// The hazards in each case.
+/// The hazards in some cases.
 pub struct Hazards {
     /// For each case, the first hazard of each kind.
     pub cases: Vec<Vec<Found>>,
-    /// Set if the recorder reached its limit before the function's end.
+    /// `true` if the recorder reached its limit before the function's end.
     pub cut: bool,
     /// For each site, the number of cases that reached it with finite operands.
     pub reached: BTreeMap<usize, usize>,
@@ -138,8 +139,8 @@ pub const LONG: u64 = 1 << 18;
 /// The largest number of rounds for loops with a bound.
 const MOST_ROUNDS: u64 = 65_536;
 
-/// The number of rounds after which the run with intervals stops, if the intervals don't decide whether a loop ends.
-/// Each such round runs both branches.
+/// The number of rounds after which the run with intervals stops, if the intervals don't decide whether a loop ends. In
+/// each of these rounds, the engine runs both branches.
 const UNDECIDED: u64 = 16;
 
 /// Double precision rounds a number by up to 2^-53 of the number. So a difference that is less than this share (2^-41)
@@ -169,15 +170,15 @@ struct Parted {
     by: Option<usize>,
 }
 
-/// The hazards of a case, by their kind and the index of their site. The value has the two pixels of a derivative that
-/// only one of them takes.
+/// The hazards of a case, by their kind and the index of their site. For a derivative that only one of two pixels
+/// takes, the value contains these two pixels.
 type OfCase = BTreeMap<(Kind, usize), Option<Parted>>;
 
 /// Records the operations of a run.
 struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
     reach: Reach,
-    /// For each case, the hazards that the engine reports itself, such as wrong indices.
+    /// For each case, the hazards that the engine reports, such as wrong indices.
     wrong: Mutex<BTreeMap<usize, OfCase>>,
     /// Lanes in which a NaN decides a comparison, or is converted to an integer.
     decided: Mutex<BTreeSet<usize>>,
@@ -279,8 +280,8 @@ fn is_sum(event: &Event<f64>, lane: usize) -> bool {
     matches!(&*event.operands, [x, y] if value == x[lane] + y[lane] || value == x[lane] - y[lane])
 }
 
-/// Checks if double precision hides a loss of digits. It does for a sum that keeps fewer than half of `f32`'s digits in
-/// double precision, and for a logarithm of 1.
+/// Checks if double precision hides a loss of digits. Double precision hides the loss in a sum that keeps fewer than
+/// half of `f32`'s digits in double precision, and in a logarithm of 1.
 fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane].abs();
     let largest = event.operands.iter().map(|x| x[lane].abs()).fold(0.0, f64::max);
@@ -290,8 +291,8 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// The lanes and sites where double precision can't show which digits are lost. There, an operation subtracts nearly
-/// equal numbers, and one of its operands was computed from a number that a sum had absorbed.
+/// The lanes and sites where double precision can't show which digits are lost. In these lanes, the operation at the
+/// site subtracts nearly equal numbers, and one of the operands was computed from a number that a sum had absorbed.
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     // For each lane, the values that were computed from an operand that double precision lost.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
@@ -395,7 +396,7 @@ impl<'e> Twins<'e> {
 
 impl Interpreted {
     /// The hazards in some cases. For each kind, the list ends with the first hazard that `left_out` doesn't ignore.
-    /// The hazards before it are ignored.
+    /// `left_out` ignores all earlier hazards of that kind in the list.
     pub fn hazards_but(
         &self,
         cases: usize,
@@ -420,7 +421,7 @@ impl Interpreted {
             let firsts: Vec<usize> = (0..cases).step_by(together).skip(alone).collect();
             parts.extend(firsts.into_par_iter().map(of_part).collect::<Vec<_>>());
         }
-        // Parts end in any order. The first part's error is reported.
+        // Parts end in any order. Karat reports the error of the first part.
         for part in parts {
             let part = part?;
             for (site, count) in part.reached {
@@ -528,7 +529,7 @@ impl Interpreted {
         // For each site and lane, `true` if every run of the operation had an operand that isn't finite.
         let mut bad: BTreeMap<(usize, usize), bool> = BTreeMap::new();
         for event in events {
-            // Only a few operations have an operand that isn't finite.
+            // Usually all operands are finite.
             let is_finite = |operand: &Vec<f32>| operand.iter().all(|x| x.is_finite());
             if event.operands.iter().all(is_finite) {
                 continue;
@@ -680,8 +681,8 @@ fn shows_wide(bounds: &[LaneOf<Intervals>], halves: &[bool]) -> bool {
     bounds.iter().zip(halves).any(wide)
 }
 
-/// The largest absolute value among the components of a result that lost half of their digits; `None` if no component
-/// did.
+/// The largest absolute value among the components of a result that lost half of their digits. `None` if no component
+/// lost half of its digits.
 fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], halves: &[bool]) -> Option<f64> {
     let lost = |lane: usize| match (&result[lane], &shadow[lane]) {
         (Lane::Float(x), Lane::Float(y)) => {

@@ -39,8 +39,8 @@ impl OrderOf {
     }
 
     /// The sampled order `number`. The first orders run invocations one by one, backwards, in turn, and shuffled. In
-    /// later orders, one or two invocations of each pass stall at one of their atomics. In half of these later orders,
-    /// other invocations may see a store late.
+    /// later orders, one or two invocations of each pass wait for a long time before one of their atomics. In half of
+    /// these later orders, other invocations may see a store late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {
@@ -89,7 +89,7 @@ impl OrderOf {
         self.of_pass.iter().map(|own| own.subgroup).find(|own| *own != SUBGROUP).unwrap_or(SUBGROUP)
     }
 
-    /// Simpler orders to try: each of them is this order without one of its differences from the usual order.
+    /// Simpler orders to try. Each simpler order lacks one of the differences between this order and the usual order.
     pub(crate) fn simpler(&self) -> impl Iterator<Item = Self> {
         let usual = Schedule::default();
         let of_one = self.of_pass.iter().enumerate().flat_map(move |(at, own)| {

@@ -1,15 +1,15 @@
 //! Decides if reads and writes outside of arrays change a result.
 //!
 //! WGSL allows a read outside of an array to return any element or zero. WGSL allows a write outside of an array to
-//! change any element, or nothing (6.4.4). A read matters if another choice changes the data that passes write. The
-//! choice may be for this read, or for all reads outside of arrays together.
+//! change any element, or nothing (6.4.4). A read matters if another returned value changes the data that passes write.
+//! Either this read alone returns another value, or all reads outside of arrays do.
 
 use karat_engine::{Choice, Elsewhere, Options, Outside};
 
 use super::dispatch::{OfPass, Prepared};
 use crate::dispatch::DispatchError;
 
-/// The largest number of runs for judging the reads of one pass.
+/// The largest number of times that Karat runs the passes to judge the reads of one pass.
 const MOST_RUNS: usize = 64;
 
 /// Other values that a read may return, the most useful first. If there are few reads, Karat tries more elements.
@@ -41,7 +41,7 @@ const ANY: [Elsewhere; 6] = [
 pub(super) struct Matter {
     /// The numbers of the reads that change the result when only this read returns another value.
     pub(super) alone: Vec<u32>,
-    /// Set if no single read changes the result, but all reads together do.
+    /// `true` if no single read changes the result, but all reads together do.
     pub(super) together: bool,
     pub(super) untried: usize,
 }

@@ -15,8 +15,8 @@ use crate::value::Scalar;
 
 struct Operation {
     operands: Vec<f32>,
-    /// For a derivative: the pixel of the quad that doesn't take it, and the index of the site at which that pixel took
-    /// another branch.
+    /// For a derivative: the pixel of the quad that doesn't take the derivative, and the index of the site at which
+    /// that pixel took another branch.
     missing: Option<(usize, Option<usize>)>,
     invocations: BTreeSet<usize>,
 }

@@ -3,7 +3,7 @@
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};
 
-/// The number of pixels in a quad: the upper left one, the one to its right, and two below.
+/// The number of pixels in a quad: two pixels in the upper row and two pixels in the lower row.
 pub(super) const PIXELS: usize = 4;
 
 #[derive(Debug)]
@@ -60,8 +60,8 @@ impl Quads {
         words.map(scaled).collect()
     }
 
-    /// The arguments of each of the four pixels of a quad, one pixel after another. If rows have slopes, they are
-    /// computed as the kernel does it.
+    /// The arguments of each of the four pixels of a quad, one pixel after another. If rows contain slopes, the other
+    /// pixels' arguments are computed in the same way as in the kernel.
     pub(super) fn pixels(&self, rows: &[u32]) -> Vec<u32> {
         if self.own.is_some() {
             return rows.to_vec();

@@ -9,7 +9,7 @@ use super::sanitizer::{Known, Ways};
 use crate::dispatch::{Afterwards, DispatchError, Examined, Passes};
 use crate::settings;
 
-/// The number of orders to sample, if there are too many to try all.
+/// The number of orders to sample, if there are too many orders to try all of them.
 const DRAWN: u64 = 16;
 
 /// The largest number of orders when the runner tries all orders, and the largest number of invocations in all these
@@ -59,7 +59,7 @@ pub struct Runner<'p> {
     prepared: Result<Prepared<'p>, Option<DispatchError>>,
     next: Next,
     wanted: u64,
-    /// Set if the runner tries all orders when there are only a few.
+    /// `true` if the runner tries all orders when there are only a few.
     explores: bool,
     atomics: Vec<Atomics>,
     known: Known,
@@ -83,7 +83,7 @@ impl<'p> Runner<'p> {
         }
     }
 
-    /// Sets the number of sampled orders, and tries no others.
+    /// Sets the number of sampled orders. The runner then doesn't try all orders.
     pub fn few(self, orders: u64) -> Self {
         Self { wanted: orders, explores: false, ..self }
     }

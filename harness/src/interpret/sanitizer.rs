@@ -33,7 +33,7 @@ pub(super) fn made_up_options() -> Options {
     Options { fuel: 1 << 14, work: 1 << 20, ..options() }
 }
 
-/// Like [`examine`], for passes over generated resources.
+/// Runs passes over generated resources, and returns the findings like [`examine`].
 pub fn examine_made_up(passes: &Passes) -> Examined {
     examine_with(passes, &made_up_options(), true)
 }
@@ -95,7 +95,7 @@ pub(super) fn refused(passes: &Passes, error: &DispatchError) -> Examined {
 /// The findings of all runs so far.
 #[derive(Default)]
 pub(super) struct Known {
-    /// Set if resources have generated contents.
+    /// `true` if resources have generated contents.
     made_up: bool,
     violations: Vec<Violation>,
     /// The operations with indices outside of their arrays, each with its pass.
@@ -335,8 +335,8 @@ fn depends_on_blank(
 struct Examining<'p> {
     pass: &'p Pass,
     size: [u32; 3],
-    /// Set if all invocations finish a statement before any of them begins the next statement. Accesses then happen in
-    /// the order of the statements.
+    /// `true` if all invocations finish a statement before any of them begins the next statement. Accesses then happen
+    /// in the order of the statements.
     together: bool,
 }
 
@@ -615,7 +615,8 @@ fn of_outside(
     (Violation::new(&pass.name, kind, (headline, one.count), accesses), diagnostic)
 }
 
-/// The name of an element that an invocation reads before any invocation writes it, and the position of the read.
+/// The name of an element that an invocation reads before any invocation writes to the element, and the position of the
+/// read.
 fn element_read(examining: &Examining<'_>, one: &Unwritten) -> (String, Option<Span>) {
     let program = &examining.pass.program;
     let (path, _) = element(program, &one.variable, one.byte, [one.access.word]);

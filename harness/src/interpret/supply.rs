@@ -114,7 +114,7 @@ fn texture(binding: &Binding, view: &View<'_>) -> Result<engine::Texture, String
     Ok(if normalized { texture.normalized() } else { texture })
 }
 
-/// The contents of a resource as `u32`s. A texel of a texture has four.
+/// The contents of a resource as `u32` words. A texel of a texture has four words.
 pub(super) fn after(resources: &engine::Resources, binding: &Binding) -> Vec<u32> {
     let (group, number) = (binding.group, binding.binding);
     if let BindingKind::StorageTexture { .. } = binding.kind {

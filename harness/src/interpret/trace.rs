@@ -28,7 +28,7 @@ pub struct Step {
     pub text: String,
     /// The name of the `let` for the value, if there is one.
     pub name: Option<String>,
-    /// The value in `f32`, rounded to nearest. A conforming implementation may return it.
+    /// The value in `f32`, rounded to nearest. A conforming implementation may return this value.
     pub single: Vec<Value>,
     /// The value in double precision. It is empty if the run in double precision takes another branch.
     pub double: Vec<Value>,
@@ -198,7 +198,7 @@ impl Seen {
 /// ```
 ///
 /// # Errors
-/// If the engine can't execute the function, or if a variable has no fixture.
+/// Returns an error if the engine can't execute the function, or if a variable has no fixture.
 pub fn trace(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -215,7 +215,7 @@ pub fn trace(
 pub(crate) struct Pixel {
     /// The operations. If an operation runs often, only its first runs are kept.
     pub(crate) steps: Vec<Step>,
-    /// Set if an operation ran more often.
+    /// `true` if an operation ran more often.
     pub(crate) more: bool,
     pub(crate) results: Vec<u32>,
 }
@@ -224,7 +224,7 @@ pub(crate) struct Pixel {
 /// bit 1 for a pixel below. `quad` has the arguments at all four pixels.
 ///
 /// # Errors
-/// As for [`trace`].
+/// Returns an error for the same reasons as [`trace`].
 pub(crate) fn trace_pixel(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -345,8 +345,8 @@ impl Traced for Interpreted {
     }
 }
 
-/// The operations of a call, in the order in which they run. In a quad, they are those of one pixel. Of each operation,
-/// only the first `runs` runs are returned. The flag is set if an operation ran more often.
+/// The operations of a call, in the order in which they run. In a quad, the operations of one pixel. Returns only the
+/// first `runs` runs of each operation. The flag is `true` if an operation ran more often.
 fn steps(
     traced: &impl Traced,
     row: &[u32],
@@ -358,7 +358,7 @@ fn steps(
         let limit = |site: &Site| {
             let at = site.expression.map(|at| at.index());
             let components = at.map_or(1, |at| program.components(&site.function, at));
-            // The engine computes a derivative by several operations at one site. The last one returns the derivative.
+            // The engine computes a derivative by several operations at one site. The last one returns it.
             let is_many = at.is_some_and(|at| program.is_derivative(&site.function, at));
             let limit = if is_many { usize::MAX } else { runs.unwrap_or(0) * components };
             (std::ptr::from_ref(site).addr(), (limit, AtomicUsize::new(0)))
@@ -370,8 +370,8 @@ fn steps(
     let [double, bounds] = [(); 2].map(|()| Values::of(case, most()));
     traced.run::<F32>(row, &single)?;
     traced.run::<F64>(row, &double)?;
-    // Some builtins of half precision have no bounds, and neither have kernels that write buffers. The column of bounds
-    // is then empty.
+    // Some builtin functions of half precision have no bounds. Kernels that write buffers have no bounds, either. The
+    // column of bounds is then empty.
     let bounded = traced.run::<Intervals>(row, &bounds).is_ok();
     let (lowered, program) = traced.parts();
     let sites: BTreeMap<usize, &Site> =

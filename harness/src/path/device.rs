@@ -282,8 +282,8 @@ impl Device {
         self.watched(work).map_err(|error| self.failed(&error))
     }
 
-    /// Makes shader modules and pipelines. If `make` fails, the error says that the driver refuses the shader, or that
-    /// memory ran out.
+    /// Runs `make`, which makes shader modules and pipelines. If `make` fails, the error says that the driver refuses
+    /// the shader, or that memory ran out.
     pub(crate) fn made<T>(&self, make: impl FnOnce() -> T) -> Result<T, PathError> {
         self.watched(make).map_err(|error| match error {
             wgpu::Error::OutOfMemory { .. } => self.failed(&error),

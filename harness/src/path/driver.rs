@@ -24,7 +24,7 @@ pub struct Adapter {
     pub name: String,
     /// The driver and its version: `llvmpipe Mesa 22.3.6`.
     pub driver: String,
-    /// Set for a software rasteriser.
+    /// `true` for a software rasteriser.
     pub software: bool,
 }
 
@@ -35,7 +35,7 @@ impl fmt::Display for Adapter {
     }
 }
 
-/// Mesa's software rasteriser. On Vulkan it is called lavapipe.
+/// Mesa's software rasteriser, which is called lavapipe on Vulkan.
 const LLVMPIPE: &str = "llvmpipe";
 
 /// Google's software rasteriser, which is a part of Chromium.

@@ -136,8 +136,8 @@ impl fmt::Display for Via {
 
 /// An execution path: an API, the route by which a shader is translated for the API, and the driver.
 ///
-/// A path's name may have all three: `vulkan`, `vulkan:hlsl`, `vulkan@swiftshader`. Without a driver's name, a path
-/// uses the first adapter of its API. Hardware comes before software.
+/// A path's name may contain an API, a route and a driver: `vulkan`, `vulkan:hlsl`, `vulkan@swiftshader`. Without a
+/// driver's name, a path uses the first adapter of its API. Hardware comes before software.
 ///
 /// ```
 /// use karat::Path;

@@ -39,7 +39,7 @@ impl Opened {
     }
 }
 
-/// Opens a path, or returns it if it is already open. Several paths may open at the same time.
+/// Opens a path, or returns the path if it is already open. Several paths may open at the same time.
 pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     type Once = OnceLock<Result<Opened, PathError>>;
     static OPENED: Mutex<BTreeMap<Path, &'static Once>> = Mutex::new(BTreeMap::new());
@@ -81,7 +81,7 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
 /// The device of a path. `None` for the path `cpu` and for programs, because they use no device of this process.
 ///
 /// # Errors
-/// If the path can't be opened.
+/// Returns an error if the path can't be opened.
 pub fn device(path: Path) -> Result<Option<&'static Device>, PathError> {
     open(path).map(Opened::device)
 }

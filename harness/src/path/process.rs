@@ -35,7 +35,7 @@ pub struct Greeting {
     /// The version of the implementation.
     #[serde(default)]
     pub driver: String,
-    /// Set for a software implementation.
+    /// `true` for a software implementation.
     #[serde(default)]
     pub software: bool,
     /// The program's abilities. Compute passes that use only buffers need no ability.

@@ -6,7 +6,7 @@ use crate::settings::{self, Settings};
 /// Checks that a selector's text is the name of a path, or a part of a name.
 ///
 /// # Errors
-/// If the text isn't such a name. The message has the reason and a suggestion.
+/// Returns an error if the text isn't such a name. The message has the reason and a suggestion.
 pub fn expect_sound(selector: &Selector) -> Result<(), PathError> {
     selector.expect_sound()
 }
@@ -28,7 +28,7 @@ pub fn selects(selector: &Selector, path: Path, adapter: &Adapter) -> bool {
 /// ```
 ///
 /// # Errors
-/// If the path can't be opened.
+/// Returns an error if the path can't be opened.
 pub fn adapter(path: Path) -> Result<Adapter, PathError> {
     open(path).map(Opened::adapter)
 }
@@ -44,7 +44,7 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
 /// ```
 ///
 /// # Errors
-/// If the path can't be opened. The message says that the user requires the path.
+/// Returns an error if the path can't be opened. The message says that the user requires the path.
 pub fn required(path: Path) -> Result<Adapter, PathError> {
     must_open(path).map(Opened::adapter)
 }
@@ -66,7 +66,7 @@ fn must_open(path: Path) -> Result<Opened, PathError> {
 /// ```
 ///
 /// # Errors
-/// If a setting is wrong, if a required path can't be opened, or if no path can be opened.
+/// Returns an error if a setting is wrong, if a required path can't be opened, or if no path can be opened.
 pub fn selected() -> Result<Vec<Path>, PathError> {
     Ok(chosen()?.into_iter().map(Opened::path).collect())
 }
@@ -76,7 +76,7 @@ pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
     let Settings { paths, require, adapter, .. } = settings::current()?;
     let unasked = [paths, require, adapter].iter().all(|setting| setting.is_none());
     match select(paths.as_deref(), require.as_deref()) {
-        // The user set none of the variables, and no driver opens on this machine.
+        // The user set no variable that selects paths, and no driver opens on this machine.
         Err(PathError::None { .. }) if unasked => open(Path::CPU).map(|engine| vec![engine]),
         chosen => chosen,
     }
@@ -124,8 +124,8 @@ fn distinct(all: &[Opened]) -> Vec<Opened> {
     all.iter().copied().filter(stays).collect()
 }
 
-/// Checks the names of custom executors: each must be unique, and different from the drivers' names. Also checks the
-/// environment's list of paths for misspelt names.
+/// Checks the names of custom executors. Each name must be unique, and different from the drivers' names. Also checks
+/// the environment's list of paths for misspelt names.
 pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathError> {
     let settings = settings::current()?;
     for (variable, names) in
@@ -153,7 +153,7 @@ pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathEr
 /// ```
 ///
 /// # Errors
-/// If a name isn't a path, or occurs twice.
+/// Returns an error if a name isn't a path, or occurs twice.
 pub fn named(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let mut paths = list(variable, names)?;
     if names.split(',').any(|name| name.trim() == ALL) {
@@ -173,7 +173,7 @@ pub fn named(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError
 /// ```
 ///
 /// # Errors
-/// If a setting is wrong.
+/// Returns an error if a setting is wrong.
 pub fn programs() -> Result<Vec<Path>, PathError> {
     let names = settings::current()?.executors.iter();
     names.map(|(name, _)| format!("{}@{name}", Api::Process.name()).parse()).collect()

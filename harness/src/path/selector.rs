@@ -64,7 +64,7 @@ impl Selector {
         self.parts.is_some()
     }
 
-    /// Fails if the text isn't a path.
+    /// Returns an error if the text isn't a path.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
         match self.parts {
             Some(_) => Ok(()),
@@ -119,8 +119,8 @@ impl<T> Selected<T> {
         self.0.iter_mut().find(|(known, _)| known == selector).map(|(_, value)| value)
     }
 
-    /// The value for a path. Of the selectors that match the path, the one with the most parts counts. If several
-    /// selectors have the most parts, the last of them counts.
+    /// The value for a path. Of the selectors that match the path, the selector with the most parts applies. If several
+    /// selectors have the most parts, the last of these selectors applies.
     pub(crate) fn on(&self, path: Path, adapter: &Adapter) -> Option<&T> {
         let fitting = self
             .iter()
@@ -128,7 +128,7 @@ impl<T> Selected<T> {
         fitting.max_by_key(|(named, _)| *named).map(|(_, value)| value)
     }
 
-    /// Fails if a selector's text isn't a path.
+    /// Returns an error if a selector's text isn't a path.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
         self.iter().try_for_each(|(selector, _)| selector.expect_sound())
     }

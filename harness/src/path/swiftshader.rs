@@ -14,7 +14,7 @@ const MANIFESTS: [&str; 5] = [
 /// The environment variable that adds a driver to Vulkan's loader.
 pub const ADD: &str = "VK_ADD_DRIVER_FILES";
 
-/// The first of these files that exists on this machine.
+/// The first file in `MANIFESTS` that exists on this machine.
 #[must_use]
 pub fn manifest() -> Option<PathBuf> {
     MANIFESTS.iter().map(PathBuf::from).find(|file| file.is_file())

@@ -73,7 +73,7 @@ impl Runner {
         }
     }
 
-    /// Starts the program. Its first message is a greeting.
+    /// Starts the program, and reads the first line that the program writes: its `Greeting`.
     pub(super) fn start(&self, patience: Duration) -> Result<Running, Broken> {
         let lines = |command: &mut Command| {
             // The child process must not write records.

@@ -41,7 +41,7 @@ pub(super) struct Dispatcher<'d> {
     words_in: usize,
     evidence: Evidence,
     place: Span,
-    /// The thread's turn to call the driver (see [`Device::turn`]). It ends after the other fields are dropped.
+    /// The thread's turn to call the driver (see [`Device::turn`]). The turn ends after the other fields are dropped.
     last: Turn<'d>,
 }
 
@@ -55,7 +55,7 @@ impl Drop for Dispatcher<'_> {
 #[must_use]
 pub(crate) struct Dispatch<'d> {
     device: &'d Device,
-    /// Set after waiting for the dispatch.
+    /// `true` after waiting for the dispatch.
     waited: Cell<bool>,
     cases: usize,
     canary: u32,
@@ -78,8 +78,8 @@ impl Drop for Dispatch<'_> {
 }
 
 impl<'d> Dispatcher<'d> {
-    /// Uploads the fixtures, and allocates buffers for `cases` cases in a dispatch. The device's limits may allow
-    /// fewer. If there is no compiled kernel, each dispatch compiles its own.
+    /// Uploads the fixtures, and allocates buffers for `cases` cases in a dispatch. The device's limits may allow fewer
+    /// cases. If there is no compiled kernel, each dispatch compiles its own kernel.
     pub(super) fn new(
         device: &'d Device,
         probed: &Probed,

@@ -1,6 +1,7 @@
 //! Checks that each case wrote its own words.
 //!
-//! Before a dispatch, all words are poison. After its result, each case writes a canary that only this dispatch uses.
+//! Before a dispatch, all words of the results are poison. After its result, each case writes a canary that only this
+//! dispatch uses.
 
 use super::{Partial, ProbeError};
 use crate::domain::Source;
@@ -49,7 +50,7 @@ impl Evidence {
         Self { function: function.name.clone(), path, stride: words + 1, lane_names }
     }
 
-    /// Fails if the results have the wrong length, or if a canary isn't this dispatch's.
+    /// Returns an error if the results have the wrong length, or if a canary isn't the canary of this dispatch.
     pub(crate) fn expect_canaries(
         &self,
         words: &[u32],
@@ -83,8 +84,8 @@ impl Evidence {
         places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
     }
 
-    /// Fails if a word equals the poison after the first run, but has another value after the second run over the other
-    /// poison. Then the kernel never wrote the word.
+    /// Returns an error if a word equals the poison after the first run, but has another value after the second run
+    /// over the other poison. Then the kernel never wrote the word.
     pub(crate) fn expect_written(
         &self,
         words: &[u32],

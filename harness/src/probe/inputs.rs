@@ -31,7 +31,7 @@ pub enum Inputs {
 }
 
 impl Inputs {
-    /// All sources.
+    /// All sources of arguments.
     pub const ALL: [Self; 3] = [Self::Storage, Self::Uniform, Self::Constant];
 
     /// The name of the source: `storage`, `uniform`, `constant`.

@@ -7,7 +7,7 @@ use crate::path::MOST_ROUNDS;
 use crate::reflect::{COUNTERS, Function, Overrides, Passed, Program};
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
-/// The number of invocations in a workgroup. Every device supports it, and it is a multiple of every vector width.
+/// The number of invocations in a workgroup. Every device supports 64, and 64 is a multiple of every vector width.
 pub(crate) const WORKGROUP: u32 = 64;
 
 /// The number of 32-bit words in a uniform buffer of 16 KiB, the size that every device supports.
@@ -44,7 +44,7 @@ pub struct Kernel {
     /// The source of the arguments. For constants, `text` has no calls. [`of_constants`](Self::of_constants) writes the
     /// calls for a batch.
     pub(super) inputs: Inputs,
-    /// Set if the kernel can run each case in its own vector of the processor, when the batch asks for this. See
+    /// `true` if the kernel can run each case in its own vector of the processor, when the batch asks for this. See
     /// [`rounds`](super::rounds).
     pub(super) apart: bool,
     /// The number of loop counters, if the kernel returns counters instead of results.
@@ -99,8 +99,8 @@ impl Kernel {
         kernel
     }
 
-    /// A kernel that calls the function once for each pixel of a draw. The pixels are the cases, row by row. It serves
-    /// functions of which a dispatch could run only one case.
+    /// A kernel that calls the function once for each pixel of a draw. The pixels are the cases, row by row. Use this
+    /// kernel for functions of which a dispatch could run only one case.
     pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
         kernel.function.form.fragment = true;
@@ -147,7 +147,7 @@ impl Kernel {
         self.function.form.alone
     }
 
-    /// The text for cases with constant arguments. Fails if an argument can't be a constant.
+    /// The text for cases with constant arguments. Returns an error if an argument can't be a constant.
     pub(crate) fn of_constants(&self, arguments: &[u32]) -> Result<String, String> {
         let scalars: Vec<Scalar> =
             self.function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
@@ -505,7 +505,7 @@ mod tests {
                  for (var i = 0u; i < n; i++) {{ y = x; }} return y; }}"
             )
         };
-        // Kernels that are drawn, and kernels whose cases run separately.
+        // Tests kernels that are drawn, and kernels whose cases run separately.
         let writes = "@group(0) @binding(0) var<storage, read_write> d: f32;\n";
         let drawn = ["d = x;", "_ = dpdx(x);", "d = dpdx(x);", "if x > 0.5 { discard; } d = x;"]
             .map(|body| format!("{writes}fn same(x: f32, n: u32) -> f32 {{ {body} for (var i = 0u; i < n; i++) {{}} return x; }}"));

@@ -16,11 +16,11 @@ pub struct Let {
     pub name: String,
     /// The position of the name in the source file.
     pub span: Option<Span>,
-    /// Set if the binding is in a loop. Its probe then returns its last value.
+    /// `true` if the binding is in a loop. The binding's probe then returns the last value of the binding.
     pub repeats: bool,
     /// The index of the binding among the function's bindings of that name, and the number of these bindings.
     pub of_name: (usize, usize),
-    /// A probe that returns the binding's value. The probe takes the same arguments as the function. It is `None` for a
+    /// A probe that returns the binding's value. The probe takes the same arguments as the function. `None` for a
     /// pointer, for a binding in the head of a `for`, and for bindings after the first `MOST`.
     pub probed: Option<Probed>,
 }

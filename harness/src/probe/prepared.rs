@@ -11,7 +11,7 @@ pub struct Call<'c> {
     pub probed: &'c Probed,
     /// The textures, samplers and buffers that the function reads, by the variable's name.
     pub fixtures: &'c Fixtures,
-    /// The largest number of cases in a batch. An executor may support fewer.
+    /// The largest number of cases in a batch. An executor may support fewer cases.
     pub cases: usize,
 }
 
@@ -26,7 +26,7 @@ pub trait Prepared: Sync {
     /// results. The executor guarantees that each case wrote its own words, or returns an error.
     ///
     /// # Errors
-    /// If the executor can't start the batch.
+    /// Returns an error if the executor can't start the batch.
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError>;
 
     /// Checks if a texture that the function reads has 16-bit floats.
@@ -35,7 +35,7 @@ pub trait Prepared: Sync {
     }
 }
 
-/// A running batch. Call it to wait for the results.
+/// A running batch. Call this function to wait for the results.
 pub type Started<'p> = Box<dyn FnOnce(Reader<'_>) -> Result<(), ProbeError> + 'p>;
 
 /// A function that gets the results of a batch: the words of all cases, and the stride in words from one case to the

@@ -1,8 +1,8 @@
 //! Counts the rounds of loops, for drivers that stop long loops without an error.
 //!
-//! Mesa's llvmpipe runs several invocations as the lanes of one vector. It counts the rounds of all loops in a vector
-//! together, because all lanes run the same round. llvmpipe counts one round even for a loop that no lane enters. After
-//! [`MOST_ROUNDS`] rounds, llvmpipe stops every loop without a message, and the results are wrong.
+//! Mesa's llvmpipe runs several invocations as the lanes of one vector. llvmpipe counts the rounds of all loops in a
+//! vector together, because all lanes run the same round. llvmpipe counts one round even for a loop that no lane
+//! enters. After [`MOST_ROUNDS`] rounds, llvmpipe stops every loop without a message, and the results are wrong.
 //!
 //! If naga's IR shows no bound for a loop, Karat first runs a copy of the kernel that counts the rounds. No single case
 //! may exceed the limit. If several cases in one vector might exceed it together, the kernel runs with one case in each
@@ -50,8 +50,8 @@ impl<'d> Rounds<'d> {
         Ok(Self { dispatcher, loops: counting.loops, nesting: counting.nesting, function })
     }
 
-    /// Checks if each case needs its own vector, because the driver might otherwise stop a loop. Fails if one case
-    /// takes too many rounds.
+    /// Checks if each case needs its own vector, because the driver might otherwise stop a loop. Returns an error if
+    /// one case takes too many rounds.
     pub(super) fn apart(
         &self,
         cases: usize,

@@ -1,4 +1,4 @@
-//! Runs a function's kernel on a device. If the driver stops long loops, it counts the rounds first.
+//! Runs a function's kernel on a device. If the driver stops long loops, Karat counts the loops' rounds first.
 
 use super::bound::compile;
 use super::dispatcher::{Dispatch, Dispatcher};
@@ -46,7 +46,7 @@ impl Prepared for Runner<'_> {
 
 impl<'d> Runner<'d> {
     /// Compiles the kernel, uploads the fixtures, and allocates buffers for `cases` cases in a dispatch. The device's
-    /// limits may allow fewer.
+    /// limits may allow fewer cases.
     pub(crate) fn new(
         device: &'d Device,
         probed: &Probed,

@@ -12,7 +12,7 @@ pub(crate) enum Resource {
     Buffer(wgpu::Buffer),
     View(wgpu::TextureView),
     Sampler(wgpu::Sampler),
-    /// The bytes of immediates. The commands set them.
+    /// The bytes of immediates, which the commands of each run set.
     Immediate(Vec<u8>),
 }
 
@@ -271,7 +271,7 @@ fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<
     }
 }
 
-/// Fails if the texture's format can't store the texels of the fixture, except for rounding.
+/// Returns an error if the texture's format can't store the texels of the fixture, except for rounding.
 fn expect_kept(
     device: &Device,
     binding: &Binding,

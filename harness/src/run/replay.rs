@@ -42,8 +42,8 @@ pub struct NotReplayed {
 /// Notes that a check or the comparison of a frame begins.
 ///
 /// # Errors
-/// If the check isn't the selected check, and runs in a thread that the test started. Such a thread may end
-/// long before the selected check runs, so the thread's end doesn't show the end of the test.
+/// Returns an error if the check isn't the selected check, and runs in a thread that the test started. Such a thread
+/// may end long before the selected check runs, so the thread's end doesn't show the end of the test.
 pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed> {
     let Some(selected) = &settings.case else { return Ok(()) };
     let named = selected.check.as_deref();
@@ -63,7 +63,7 @@ pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed>
 /// Notes that the comparison of a frame begins.
 ///
 /// # Errors
-/// If an environment variable can't be used. Also the errors of [`begin`].
+/// Returns an error if an environment variable can't be used. Also returns the errors of [`begin`].
 pub(crate) fn begin_frame(name: &str) -> Result<(), NotBegun> {
     Ok(begin(settings::current()?, &format!("frame {name}"))?)
 }

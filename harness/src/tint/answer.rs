@@ -13,7 +13,7 @@ pub struct Answer {
     pub(crate) messages: Vec<Message>,
     /// The entry points from which Tint can't make a pipeline, each with the reason.
     pub(crate) pipelines: Vec<(String, String)>,
-    /// Set if Tint made pipelines from entry points. The program `tint` makes none.
+    /// `true` if Tint made pipelines from entry points. The program `tint` makes no pipelines.
     pub(crate) made_pipelines: bool,
 }
 
@@ -23,7 +23,8 @@ impl Answer {
         self.reason().is_some()
     }
 
-    /// The reason why Tint rejects the text or one of its entry points, in one line. It is `None` if Tint accepts all.
+    /// The reason why Tint rejects the text or one of its entry points, in one line. `None` if Tint accepts the text
+    /// and all entry points.
     pub fn reason(&self) -> Option<&str> {
         let mut errors = self.messages.iter().filter(|one| one.severity == Severity::Error);
         let text = errors.next().map(|message| &message.text);

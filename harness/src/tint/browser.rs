@@ -130,7 +130,7 @@ impl Page {
         Ok(self.lines.send(&message.to_string())?)
     }
 
-    /// The answer to the next call. Events are skipped.
+    /// Returns the next answer. Skips events.
     fn answer(&mut self, patience: Duration) -> Result<Value, NoVerdict> {
         loop {
             let text = self.lines.receive(patience)?;

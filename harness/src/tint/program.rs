@@ -13,7 +13,7 @@ use super::answer::{Answer, Message, Severity};
 use super::{NoVerdict, Question};
 use crate::lines::{self, Broken};
 
-/// The time limit for one text. It usually takes about 30 ms.
+/// The time limit for one text. A text usually takes about 30 ms.
 const PATIENCE: Duration = Duration::from_secs(10);
 const MOST_BYTES: u64 = 1 << 20;
 const POLL: Duration = Duration::from_millis(1);
@@ -39,8 +39,8 @@ struct Place {
     column: usize,
 }
 
-/// Checks if a program is Tint, because Debian has a desktop panel of the same name. Fails if the program doesn't end.
-/// A program that doesn't end in time may still be Tint.
+/// Checks if a program is Tint, because Debian has a desktop panel of the same name. Returns an error if the program
+/// doesn't end in time, because such a program may still be Tint.
 pub(super) fn is_tint(program: &Path) -> Result<bool, String> {
     let says = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("--diagnostics-format");
     match lines::output(Command::new(program).arg("--help"), PATIENCE, MOST_BYTES) {
@@ -137,7 +137,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
         }),
     });
     let answer = Answer { messages: messages.collect(), ..Answer::default() };
-    // The program `tint` fails if it reports an error, and only then. A successful run writes the text to a file.
+    // The program `tint` fails exactly if it reports an error. A successful run writes the text to a file.
     let is_written = !again.trim().is_empty() || text.trim().is_empty();
     if answer.rejects() == status.success() || (status.success() && !is_written) {
         return Err(NoVerdict::Garbage(format!(

@@ -1,6 +1,6 @@
 //! Classifies the reasons why Tint rejects modules that naga accepts, and has a remedy for each kind of reason.
 
-/// A kind of reason.
+/// The kind of reason why Tint rejects a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Reason {

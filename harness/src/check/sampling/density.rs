@@ -58,7 +58,7 @@ where
     /// Runs [`follows`](Self::follows), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge a configuration.
+    /// Returns the failure if the check rejects a configuration, or can't judge a configuration.
     pub fn try_follows<X: Shareable, B: Arguments>(
         self,
         density: Probe<'_>,
@@ -104,7 +104,7 @@ where
     /// Runs [`estimates`](Self::estimates), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge a configuration.
+    /// Returns the failure if the check rejects a configuration, or can't judge a configuration.
     pub fn try_estimates<X: Shareable, B: Arguments, E: Arguments>(
         self,
         eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
@@ -143,7 +143,7 @@ where
     /// Runs [`estimates_with_weight`](Self::estimates_with_weight), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge a configuration.
+    /// Returns the failure if the check rejects a configuration, or can't judge a configuration.
     pub fn try_estimates_with_weight<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
         self,
         eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
@@ -192,7 +192,7 @@ where
     /// ```
     ///
     /// # Errors
-    /// If Karat can't judge the densities.
+    /// Returns the failure if Karat can't judge the densities.
     pub fn power_against<X: Shareable, B: Arguments>(
         &self,
         density: Probe<'_>,

@@ -59,7 +59,7 @@ where
     /// ```
     ///
     /// # Errors
-    /// If Karat can't judge the samples.
+    /// Returns the failure if Karat can't judge the samples.
     pub fn mean_power_against<X: Shareable>(
         &self,
         of: impl Fn(X) -> f64 + Sync,
@@ -107,7 +107,7 @@ where
     /// ```
     ///
     /// # Errors
-    /// If Karat can't judge the samples, or a function returns something that isn't a probability.
+    /// Returns the failure if Karat can't judge the samples, or a function returns something that isn't a probability.
     pub fn distribution_power_against<X: Shareable>(
         &self,
         of: impl Fn(X) -> f64 + Sync,

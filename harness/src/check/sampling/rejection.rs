@@ -161,7 +161,7 @@ pub enum Finding {
         /// The first call with this fault, as text.
         call: String,
     },
-    /// A sample has density 0, so the sampler can't return it.
+    /// The density of a sample is 0, so a correct sampler never returns this sample.
     Impossible {
         /// The number of samples with this fault.
         count: u64,

@@ -74,7 +74,7 @@ where
     /// Runs [`has_mean`](Self::has_mean), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge a configuration.
+    /// Returns the failure if the check rejects a configuration, or can't judge a configuration.
     pub fn try_has_mean<X: Shareable>(
         self,
         name: &str,
@@ -117,7 +117,7 @@ where
     /// Runs [`has_distribution`](Self::has_distribution), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge a configuration.
+    /// Returns the failure if the check rejects a configuration, or can't judge a configuration.
     pub fn try_has_distribution<X: Shareable>(
         self,
         name: &str,
