@@ -325,14 +325,14 @@ function expectHeld(format, levels) {
     if (format === 'depth32float') {
         const depths = new Float32Array(new Uint32Array(texels.map(([depth]) => depth)).buffer);
         const wrong = depths.find((depth) => !(depth >= 0 && depth <= 1));
-        if (wrong !== undefined) throw refusal(`it has a depth of ${wrong}, but depths must be from 0 to 1`, 0);
+        if (wrong !== undefined) throw refusal(`a texel has the depth ${wrong}, but depths must be from 0 to 1`, 0);
     }
     const [, channels, bits, kind] = format.match(/^(r|rg|rgba)(8|16|32)(u|s)int$/) ?? [];
     if (!kind) return;
     const [least, most] = kind === 'u' ? [0, 2 ** bits - 1] : [-(2 ** (bits - 1)), 2 ** (bits - 1) - 1];
     const values = texels.flatMap((texel) => texel.slice(0, channels.length)).map((word) => (kind === 'u' ? word >>> 0 : word | 0));
     const wrong = values.find((value) => value < least || value > most);
-    if (wrong !== undefined) throw refusal(`a texel is ${wrong}, which the format ${format} can't store`, 0);
+    if (wrong !== undefined) throw refusal(`a texel has the value ${wrong}, which the format ${format} can't store`, 0);
 }
 
 // Makes a storage texture with texels. A shader writes the texels, because only the device knows the format's layout.

@@ -182,7 +182,7 @@ fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
     let recorded = project.is_cargo() && Recorded::read(&project.record())?.is_some();
     let status = this()?.arg(if recorded { "suite" } else { "test" }).arg(folder).status();
     if recorded {
-        writeln!(out, "{DIM}Karat keeps the old record: `karat test` writes a new record{DIM:#}")?;
+        writeln!(out, "{DIM}this run left the record of the last `karat test` as it was{DIM:#}")?;
     }
     Ok(status.context("can't run the tests")?.success())
 }
