@@ -481,7 +481,7 @@ impl Passes {
         self.passes.iter().map(Pass::invocations).sum()
     }
 
-    /// The author's names of all variables in the passes: resources, and workgroup variables.
+    /// The names, in the author's files, of all variables in the passes: resources, and workgroup variables.
     pub(crate) fn variables(&self) -> Vec<String> {
         self.passes.iter().flat_map(|pass| pass.program.variables()).collect()
     }

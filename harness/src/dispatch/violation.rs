@@ -46,7 +46,7 @@ pub struct Violation {
     pub entry_point: String,
     /// The kind of the violation.
     pub kind: Kind,
-    /// The author's name of the variable. Empty for a barrier or an index.
+    /// The variable's name in the author's file. Empty for a barrier or an index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub variable: String,
     /// The element, such as `tile[17].sum`. Empty for a barrier or an index.

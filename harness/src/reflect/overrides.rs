@@ -89,7 +89,8 @@ impl Program {
         module.overrides.iter().map(|(_, declared)| of(declared)).collect()
     }
 
-    /// The type of the override with this author's name or `@id`; `None` if there is no such override.
+    /// The type of the override with this name in the author's file, or with this `@id`. `None` if no override has
+    /// the name or the `@id`.
     #[must_use]
     pub fn override_type(&self, name: &str) -> Option<Scalar> {
         let name = self.text_name(name).ok()?;
@@ -163,12 +164,13 @@ impl Program {
         })
     }
 
-    /// Checks if the program has an override with this author's name or `@id`.
+    /// Checks if the program has an override with this name in the author's file, or with this `@id`.
     pub fn has_override(&self, name: &str) -> bool {
         !self.overrides_called(name).is_empty()
     }
 
-    /// The overrides with this author's name or `@id`. Several modules may declare an override of this name.
+    /// The overrides with this name in the author's file, or with this `@id`. Several modules may declare an override
+    /// of this name.
     fn overrides_called(&self, name: &str) -> Vec<&Override> {
         let all = || self.checked.module.overrides.iter().map(|(_, declared)| declared);
         let is_exact = |one: &&Override| {

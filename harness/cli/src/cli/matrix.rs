@@ -61,8 +61,8 @@ pub(super) struct Args {
     /// Judges functions by the verdicts of their tests on the same paths, from the record of the last run
     #[arg(long)]
     tests: bool,
-    /// Writes each row and its column to this file before it runs, so that the file names the row that ended the
-    /// process
+    /// Before each cell runs, writes the cell's row and column to this file. If a cell ends the process, the file
+    /// names this cell
     #[arg(long, hide = true)]
     journal: Option<PathBuf>,
     #[command(flatten)]

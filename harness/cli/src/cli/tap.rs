@@ -20,8 +20,8 @@ Examples:
   karat tap scene half --at 120,64         also shows the value that Karat's engine computes there
   karat tap scene term --round 3           shows the third value that each pixel computed
   karat tap scene karat:print              shows the values that the lines `//karat: print x` name
-FRAME is the name of a `[[frame]]` in a `*.test.toml`, a frame of the gallery that `karat render` draws, or the last
-entry point of a `[[compute]]`, where each invocation has a value.
+FRAME is a name: of a `[[frame]]` in a `*.test.toml`, of a frame in the gallery (`karat render --list`), or of the last
+entry point of a `[[compute]]`. For a compute pass, Karat shows the value of each invocation.
 The driver computes each value while it draws. Pixels that don't compute the value are transparent, and are counted.
 Exit codes: 0 every value is shown; 1 a value can't be shown; 2 the frame doesn't exist, or no driver opens.";
 

@@ -22,7 +22,7 @@ Examples:
   karat trace scene 120,64                 traces column 120, row 64; 0,0 is at the upper left
   karat trace scene 120,64 --against HEAD  shows the first step that differs from a revision of git
   karat trace scene 120,64 --layer 2       traces the draw behind the visible one
-FRAME is the name of a `[[frame]]` in a `*.test.toml`, or a frame of the gallery that `karat render` draws.
+FRAME is a name: of a `[[frame]]` in a `*.test.toml`, or of a frame in the gallery (`karat render --list`).
 The driver computes the inputs of the pixel's fragment function. Then Karat's engine computes each step of the function
 in f32, in f64, and with the error bounds of WGSL.
 Exit codes: 0 no step differs; 1 the pixel can't be traced, or a step differs; 2 the frame doesn't exist, or no driver.";

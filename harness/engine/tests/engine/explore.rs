@@ -70,8 +70,8 @@ fn text(atomics: &[Vec<Atomic>]) -> String {
 /// The results of a run: the words, then the result of each atomic.
 type Left = Vec<u32>;
 
-/// The results of all orders, which are tried one by one. If stores are late, each order also has a set of pending
-/// stores.
+/// Tries all orders one by one, and returns their results. With `late`, a store may also take effect later, at each
+/// possible time.
 fn naive(atomics: &[Vec<Atomic>], late: bool) -> BTreeSet<Left> {
     struct State {
         memory: [u32; WORDS],
