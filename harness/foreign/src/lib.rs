@@ -24,7 +24,6 @@ pub fn spirv_as_it_is(
         ..Default::default()
     };
     // SAFETY: wgpu requires that the code is valid for the driver and stays within its buffers. A compiler made the
-    // code from naga's translation, which checks bounds. The caller tests this compiler, so nobody knows before the run
-    // that its code is valid.
+    // code from naga's translation, which checks bounds. The caller tests this compiler, so the code may be invalid.
     unsafe { device.create_shader_module_passthrough(descriptor) }
 }
