@@ -36,6 +36,11 @@ const FEWEST_WORDS: usize = 5;
 /// If one of these texts stands before a string literal, no user sees the literal.
 const UNSEEN: [&str; 4] = ["expect(", "expect_err(", "unreachable!(", "reason ="];
 
+/// Beginnings and ends of literals that are generated code, which no user reads as a sentence.
+const CODE_BEGINS: [&str; 10] =
+    ["@", "#[", "[", "fn ", "struct ", "import ", "enable ", "var<", "let ", "const "];
+const CODE_ENDS: [&str; 3] = [";", "{{", "}}"];
+
 /// A sentence, with the text before it.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 struct Sentence {
@@ -143,8 +148,9 @@ fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
     found
 }
 
-/// The string literals of Rust code that people see, without their line breaks. Raw strings are shaders, and the texts of
-/// `expect` and `unreachable!` appear only in a bug report. `ci` compiles before everything else, so it has no parser.
+/// The string literals of Rust code that people see, without their line breaks. Raw strings are shaders, generated code
+/// isn't prose, and the texts of `expect` and `unreachable!` appear only in a bug report. `ci` compiles before
+/// everything else, so it has no parser.
 fn literals(text: &str) -> Vec<Paragraph> {
     let (mut found, mut rest, mut line) = (Vec::new(), text, 1);
     while let Some(first) = rest.chars().next() {
@@ -168,8 +174,11 @@ fn literals(text: &str) -> Vec<Paragraph> {
             let words: Vec<_> = words.split_whitespace().collect();
             let code = text[..text.len() - rest.len()].trim_end();
             let about = code.lines().last().unwrap_or_default().trim();
-            if !UNSEEN.iter().any(|before| about.ends_with(before)) {
-                found.push((line, about.to_owned(), words.join(" ")));
+            let words = words.join(" ");
+            let is_code = CODE_BEGINS.iter().any(|begin| words.starts_with(begin))
+                || CODE_ENDS.iter().any(|end| words.ends_with(end));
+            if !is_code && !UNSEEN.iter().any(|before| about.ends_with(before)) {
+                found.push((line, about.to_owned(), words));
             }
             end
         } else {
@@ -220,7 +229,7 @@ mod tests {
                 "9 [A head of five words here] () - An item of five words"
             ]
         );
-        let code = "/// Adds a number to\n/// another one.\n#[must_use]\nfn f() { bail!(\"can't read a \\\n    file of {x}\") } // not this line here at all\nlet quote = '\"'; \"a message after a quotation mark\"; x.expect(\"a text that no user sees\")";
+        let code = "/// Adds a number to\n/// another one.\n#[must_use]\nfn f() { bail!(\"can't read a \\\n    file of {x}\") } // not this line here at all\nlet quote = '\"'; \"a message after a quotation mark\"; x.expect(\"a text that no user sees\"); f(\"fn f(x: f32) -> f32 {{ return x; }}\")";
         assert_eq!(
             found(Source::Comments, code),
             [r#"1 [fn f() { bail!("can't read a \] () Adds a number to another one."#]
