@@ -46,7 +46,8 @@ const CODE_ENDS: [&str; 3] = [";", "{{", "}}"];
 struct Sentence {
     /// The line on which the sentence's paragraph begins.
     line: usize,
-    /// The heading above the sentence, the code that its comment documents, or the code before the message.
+    /// The heading above the sentence, the code before the message, or the code that the comment documents, with the
+    /// first line of the block around that code.
     about: String,
     /// The sentence before this one in its paragraph or row.
     before: String,
@@ -109,8 +110,9 @@ type Paragraph = (usize, String, String);
 fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
     let mut found: Vec<Paragraph> = Vec::new();
     let (mut open, mut fenced, mut heading) = (false, false, String::new());
-    let mut undocumented = 0;
+    let (mut undocumented, mut blocks) = (0, Vec::<(usize, &str)>::new());
     for (number, line) in (1..).zip(text.lines()) {
+        let indent = line.len() - line.trim_start().len();
         let line = line.trim();
         let part = match from {
             Source::Comments => line.strip_prefix("///").or_else(|| line.strip_prefix("//!")),
@@ -118,14 +120,23 @@ fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
         };
         let Some(part) = part.map(str::trim) else {
             (open, fenced) = (false, false);
-            if !line.starts_with("#[") && !line.is_empty() {
+            if !line.starts_with("#[") && !line.starts_with("//") && !line.is_empty() {
+                blocks.retain(|(outer, _)| *outer < indent);
+                let around =
+                    blocks.last().map(|(_, block)| format!("{block} ")).unwrap_or_default();
                 for (_, about, _) in &mut found[undocumented..] {
-                    line.clone_into(about);
+                    *about = format!("{around}{line}");
                 }
                 undocumented = found.len();
+                if line.ends_with('{') {
+                    blocks.push((indent, line));
+                }
             }
             continue;
         };
+        if line.starts_with("//!") {
+            "the whole file".clone_into(&mut heading);
+        }
         fenced ^= part.starts_with("```");
         if part.starts_with('#') && !fenced {
             heading = part.trim_start_matches('#').trim().to_owned();
@@ -142,6 +153,9 @@ fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
             paragraph.push_str(part);
         } else if is_prose {
             found.push((number, heading.clone(), part.to_owned()));
+        }
+        if line.starts_with("//!") {
+            undocumented = found.len();
         }
         open = is_prose;
     }
@@ -229,16 +243,20 @@ mod tests {
                 "9 [A head of five words here] () - An item of five words"
             ]
         );
-        let code = "/// Adds a number to\n/// another one.\n#[must_use]\nfn f() { bail!(\"can't read a \\\n    file of {x}\") } // not this line here at all\nlet quote = '\"'; \"a message after a quotation mark\"; x.expect(\"a text that no user sees\"); f(\"fn f(x: f32) -> f32 {{ return x; }}\")";
+        let code = "//! A file of many words here.\nimpl A {\n    /// Says its name and no more.\n    // Lesson 1\n    fn name() {}\n}\n/// Adds a number to\n/// another one.\n#[must_use]\nfn f() { bail!(\"can't read a \\\n    file of {x}\") } // not this line here at all\nlet quote = '\"'; \"a message after a quotation mark\"; x.expect(\"a text that no user sees\"); f(\"fn f(x: f32) -> f32 {{ return x; }}\")";
         assert_eq!(
             found(Source::Comments, code),
-            [r#"1 [fn f() { bail!("can't read a \] () Adds a number to another one."#]
+            [
+                "1 [the whole file] () A file of many words here.",
+                "3 [impl A { fn name() {}] () Says its name and no more.",
+                r#"7 [fn f() { bail!("can't read a \] () Adds a number to another one."#
+            ]
         );
         assert_eq!(
             found(Source::Messages, code),
             [
-                "4 [fn f() { bail!(] () can't read a file of {x}",
-                "6 [let quote = '\"';] () a message after a quotation mark"
+                "10 [fn f() { bail!(] () can't read a file of {x}",
+                "12 [let quote = '\"';] () a message after a quotation mark"
             ]
         );
     }
