@@ -471,9 +471,9 @@ fn all(folder: &Path) -> Result<(), String> {
               with the constants from its Rust code, and the compute shaders in eight files of the WebGPU samples. \
               The command found:\n\n\
               - The only race is the fault storage-barrier in the table above.\n\
-              - Some passes use indices outside of arrays: the fault last-bin in the table above; boids and particles \
-              of the WebGPU samples, because these shaders don't compare the index with the length; and the histograms \
-              of wgpu_sort, because the host rounds their size up.\n\
+              - Three groups of passes use indices outside of arrays: the pass with the fault last-bin (see the table \
+              above); boids and particles of the WebGPU samples, because these shaders don't compare the index with \
+              the length; and the histograms of wgpu_sort, because the host rounds their size up.\n\
               - `allocate_global_scan` of bevy_pbr reads workgroup memory before the first write. The memory is zero \
               only if the host doesn't turn off zero initialisation.\n";
     index += DISPATCHED;
