@@ -145,8 +145,8 @@ const FOUND: [Found; 9] = [
         says: "The distance to a circle, an ellipse with equal axes, is NaN: the formula divides by the difference of \
                the squared axes. If the axes are almost equal, the distance is NaN or wrong, too, as a comment in the \
                shader warns. So a test for `a == b` isn't enough. The change below handles axes that differ by less \
-               than a tenth: four steps approach the nearest point of the ellipse. Each step moves to the nearest \
-               point of the circle of curvature.",
+               than a tenth of the longer axis: four steps approach the nearest point of the ellipse. Each step moves \
+               to the nearest point of the circle of curvature at the current point.",
         check: |package| round_ellipse(package).into(),
         change: [
             "    let l = ab.y * ab.y - ab.x * ab.x;\n",
@@ -172,8 +172,8 @@ const FOUND: [Found; 9] = [
         function: "render::pbr_lighting::ltc_integrate_quad",
         says: "If the view direction equals the normal, a rectangular light gives no light: a floor under an \
                orthographic camera that looks straight down stays black. The function makes its first tangent from the \
-               part of the view that is perpendicular to the normal. If the view equals the normal, that part is 0, \
-               and its normalised vector is NaN. Later the function looks for corners of the rectangle above the \
+               part of the view that is perpendicular to the normal. If the view equals the normal, this part is 0, \
+               and `normalize` returns NaN. Later the function looks for corners of the light that lie above the \
                horizon. Every comparison with NaN is false, so the function finds no corner. Any vector perpendicular \
                to the normal would be a correct tangent.",
         check: |package| along_the_normal(package).into(),
@@ -189,11 +189,12 @@ const FOUND: [Found; 9] = [
         name: "last-bin",
         krate: "bevy_post_process@0.20.1",
         function: "auto_exposure::auto_exposure::compute_histogram",
-        says: "A workgroup has 256 invocations, and the histogram has 64 bins. Each invocation adds the bin that has \
-               the invocation's index, so 192 invocations use an index outside of the arrays. WGSL lets a driver \
-               access any element instead (6.4.4). Mesa drops such writes, which hides the fault. If a driver clamps \
-               the index, as WGSL allows, the shader adds the last bin, which counts the brightest pixels, 193 times. \
-               Auto exposure then darkens the frame too much.",
+        says: "A workgroup has 256 invocations, and the histogram has 64 bins. Each invocation adds one bin of a \
+               workgroup's histogram to the frame's histogram. The bin's index is the invocation's index, so 192 \
+               invocations use an index outside of both arrays. WGSL lets a driver access any element instead (6.4.4). \
+               Mesa drops writes outside of an array, which hides the fault. If a driver clamps the index, as WGSL \
+               allows, the shader adds the last bin, which counts the brightest pixels, 193 times. Auto exposure then \
+               darkens the frame too much.",
         check: |package| last_bin(package).into(),
         change: [
             "    var histogram_value = atomicLoad(&histogram_shared[local_invocation_index]);\n    \
@@ -470,11 +471,11 @@ fn all(folder: &Path) -> Result<(), String> {
               with the constants from its Rust code, and the compute shaders in eight files of the WebGPU samples. \
               The command found:\n\n\
               - The only race is the fault storage-barrier in the table above.\n\
-              - Some passes use indices outside of arrays: the fault last-bin in the table above; boids and particles \
-              of the WebGPU samples, because their last workgroup doesn't compare the index with the length; and the \
-              histograms of wgpu_sort, because the host rounds their size up.\n\
+              - Three groups of passes use indices outside of arrays: the pass with the fault last-bin (see the table \
+              above); boids and particles of the WebGPU samples, because these shaders don't compare the index with \
+              the length; and the histograms of wgpu_sort, because the host rounds their size up.\n\
               - `allocate_global_scan` of bevy_pbr reads workgroup memory before the first write. The memory is zero \
-              only if the host leaves zero initialisation on.\n";
+              only if the host doesn't turn off zero initialisation.\n";
     index += DISPATCHED;
     let file = folder.join("README.md");
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
@@ -484,13 +485,13 @@ fn all(folder: &Path) -> Result<(), String> {
 const DISPATCHED: &str = "
 ## Passes with the sizes of their host
 
-`karat call --dispatch` checked each pass with the buffer sizes and workgroup counts of its own host. The checked passes are the 13 passes of blade (dd93e63) that naga accepts, four of them with a replacement for ray queries, and the 21 templates of wonnx (c62f5d3), for 137 nodes. blade's passes have no fault. These nodes of wonnx have a fault in wonnx's own code:
+`karat call --dispatch` checked each pass with the buffer sizes and workgroup counts of the project that contains the pass. Karat checked the 13 passes of blade (commit dd93e63) that naga accepts, four of them with a replacement for ray queries. Karat also checked the 21 shader templates of wonnx (commit c62f5d3), for 137 nodes of neural networks. blade's passes have no fault. These nodes of wonnx have a fault in wonnx's own code:
 
-- Softmax of operator sets 11 and 12 has a race. The host dispatches one column of invocations for each element right of the axis. Each column writes the whole chunk, so several columns write the same elements.
-- If the sizes of a MatMul have 5, 7 or 9 as their common divisor, the shader uses tiles of size 4, which don't divide the sizes. Two matrices of a stack then write the same elements, and each matrix reads and writes beyond its buffer. With the divisor 3, a vector has 16 bytes in the shader and 12 on the host.
-- Conv of 3 x 3 without a bias reads beyond its weights, because wonnx pads the weights only if there is a bias.
+- Softmax of operator sets 11 and 12 has a race. All elements with the same indices before the axis form a chunk. For each chunk wonnx runs several invocations: one for each combination of the indices after the axis. Invocation `y` of a chunk writes as many elements as the chunk has, from the chunk's element `y` on, so several invocations write the same elements.
+- If the matrix sizes of a MatMul have 5, 7 or 9 as their common divisor, the shader uses tiles of size 4, which don't divide the sizes. Then the invocations for two matrices of a stack write the same elements, and use indices outside of the buffers. If the common divisor is 3, a vector has 16 bytes in the shader, but 12 bytes on the host.
+- Conv with 3 x 3 weights and without a bias reads beyond its weights, because wonnx pads the weights only if there is a bias.
 - For more than 65,535 elements, wonnx uses workgroups of two invocations. If the number of elements is odd, the last invocation of Relu, Add and other nodes uses an index outside of the array, because no template compares the index with the length.
-- Resize with given sizes rounds its scale to two digits: a resize from 300 to 400 texels reads beyond the row.
+- Resize to given sizes rounds its scale factor to two digits: a resize from 300 to 400 texels reads beyond the row.
 ";
 
 /// Runs a check on the released and on the repaired shader, and writes its page.
