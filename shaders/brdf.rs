@@ -132,13 +132,13 @@ pub fn tri_ace_pdf(exponent: f64, v: DVec3, l: DVec3) -> f64 {
     f64::midpoint(lambert_pdf(l), specular)
 }
 
-/// Returns directions `l` above the horizon with their weights in sr. A function's values at these directions,
-/// multiplied by the weights, add up to the function's integral over the hemisphere. This holds for lobes of width
-/// `alpha` around the mirror direction of `v`, and for smooth functions.
+/// Returns directions `l` above the horizon with their weights in sr, for integrals over the hemisphere: the sum of
+/// weight times function value. The rule is exact enough for smooth functions, and for lobes of width `alpha` around
+/// the mirror direction of `v`.
 ///
-/// The points of the rule are half vectors; dl = 4 V.H dh. For each azimuth, their polar angle ends where `l` meets the
-/// horizon, because a rule across an edge can't be of high order. `v` must be above the horizon. The integrand must be
-/// symmetric about the plane of `v` and the normal, as a BRDF is.
+/// The points of the rule are half vectors; dl = 4 V.H dh. For each azimuth, the polar angle of the half vectors ends
+/// where `l` meets the horizon, because a rule across an edge can't be of high order. `v` must be above the horizon.
+/// The integrand must be symmetric about the plane of `v` and the normal, as a BRDF is.
 #[must_use]
 pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(DVec3, f64)> {
     let sin_v = v.x.hypot(v.y);

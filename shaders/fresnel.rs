@@ -62,9 +62,9 @@ pub fn schlick_average(f0: DVec3) -> DVec3 {
 /// Computes int F d(cos^2) for `eta` > 0, by quadrature of the exact `dielectric`.
 ///
 /// Beyond the critical angle F is 1. The rest of the range of cos^2 is mapped to a share s in 0..=1. The integral over
-/// this rest is a trapezoidal sum over ln(s / (1 - s)). Near eta = 1, F falls from 1 within a cos^2 of |eta^2 - 1|
-/// above the critical angle, and the logarithm resolves this interval as well as any other interval. The sum converges
-/// as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because each singularity is at least pi away.
+/// this rest is a trapezoidal sum over ln(s / (1 - s)). Near eta = 1, F falls from 1 in a range of cos^2 that is only
+/// |eta^2 - 1| wide, and the logarithm resolves this range as well as any other range. The error of the sum falls as
+/// exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because each singularity is at least pi away.
 #[must_use]
 pub fn dielectric_average(eta: f64) -> f64 {
     const STEP: f64 = 0.5; // 1e-17

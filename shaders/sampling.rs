@@ -1,8 +1,8 @@
 //! Rust twin of `sampling.wgsl`: directions from random numbers, in textbook form.
 //!
 //! Directions are in the local frame, in which +Z is the normal. Angles are in radians, and densities in 1/sr. Random
-//! numbers `u` are in `[0, 1]`. The shader turns each pattern by half a turn (its header gives the reason). Here, a
-//! factor of -1 on the horizontal components does this.
+//! numbers `u` are in `[0, 1]`. The shader rotates each pattern by 180 degrees about Z (its header gives the reason).
+//! This file multiplies the horizontal components by -1 instead.
 
 use std::f64::consts::{PI, TAU};
 
@@ -54,7 +54,7 @@ pub fn ggx_normal_pdf(alpha: f64, h: DVec3) -> f64 {
 }
 
 /// Samples a visible normal as in Dupuy and Benyoub 2023, listing 3. In the space in which the surface is a hemisphere,
-/// the normal is halfway between the view and a direction that is uniform on a cap. The cap ends opposite to the view.
+/// the normal is halfway between the view `w` and a direction that is uniform on the part of the sphere above z = -w.z.
 ///
 /// `v` is in the upper hemisphere or on the horizon, and u.y is below 1.
 #[must_use]

@@ -66,7 +66,7 @@ pub fn white_spheres() -> Vec<Painted> {
 ///
 /// # Panics
 ///
-/// If the number of spheres isn't that of the scene.
+/// If `spheres` doesn't have one sphere for each column and row of the scene.
 #[must_use]
 pub fn material_maps(spheres: &[Painted]) -> [Texture; 2] {
     assert_eq!(spheres.len(), (SIDE * SIDE) as usize, "a material for each sphere");

@@ -271,8 +271,8 @@ fn reflectances_are_finite_and_not_negative() {
 }
 
 /// One cosine goes down to 1e-18, and the other to the least normal f32, so their product is far below any f32. WGSL
-/// may flush the numerator of D, exp(-87). The factor 1 / (4 N.V N.L), at most 1 / the square of the larger cosine,
-/// multiplies the flushed part. The test leaves out results that exceed f32.
+/// may flush the numerator of D, exp(-87). The factor 1 / (4 N.V N.L) multiplies the error of this flush. The test
+/// leaves out results that exceed f32.
 // Lesson 31
 #[test]
 fn cook_torrance_eval_at_the_horizon() {
@@ -567,10 +567,11 @@ fn samples_have_bounded_weights() {
 }
 
 /// Sampler, density and reflectance fit together: the mean of the weights over the unit square is the albedo that the
-/// quadrature over directions finds. The samples go below the horizon at an edge in the square, which crosses up to
-/// twice 128 of the 16384 cells. The midpoint rule ignores this edge. Weights at the edge jump by up to 2, or
-/// continuously reach 0 if G vanishes with N.L. With random signs the error is 2 sqrt(256) / 16384 = 2e-3, and twice
-/// that if the edge runs along the grid. Lambert has no edge, and so no such error.
+/// quadrature over directions finds. A curve in the square separates samples above the horizon from samples below. The
+/// curve crosses up to 256 of the 16384 cells, and the midpoint rule ignores it. Weights at the curve jump by up to 2,
+/// or continuously reach 0 if G vanishes with N.L. If the errors of cells have random signs, the mean has an error of
+/// 2 sqrt(256) / 16384 = 2e-3, and twice as much if the curve runs along the grid. Lambert's samples have no such
+/// curve.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn the_mean_weight_of_samples_is_the_albedo() {

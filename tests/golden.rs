@@ -7,10 +7,10 @@ use karat::{Goldens, Image};
 
 static GOLDEN: Goldens = karat::goldens!("../golden");
 
-/// The tolerance of a frame on GL, where wgpu draws into 16-bit floats. This rounds one pixel in a hundred by more than
-/// lavapipe's tolerance of 1e-3. GL also doesn't filter across the edges of cube-map faces. This affects few pixels of
-/// a frame, but one bound applies to all its pixels. Wide bounds prove little about GL. `second_opinion` proves more:
-/// it computes pixels of GL's frames without the filter, with a bound of 1e-2.
+/// The tolerance of a frame on GL, where wgpu draws into 16-bit floats. The rounding to 16 bits changes one pixel in a
+/// hundred by more than lavapipe's tolerance of 1e-3. GL also doesn't filter across the edges of cube-map faces. This
+/// affects few pixels of a frame, but one bound applies to all its pixels. Wide bounds prove little about GL.
+/// `second_opinion` proves more: it computes pixels of GL's frames without the filter, with a bound of 1e-2.
 fn gl_tolerance(name: &str) -> f32 {
     match name {
         // On higher mip levels a texel, and so the visible edge, is up to a face wide. Measured: 0.34 and 0.44.
@@ -48,7 +48,7 @@ fn swiftshader_tolerance(name: &str) -> FrameTolerance {
 }
 
 /// Compares a frame with its golden. The first path computes the frame's maps, so the check of each path judges only
-/// what this path draws. The maps have frames of their own.
+/// the drawing. Other frames show the maps.
 fn golden(name: &str) {
     let shot = Shot::golden(open_paths()[0]);
     frames::frame(name, &shot)

@@ -1,8 +1,8 @@
 //! Tests which faults the default tolerance of frames detects, and which changes it accepts.
 //!
 //! The tests plant each fault in a scene that they render on the CPU: spheres with highlights and shadows on a
-//! chequered floor, 640 x 360 pixels in HDR, once without noise and once with noise. They write the table to
-//! `target/karat/golden-faults.md`.
+//! chequered floor, 640 x 360 pixels in HDR, once without noise and once with noise. They write a table of the verdicts
+//! to `target/karat/golden-faults.md`.
 
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
@@ -247,7 +247,7 @@ fn rows(golden: &Image) -> Vec<Row> {
 }
 
 /// Checks the same changes with noise in golden and frame, judged by the variances of both images. Benign changes pass
-/// as noise, and faults still fail. No other criterion accepts the noise.
+/// as noise, and faults still fail. The default tolerance rejects the noise.
 fn under_noise(rows: &[Row], table: &mut String, complaints: &mut Vec<String>) {
     let golden = &RIGHT.draw();
     let [ours, theirs] = [3, 4].map(noise);
@@ -321,7 +321,7 @@ fn faults_are_seen_and_benign_changes_pass() {
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
-/// The gate detects each change that a wider tolerance would accept.
+/// The gate also rejects the changes that only HDR-FLIP accepts.
 #[test]
 fn the_gate_alone_sees_all_of_them() {
     let golden = RIGHT.draw();

@@ -221,8 +221,8 @@ fn texel_sums_agree_with_their_twins() {
         .agrees_with(|size: u32| irradiance::sh_project(size, &seen(&map)), Abs(2e-4));
 }
 
-/// The coefficients of a light with a part in each of the nine harmonics. The radiance is 0.7..=1.3, so all parts
-/// together are a third of the mean.
+/// The coefficients of a light with a part in each of the nine harmonics. The radiance is in 0.7..=1.3, around a mean
+/// of 1.
 const BANDS: [f64; 9] = [3.544907701811032, 0.1, -0.2, 0.15, 0.18, -0.12, 0.08, 0.13, -0.16];
 
 fn banded(d: DVec3) -> DVec3 {

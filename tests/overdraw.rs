@@ -140,8 +140,8 @@ fn rays(camera: &Camera) -> Vec<Option<Vec<Hit>>> {
     pixels.map(|(x, y)| hits(camera, DVec2::new(centre(x, SIZE.0), -centre(y, SIZE.1)))).collect()
 }
 
-/// Checks if a pixel shows the sphere and the point of a hit. The distance between facet and sphere ([`FACET`]) moves
-/// the point along the ray, and across the ray by at most 8 times this distance, because the rim is 0.02 wide.
+/// Checks if a pixel shows the sphere and the normal of a hit. Because a facet isn't the sphere, the shown normal may
+/// differ by up to 8 times [`FACET`]: the rays pass the rim at a distance of at least 0.02.
 fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     let Some(hit) = hit else { return pixel[..3] == [0.0; 3] };
     let expected = overdraw::label(hit.instance, hit.normal).to_array();

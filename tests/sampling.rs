@@ -198,8 +198,8 @@ fn ggx_visible_normal() {
 }
 
 /// Includes the normals that the test above leaves out: grazing views and normals, and narrow lobes. A halfway vector
-/// of length s contains s^2 / 2 of the view. An error of sin and cos removes at most its own size, sqrt(2) 2^-11. From
-/// s = 0.04 on, a part of the view remains on each driver.
+/// of length s has a component of s^2 / 2 along the view. The error of sin and cos reduces this component by at most
+/// sqrt(2) 2^-11. From s = 0.04 on, the component stays positive on each driver.
 #[test]
 fn visible_normals_are_visible() {
     let visible = |(_, v, _): (f32, Vec3, Vec2), h: Vec3| {

@@ -137,8 +137,8 @@ fn reinhard_ends_at_white() {
 
 /// WGSL computes a power as exp2(y log2 x). On the curved part of 0..=1, log2 x is at most 8.4, with an error of 3 ulp:
 /// 2.9e-6 (2^-21 near 1). The factors y and ln 2 turn this error into 8.3e-7 of the power. exp2(3.5) adds 10 ulp:
-/// 1.2e-6. Subtracting 0.055 raises the error to 3e-6 for the darkest results, from 0.04 on. Above 1, log2 and exponent
-/// have similar sizes.
+/// 1.2e-6. Subtracting 0.055 raises the error to 3e-6 for the darkest results, from 0.04 on. Above 1, log2 and the
+/// exponent have similar sizes, so the same bound holds.
 #[test]
 fn srgb_from_linear() {
     PBR.function("sensor::srgb_from_linear")

@@ -9,8 +9,8 @@ use shaders::{PBR, environment, fresnel, specular};
 
 use crate::drivers::{CUT_OFF, NVIDIA, SWIFTSHADER};
 
-/// The error of the samples' azimuths that remains in the mean over the samples. SwiftShader's sine and cosine have
-/// errors of up to 1.9e-4, with either sign. In the mean, half of this error was measured.
+/// The error that SwiftShader's sine and cosine cause in the mean over the samples. For one sample the error is up to
+/// 1.9e-4, with either sign. For the mean, half of this error was measured.
 const AZIMUTHS: Abs = Abs(2e-4);
 
 /// A normal and a view on the normal's side of the surface. N.V is at least `least`.

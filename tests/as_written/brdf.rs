@@ -46,7 +46,7 @@ fn white(&(alpha, v): &(f32, Vec3)) -> Vec<((Vec3, f32, Vec3, Vec3), f64)> {
     lights(alpha, v).map(|(l, weight)| ((Vec3::ONE, alpha, v, l), weight)).collect()
 }
 
-/// P1: the result is pi times too bright.
+/// Mistake P1: the result is pi times too bright.
 #[test]
 fn lambert_of_shaders_lacks_its_pi() {
     let lambert = || PBR.function("as_written::brdf::lambert");
@@ -59,7 +59,7 @@ fn lambert_of_shaders_lacks_its_pi() {
     );
 }
 
-/// P1: in a white furnace, the diffuse part returns pi.
+/// Mistake P1: in a white furnace, the diffuse part returns pi.
 #[test]
 fn mixed_conventions_return_more_than_pi() {
     let furnace = || {

@@ -27,7 +27,7 @@ var<workgroup> shared_count: atomic<u32>;
     after.try_agrees_with([expected], Abs(0.0)).map(drop)
 }
 
-/// Each assertion holds in the usual order, but not in all orders.
+/// Each assertion holds in the usual order of invocations, but not in all orders.
 // Lesson 216
 #[test]
 fn results_of_an_order() {
@@ -116,7 +116,7 @@ fn results_of_an_order() {
     }
 }
 
-/// The results are equal in each order, even if stores reach memory late.
+/// The results are equal in each order of invocations, even if stores reach memory late.
 // Lesson 216: passes with one outcome are green
 #[test]
 fn results_of_no_order() {

@@ -28,8 +28,9 @@ fn a_function_that_is_not_symmetric() {
     assert_eq!(disagreement(found).check, "invariant_under");
 }
 
-/// If a reciprocal BRDF includes the cosine, swapping the directions scales it by the quotient of the cosines. A BRDF
-/// that isn't reciprocal changes by another factor. A factor that isn't finite is an error, not a verdict.
+/// If a reciprocal BRDF includes the cosine, swapping the directions multiplies the result by the quotient of the
+/// cosines. A BRDF that isn't reciprocal changes by another factor. A factor that isn't finite is an error, not a
+/// verdict.
 #[test]
 fn a_function_that_does_not_scale() {
     let eval = |body: &str| {

@@ -37,7 +37,7 @@ fn a_function_that_falls_in_short_steps() {
     }
 }
 
-/// The results of the two rules agree only in the first component.
+/// Karat computes the integral by two rules, and their results agree only in the first component.
 // Lesson 177
 #[test]
 fn rules_of_an_integral_that_differ_in_the_second_component() {

@@ -1,8 +1,7 @@
 //! Plants faults in the shader library, and checks that the library's own tests detect each fault.
 //!
-//! The more faults a test suite detects, the better it is. Each fault is one change of one module. The library's tests
-//! get the fault as an overlay (`KARAT_OVERLAY`), and an ordinary check must fail. The record names this check. The
-//! table is written to `target/karat/mutants.md`.
+//! Each fault is one change of one module. The library's tests get the fault as an overlay (`KARAT_OVERLAY`), and an
+//! ordinary check must fail. A table in `target/karat/mutants.md` names the check that failed.
 //!
 //! The faults in `faults.rs` are picked by hand. `cargo ci mutants` runs generated faults.
 
@@ -65,8 +64,8 @@ fn tried() -> Vec<&'static Fault> {
     FAULTS.iter().enumerate().filter(is_tried).map(|(_, fault)| fault).collect()
 }
 
-/// The test in the table detects its fault. Every survivor passes all tests of its module. Without a fault, all these
-/// tests pass.
+/// Each fault fails the test that `FAULTS` names for it. Each survivor passes all tests of its module. Without a fault,
+/// all these tests pass.
 // Lesson 28: faults picked by hand
 #[test]
 fn every_fault_is_caught_by_an_ordinary_check() {

@@ -1,11 +1,10 @@
-//! A second opinion on every frame. It computes some pixels again in `f64`, with rays instead of rasterisation, and
-//! with the references instead of the shaders. So a golden that passes is not only unchanged: it is as right as the
-//! references.
+//! A second opinion on every frame. These tests compute some pixels again in `f64`, with rays instead of rasterisation,
+//! and with the references instead of the shaders. So a golden that passes agrees with the references.
 //!
-//! The tests ask two questions about each pixel. Does the pixel equal the result of the formulas for the same samples?
-//! Then only rounding may differ. Does the pixel equal the integral that the samples estimate, within their error? This
-//! error comes from the same points moved at random (Cranley and Patterson 1976). The integral comes from samples with
-//! other densities.
+//! The tests compare each pixel with two values. The first value comes from the formulas with the shader's own samples,
+//! so only rounding may differ. The second value is the integral that the samples estimate, from samples with other
+//! densities. The allowed error of the estimate comes from copies of the sample points, moved at random (Cranley and
+//! Patterson 1976).
 
 mod shade;
 mod trace;
