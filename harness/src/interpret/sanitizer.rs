@@ -38,12 +38,12 @@ pub fn examine_made_up(passes: &Passes) -> Examined {
     examine_with(passes, &made_up_options(), true)
 }
 
-/// The number of sampled orders for each generated content: three simple ones, and five in which some invocations
-/// stall.
+/// The number of sampled orders for each set of generated contents: three simple orders, and five orders in which some
+/// invocations stall.
 const ORDERS_MADE_UP: u64 = 8;
 
-/// The largest number of turns in one of these orders. 65,536 turns take some hundredths of a second. Karat tries a
-/// dozen contents with eight orders each.
+/// The largest number of turns in one of these orders. In a turn, one invocation runs. 65,536 turns take some
+/// hundredths of a second. Karat tries a dozen sets of contents with eight orders each.
 const TURNS_MADE_UP: usize = 1 << 16;
 
 /// Runs passes in the usual order, with the usual and the smallest subgroup size, and returns the findings. The result

@@ -218,7 +218,8 @@ mod tests {
         "sources": [], "overrides": {}}, "entry_point": "f", "bindings": [{"at": [0, 0], "resource": 0}],
         "workgroups": [1, 1, 1]}]}}"#;
 
-    /// Edits the job, and returns the reply of a device that returns longer buffers than requested.
+    /// Replaces `from` by `to` in the job, and returns the reply to the new job. The test's device returns longer
+    /// buffers than requested.
     fn reply(from: &str, to: &str) -> Reply {
         assert!(JOB.contains(from), "{from}");
         let job: Job = serde_json::from_str(&JOB.replacen(from, to, 1)).expect("it is a job");

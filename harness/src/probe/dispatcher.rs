@@ -23,8 +23,7 @@ const ALONE: usize = 64;
 pub(super) struct Dispatcher<'d> {
     device: &'d Device,
     kernel: Kernel,
-    /// The compiled kernel. It is `None` if the arguments are constants, because each dispatch then compiles its own
-    /// kernel.
+    /// The compiled kernel. `None` if the arguments are constants, because each dispatch then compiles a kernel.
     bound: Option<Bound>,
     resources: Resources,
     arguments: Option<wgpu::Buffer>,

@@ -135,8 +135,8 @@ pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// Reads an image. Its texels are colours, unless its colour space is `linear` or the texture stores integers or
-/// depths.
+/// Reads an image. The texels are colours, unless the image's colour space is `linear` or the texture stores integers
+/// or depths.
 fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     let (name, space) = name_and_space(file);
     if name.is_empty() {

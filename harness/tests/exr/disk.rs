@@ -5,7 +5,7 @@ use std::path::Path;
 use karat::Image;
 use karat::image::Precision;
 
-/// An image of noise. Its file has some 60 KB with each compression.
+/// An image of noise, which needs some 60 KB in a file with any compression.
 fn noise(seed: u32) -> Image {
     let mut state = seed;
     let mut value = || {
