@@ -54,7 +54,7 @@ use crate::value::{Arguments, Shareable};
 /// that accepts 1 % of the samples fails by chance in one of 5e8 cases.
 const REJECTIONS: u32 = 2000;
 
-/// The number of simpler grid points that are tried for a failing grid point.
+/// The largest number of simpler grid points that Karat tries in place of a failing grid point.
 const SIMPLER: usize = 256;
 
 /// A set of values to sample from.

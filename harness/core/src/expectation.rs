@@ -19,8 +19,8 @@ pub const KEPT_WORDS: usize = 12;
 /// failed expectations.
 pub const MOST_KEPT: usize = 3;
 
-/// The number of `u32`s in a test's result: the number of evaluated expectations, the number that may have failed, and
-/// the values of the first few of these.
+/// The number of `u32`s in a test's result: the number of evaluated expectations, the number of expectations that may
+/// have failed, and the stored values of the first of these expectations.
 pub const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
 
 /// The kind of an expectation. The numbers also occur in the generated WGSL.
@@ -34,7 +34,7 @@ pub enum Wanted {
     Near,
     /// The values differ by at most the bound times the expected value.
     Relative,
-    /// The values differ by at most as many `f32` steps as the bound says.
+    /// The values differ by at most the bound, which counts steps between neighbouring `f32`s.
     Ulp,
     /// The values differ by at most the larger of an absolute and a relative bound.
     Within,

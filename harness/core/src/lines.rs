@@ -1,4 +1,5 @@
-//! Talks to other programs: to a process that answers messages until its owner ends, or to a program that runs once.
+//! Talks to other programs: to a process that answers messages until Karat closes its input, or to a program that runs
+//! once.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, Output, Stdio};
@@ -92,13 +93,13 @@ pub struct Lines {
     from: Receiver<String>,
     end: u8,
     said: Arc<Mutex<Vec<u8>>>,
-    /// Disconnects when the process's log has been read to its end.
+    /// A channel that disconnects when another thread has read the process's log to its end.
     silent: Receiver<()>,
 }
 
 impl Lines {
-    /// Starts a program in which the byte `end` ends each message. The length of a message is limited, because a faulty
-    /// process may never end its message.
+    /// Starts a program that ends each of its messages with the byte `end`. A message has at most `longest` bytes,
+    /// because a faulty process may never end its message.
     #[doc(hidden)]
     pub fn start(
         command: &mut Command,

@@ -31,8 +31,8 @@ impl Style {
     pub const PLAIN: Self = Self("");
 }
 
-/// Stands for the escape character in Karat's own styles until the text is written. The mark is so long that no foreign
-/// text can contain it by guessing.
+/// Stands for the escape character in Karat's own styles until the text is written. The mark consists of random digits,
+/// so no program can guess the mark and write it into a text.
 static MARK: LazyLock<String> = LazyLock::new(|| {
     let number = || RandomState::new().build_hasher().finish();
     format!("\u{1b}{:016x}{:016x}", number(), number())

@@ -387,7 +387,8 @@ fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
     }
 }
 
-/// If one crate has two folders of goldens, their paths distinguish the frames, as in reports.
+/// If one crate has two folders of goldens, frames with the same name are told apart by the folders' paths, as in
+/// reports.
 #[test]
 fn frames_of_one_name_and_crate_are_named_by_their_folders() {
     let project = workspace();

@@ -480,7 +480,8 @@ fn a_wrong_defined_result_beside_an_open_one_fails() {
     }
 }
 
-/// A buffer has an element for each invocation. A one-dimensional texture has one level.
+/// Each buffer that the matrix generates has an element for each invocation. A generated one-dimensional texture has
+/// only one mip level.
 // Lesson 157
 #[cfg(target_os = "linux")]
 #[test]
@@ -501,7 +502,7 @@ fn generated_buffers_and_textures_of_the_matrix_are_valid_to_bind() {
     }
 }
 
-/// naga's WGSL has no `@align`, and the engine reads the author's WGSL instead.
+/// The WGSL that naga writes lacks `@align`, so the engine reads the author's WGSL.
 // Lesson 158
 #[cfg(target_os = "linux")]
 #[test]
@@ -685,7 +686,7 @@ fn required_columns_decide_the_exit_code() {
     assert!(twice.error().contains("`vulkan` is named twice"));
 }
 
-/// A matrix that compared nothing is no verdict. Karat refuses an output that would overwrite an input.
+/// A matrix that compares nothing fails. Karat refuses an output that would overwrite an input.
 // Lesson 89
 #[cfg(target_os = "linux")]
 #[test]
@@ -791,8 +792,8 @@ fn tests_judge_the_functions_that_they_have() {
     assert!(stale.err.contains("no test of the last run checked these functions"), "{stale:?}");
 }
 
-/// Tests with planted faults after naga's translation. A fake compiler changes its input or output. Karat finds each
-/// fault with the right status, and only in its column.
+/// Tests with faults that a fake compiler plants after naga's translation, in its input or output. Karat reports each
+/// fault with the right status, and only in the column that uses this compiler.
 #[cfg(target_os = "linux")]
 mod planted {
     use std::os::unix::fs::PermissionsExt;
@@ -810,7 +811,8 @@ mod planted {
         })
     }
 
-    /// The matrix with a glslang that runs these commands before and after its work. The matrix has a finding.
+    /// Returns the JSON of a matrix that has one wrong cell. A script runs the shell commands `before`, then glslang,
+    /// then the shell commands `after`.
     fn with_glslang(before: &str, after: &str) -> serde_json::Value {
         let ran = run_with_glslang(&shaders(), before, after, &["--json"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -821,8 +823,8 @@ mod planted {
         json(&ran.out)
     }
 
-    /// Debian has no package of Microsoft's compiler. A script reads its arguments and runs glslang. This tests the
-    /// route, not the compiler.
+    /// Debian has no package of Microsoft's compiler. So a script replaces this compiler: it reads the compiler's
+    /// arguments and runs glslang. This tests the arguments, not the compiler.
     #[test]
     fn dxc_gets_the_arguments_that_dxc_needs() {
         let folder = shaders();

@@ -10,7 +10,7 @@ enum Step<'p> {
     Block {
         language: &'p str,
         text: &'p str,
-        /// The line above the block. It is empty if another block is above.
+        /// The line above the block. This line is empty if another block is directly above.
         above: &'p str,
     },
 }

@@ -114,7 +114,8 @@ fn an_unrelated_edit_keeps_the_verdicts_in_the_editor() {
     editor.wait(FILE, |all| all.len() == 1);
 }
 
-/// If a file is saved while tests run, Karat judges it after they end. Then no diagnostics of the earlier run remain.
+/// If a file is saved while tests run, Karat tests the file again after this run. Then no diagnostics of the earlier
+/// run remain.
 #[test]
 fn a_save_while_tests_run_is_judged_after_them() {
     let folder = folder();

@@ -1,5 +1,5 @@
-//! Tests the origin of a case: its test, the changes since its golden, and the golden's versions. Also tests functions
-//! that fail, and goldens without a pending frame.
+//! Tests the page's view of a frame's origin: the frame's test, the changes since its golden, and the golden's
+//! versions. Also tests functions that fail, and goldens without a pending frame.
 
 use karat::Image;
 use karat::unstable::record::FileRead;

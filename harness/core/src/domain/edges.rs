@@ -1,4 +1,4 @@
-//! The values of a type that implementations treat specially.
+//! Edge cases: values such as 0 and infinity, which implementations of a type often treat specially.
 
 use super::{Domain, Origin, Shrinkable, Source, shrink};
 

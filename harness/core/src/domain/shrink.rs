@@ -60,7 +60,7 @@ impl<T: std::fmt::Debug> std::fmt::Debug for Shrinkable<'_, T> {
 }
 
 impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
-    /// Makes a value whose simpler values `simpler` lists, the simplest first.
+    /// Makes a value. `simpler` returns the list of its simpler values, the simplest first.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;

@@ -99,8 +99,8 @@ impl ExposureRange {
         (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
-    /// The exposures above this range, up to the first that shows a dark luminance as brightly as this range shows the
-    /// median. `None` if this range already shows it as brightly.
+    /// The exposures above this range, up to the first exposure that makes the given luminance as bright as this range
+    /// makes the golden's median luminance. `None` if this range already makes the given luminance so bright.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })

@@ -50,10 +50,10 @@ const SCATTER: f64 = 2.0;
 /// brightness is hardly visible, and must not outweigh other differences.
 const BLACK: f64 = 0.01;
 
-/// The larger of two ratios, with the bound 1. The first ratio is the largest z of a tile's mean in any channel,
-/// divided by the z that noise alone reaches in one of a hundred frames. The second ratio is the scatter of a tile's
-/// pixels, divided by twice the scatter that noise alone reaches in one of a hundred frames. Differences within the
-/// default [`Gate`] don't count, because rounding isn't noise.
+/// A metric that measures the larger of two ratios. A frame passes if this ratio is at most 1. The first ratio is the
+/// largest z of a tile's mean in any channel, divided by the z that noise alone reaches in one of a hundred frames. The
+/// second ratio is the scatter of a tile's pixels, divided by twice the scatter that noise alone reaches in one of a
+/// hundred frames. Differences within the default [`Gate`] don't count, because rounding isn't noise.
 ///
 /// ```
 /// use karat::Image;
@@ -80,7 +80,8 @@ struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// The sum of the squares of the pixels' differences. Only the part of a difference beyond the slack counts.
+    /// The sum of the squares of the pixels' differences. Before squaring, each difference is reduced by the pixel's
+    /// share of `slack`, but not below 0.
     squares: DVec3,
     variances: DVec3,
     pixels: u32,

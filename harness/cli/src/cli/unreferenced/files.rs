@@ -48,10 +48,10 @@ pub(super) struct Files {
     pub(super) stray: Vec<Stray>,
 }
 
-/// The endings of the files beside a golden: its provenance, pending images and values, and previews.
+/// The endings of the files that Karat writes beside a golden: provenance, pending images and values, and previews.
 const COMPANIONS: [&str; 5] = [".new.exr", ".new.csv", ".new.png", ".toml", ".png"];
 
-/// The reason for a temporary file: its process was killed before it renamed the file.
+/// The reason why a temporary file exists: a process was killed after it wrote the file and before it renamed the file.
 const LEFTOVER: &str = "an interrupted acceptance or test left this file";
 
 impl Files {

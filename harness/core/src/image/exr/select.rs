@@ -9,7 +9,7 @@ pub(super) struct Selection {
     /// fills.
     pub(super) fills: Vec<&'static [usize]>,
     pub(super) precision: Precision,
-    /// `true` if there are three colours, `false` if there is one grey.
+    /// `true` if the part has the channels R, G and B, `false` if the part has only the grey channel Y.
     pub(super) coloured: bool,
 }
 
