@@ -23,7 +23,7 @@ pub const MOST_KEPT: usize = 3;
 /// have failed, and the stored values of the first of these expectations.
 pub const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
 
-/// The kind of an expectation. The numbers also occur in the generated WGSL.
+/// The kind of an expectation. The generated WGSL uses the numbers of these variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     True,

@@ -96,7 +96,7 @@ pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
 }
 
-/// The first line of a message that isn't empty, without the prefix `error: `.
+/// The first non-empty line of a message, without the prefix `error: `.
 ///
 /// ```
 /// assert_eq!(karat_core::output::headline("\nerror: no module `a`\n  --> b.wgsl:1:1"), "no module `a`");

@@ -332,7 +332,7 @@ impl Watch {
         }
     }
 
-    /// Asks a path to run the tests that an edit affects, or all tests.
+    /// Asks the process of a path to run the tests that an edit affects, or all tests.
     fn ask(&mut self, index: usize, request: Request) -> anyhow::Result<()> {
         let lane = &mut self.lanes[index];
         let request = Request { filter: self.filter.clone(), validate: lane.validates, ..request };

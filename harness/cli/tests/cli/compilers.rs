@@ -440,7 +440,8 @@ fn an_override_without_a_value_is_given_none() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// If a file that engines load contains tests, Karat reports this, and prints the text without the tests.
+/// If a shader file contains tests, and isn't a file of tests, `karat check` warns that game engines will read the
+/// tests, too. `karat show --plain` prints the file without its tests.
 // Lesson 206
 #[test]
 fn tests_in_shipped_files_are_reported_and_can_be_stripped() {

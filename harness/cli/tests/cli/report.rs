@@ -53,13 +53,13 @@ pub(crate) fn function(name: &str, path: &str, verdict: &str, message: Option<&s
     line("tests::calc", subject, &[path], verdict, message)
 }
 
-/// A line of a record with its start and duration.
+/// Adds a start time and a duration to a line of a record.
 fn at(line: String, started: &str, seconds: &str) -> String {
     let time = format!("\"started\":\"{started}\",\"seconds\":{seconds},\"message\"");
     line.replace("\"message\"", &time)
 }
 
-/// A line of a record of a check that ran within the last minute.
+/// Adds the current time as the start time to a line of a record, and a duration of 60 s.
 fn now(line: String) -> String {
     at(line, &humantime::format_rfc3339_millis(SystemTime::now()).to_string(), "60")
 }
@@ -256,8 +256,8 @@ fn junit_names_the_pictures_of_a_frame_that_fails() {
     assert_eq!(text.matches("ATTACHMENT").count(), 3, "only of the frame that fails: {text}");
 }
 
-/// Many programs show only the first line of a failure. This line doesn't name the adapter, so that failures on one
-/// adapter have different first lines.
+/// Many programs show only the first line of a failure. This line leaves out the adapter's name, because a program that
+/// cuts long lines would show the same text for all failures on an adapter.
 #[test]
 fn the_first_line_of_a_failure_leaves_out_the_adapter() {
     let project = project();

@@ -107,7 +107,8 @@ fn a_slip_in_a_members_manifest_is_an_error() {
     }
 }
 
-/// If Rust tests use shaders, tests beside these shaders run with them. Then other commands also know these tests.
+/// If Rust tests use shaders, tests beside these shaders run with them. After this run, other commands also find these
+/// tests.
 // Lesson 186
 #[test]
 fn tests_beside_shaders_that_rust_tests_use_are_run() {

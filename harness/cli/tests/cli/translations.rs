@@ -396,7 +396,8 @@ fn overrides_have_values_in_the_matrix() {
     assert!(error.contains("write NAME=VALUE"), "{error}");
 }
 
-/// The matrix of one file on some columns: its JSON and the other output.
+/// Runs `karat matrix` on one file, for those of the given columns that run on this machine. Returns the matrix as
+/// JSON, and the output for people.
 #[cfg(target_os = "linux")]
 fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,4 +1,4 @@
-//! Edge cases: values such as 0 and infinity, which implementations of a type often treat specially.
+//! Edge cases: values such as 0 and the largest float, which code often treats specially.
 
 use super::{Domain, Origin, Shrinkable, Source, shrink};
 

@@ -105,12 +105,12 @@ impl ExrFile {
 
     /// Reads all parts that contain colours or greys. The function skips other parts (depth, normals).
     ///
-    /// From each part, the function reads the channels R, G, B and A, or Y and A. The function prefers colours to
-    /// greys, and channels without a layer to channels of a layer (`beauty.R`). If the channel A is missing, alpha
-    /// is 1. Y is copied to R, G and B. Samples may be 16-bit or 32-bit floats or 32-bit unsigned integers, and become
-    /// `f32`. The image is the part's data window, wherever it is in the display window. If a part has several levels,
-    /// the function reads the largest. The function doesn't convert values to other
-    /// [`chromaticities`](Self::chromaticities).
+    /// From each part, the function reads the channels R, G, B and A, or Y and A. If a part has several sets of
+    /// channels, the function prefers colours to greys, and channels without a layer (`R`) to channels of a layer
+    /// (`beauty.R`). If the channel A is missing, alpha is 1. Y is copied to R, G and B. Samples may be 16-bit or
+    /// 32-bit floats or 32-bit unsigned integers, and become `f32`. The image is the part's data window, wherever it is
+    /// in the display window. If a part has several levels, the function reads the largest. The function doesn't
+    /// convert values to other [`chromaticities`](Self::chromaticities).
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;

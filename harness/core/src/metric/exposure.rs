@@ -8,9 +8,9 @@ use crate::image::luminance;
 /// A range of exposures, in stops: an exposure of `e` multiplies linear colours by 2^e.
 ///
 /// At the darkest exposure, the golden's highlights have 0.85 of a display's white. At the brightest exposure, the
-/// golden's median luminance has this value (Andersson et al. 2021, section 3.2). There are two differences from the
-/// paper. First, highlights are the 99.9th percentile instead of the maximum, because one firefly can move the maximum
-/// by six stops. Second, black pixels don't count, because they may be the majority.
+/// golden's median luminance has 0.85 of a display's white (Andersson et al. 2021, section 3.2). There are two
+/// differences from the paper. First, highlights are the 99.9th percentile instead of the maximum, because one firefly
+/// can move the maximum by six stops. Second, black pixels don't count, because they may be the majority.
 ///
 /// ```
 /// use karat::unstable::metric::ExposureRange;

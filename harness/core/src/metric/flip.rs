@@ -110,8 +110,8 @@ impl Flip {
     /// The errors of a rectangle of the frame. The rectangle contains the pixels that differ by more than
     /// [`Gate::default`] allows, and all pixels whose errors they affect. The errors are equal, bit for bit, to those
     /// of the whole frame. If a differing pixel is too bright for the golden's exposures, FLIP also uses darker
-    /// exposures. If a differing pixel is too dark, FLIP also uses brighter exposures. For this, a pixel counts as at
-    /// least as bright as the darkest value that the gate distinguishes from black.
+    /// exposures. If a differing pixel is too dark, FLIP also uses brighter exposures. For this choice, a pixel below
+    /// 1e-4 of the golden's key counts as if it had this brightness.
     ///
     /// ```
     /// use karat::Image;

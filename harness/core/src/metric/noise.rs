@@ -80,8 +80,8 @@ struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// The sum of the squares of the pixels' differences. Before squaring, each difference is reduced by the pixel's
-    /// share of `slack`, but not below 0.
+    /// The sum of squares over all pixels: of the part of each pixel's difference that exceeds the difference which the
+    /// default gate allows.
     squares: DVec3,
     variances: DVec3,
     pixels: u32,

@@ -41,7 +41,7 @@ pub(super) struct Stray {
     pub(super) is_ours: bool,
 }
 
-/// The files of a folder, by name.
+/// The goldens in a folder and its subfolders, and the stray files there, in the order of their names.
 #[derive(Debug, Default)]
 pub(super) struct Files {
     pub(super) goldens: Vec<Golden>,

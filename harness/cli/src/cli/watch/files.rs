@@ -21,7 +21,7 @@ const SAVED: Duration = Duration::from_micros(200);
 /// The longest duration of a burst. After this time, Karat reports the files that have changed so far.
 const LONGEST: Duration = Duration::from_millis(100);
 
-/// The time after which Karat looks again if the watched folder was removed or replaced.
+/// The interval at which Karat checks that the watched folder wasn't removed or replaced.
 const MISSING: Duration = Duration::from_millis(200);
 
 /// Keeps the watch of a file or folder active until this value is dropped.
