@@ -586,7 +586,7 @@ fn preview_writes_a_png() {
     }
 }
 
-/// Bad arguments are refused before the build. `render.rs` tests the other arguments.
+/// `karat render` refuses bad arguments before it builds the gallery. `cli/gallery.rs` tests valid arguments.
 #[test]
 fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
     let project = project();

@@ -15,8 +15,8 @@ use std::sync::LazyLock;
 /// bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// The number of failed expectations that a case stores. A message lists these expectations, and counts all other
-/// failed expectations.
+/// The largest number of failed expectations that a case stores. A message lists these expectations, and counts all
+/// other failed expectations.
 pub const MOST_KEPT: usize = 3;
 
 /// The number of `u32`s in a test's result: the number of evaluated expectations, the number of expectations that may
@@ -117,8 +117,8 @@ fn four(x: &str, width: usize) -> String {
     }
 }
 
-/// Declares the variables that store expectations that may have failed. Each stored expectation has variables of its
-/// own: drivers compile an array with a variable index tens of times more slowly.
+/// Declares the variables that store expectations that may have failed. Each stored expectation has its own variables,
+/// because drivers would need tens of times longer to compile an array with a variable index.
 fn report() -> String {
     let mut text = "\nvar<private> evaluated: u32;\nvar<private> suspected: u32;\n".to_owned();
     let (mut stored, mut listed) = (String::new(), String::new());

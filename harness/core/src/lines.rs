@@ -9,14 +9,14 @@ use std::time::{Duration, Instant};
 
 /// The number of bytes that are kept from the end of a process's log, for error messages.
 const LAST_WORDS: usize = 2 << 10;
-/// The number of unread messages after which a process must wait.
+/// The number of messages that a process can send before it must wait for Karat to read them.
 const MOST_UNREAD: usize = 256;
 /// The interval at which Karat checks if a process has ended.
 const POLL: Duration = Duration::from_millis(50);
 /// The time limit for a program that looks something up, such as git, or a compiler that prints its name. Such programs
 /// take about 30 ms.
 pub const LOOK_UP: Duration = Duration::from_secs(60);
-/// The time in which a process must end after its last message.
+/// The longest time that Karat waits for a process to end after the process has closed its output.
 const LINGER: Duration = Duration::from_secs(1);
 
 /// The reason why a process doesn't answer.

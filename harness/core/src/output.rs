@@ -77,8 +77,8 @@ pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
     }
 }
 
-/// Checks if a terminal would take the character as a command, or if the character changes the order of the text after
-/// it. Line ends and tabs are text.
+/// Checks if a terminal interprets the character as a command, or if the character changes the order of the text that
+/// follows. Line ends and tabs don't count as commands.
 fn commands(character: char) -> bool {
     match character {
         '\n' | '\t' => false,

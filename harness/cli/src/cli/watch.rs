@@ -237,7 +237,7 @@ struct Watch {
     project: Project,
     filter: String,
     typing: Option<Typing>,
-    /// The message about the last key.
+    /// The message that the last pressed key caused.
     notice: Option<String>,
     /// The number of paths that haven't yet sent their records for the requested report.
     reports: Option<usize>,
@@ -520,8 +520,8 @@ fn shown(file: &Path, folder: &Path) -> String {
     }
 }
 
-/// On Ctrl-C or a signal to end, sends an event, so that the command deletes its temporary folders before it ends. A
-/// second signal ends the command at once.
+/// Sends an event if Ctrl-C or the system asks the command to end, so that the command deletes its temporary folders
+/// before it ends. A second signal ends the command at once.
 fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
     const INTERRUPTED: i32 = 130; // 128 and the number of SIGINT, as shells have it
     let told = AtomicBool::new(false);
@@ -533,8 +533,8 @@ fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
     ctrlc::set_handler(stop).context("can't wait for Ctrl-C")
 }
 
-/// Sends an event when the reader of the output has ended. The command may write nothing for hours, so a write error
-/// would be too late.
+/// Sends an event when the reader of the output has ended. The command may write nothing for hours, so it can't wait
+/// for the error of the next write.
 #[cfg(unix)]
 fn tell_when_unread(sender: Sender<Event>) {
     use rustix::event::{PollFd, PollFlags, poll};

@@ -323,7 +323,7 @@ fn appended_elements_are_compared_up_to_their_order() {
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = 2"), "{wrong:?}");
 }
 
-/// A test asserts about one member of each element. A failure names the row and column of an element in a grid.
+/// A test can check a single member of each element. A failure names the row and column of an element in a grid.
 #[test]
 fn a_test_can_check_members_and_grids_of_buffers() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -682,7 +682,7 @@ fn one_race_has_one_message() {
     );
 }
 
-/// The sanitizer examines passes, but not draws. The last line counts the draws that write.
+/// The sanitizer examines passes, but not draws. The last line counts the draws that write into buffers.
 #[test]
 fn draws_that_write_are_counted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -847,8 +847,8 @@ depth_write = false
     }
 }
 
-/// A test fails if its result depends on the order of the invocations, and the replay uses the order that failed.
-/// `--schedules 0` tries no other orders.
+/// A test fails if its result depends on the order of the invocations. The replay uses the order in which the test
+/// failed. With `--schedules 0`, Karat tries only the usual order.
 #[test]
 fn an_order_that_matters_is_replayed() {
     let folder = tempfile::tempdir().expect("a temporary folder");

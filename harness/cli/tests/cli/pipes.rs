@@ -156,7 +156,7 @@ fn a_closed_pipe_does_not_stop_a_run() {
     }
 }
 
-/// A full disk is an error for every verdict. The command still does its work.
+/// If the disk is full, a command fails for any verdict, but still does its work.
 // Lesson 57
 #[cfg(target_os = "linux")]
 #[test]

@@ -523,7 +523,7 @@ fn a_short_line_counts_what_fails() {
     assert!(summary.contains("| 524288 | 1 configuration |"), "{summary}");
 }
 
-/// A test that fails outside of checks is reported beside tests that fail in a check.
+/// The report has tests that fail in a check, and tests that fail outside of Karat's checks.
 #[cfg(unix)]
 #[test]
 fn tests_that_fail_outside_of_checks_are_counted() {

@@ -613,8 +613,8 @@ fn a_runaway_test_is_stopped() {
     assert!(ran.out.contains("11 checks, 1 failed"), "{}", ran.out);
 }
 
-/// After a run in the folder `shaders`, commands find its record, goldens and failures from the parent folder without
-/// naming `shaders`.
+/// After a run in the folder `shaders`, commands in the parent folder find the run's record, goldens and failures, even
+/// if the commands don't name `shaders`.
 #[test]
 fn pending_and_goldens_are_found_from_the_parent_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");

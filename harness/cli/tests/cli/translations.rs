@@ -426,8 +426,8 @@ fn a_panic_of_naga_is_a_finding() {
     assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
 }
 
-/// A shader with accesses outside of arrays, vectors and textures. For an access outside, a driver clamps the index,
-/// reads 0, or does something else.
+/// A shader with accesses outside of arrays, vectors and textures. For such an access, a driver clamps the index, reads
+/// 0, or does something else.
 #[cfg(target_os = "linux")]
 const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
     fn element(c: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[c % 4u]; }\n\
@@ -793,8 +793,8 @@ fn tests_judge_the_functions_that_they_have() {
     assert!(stale.err.contains("no test of the last run checked these functions"), "{stale:?}");
 }
 
-/// Tests with faults that a fake compiler plants after naga's translation, in its input or output. Karat reports each
-/// fault with the right status, and only in the column that uses this compiler.
+/// Tests with planted faults: a fake compiler changes naga's translation before compiling, or changes its own output.
+/// Karat reports each fault with the right status, and only in the column that uses this compiler.
 #[cfg(target_os = "linux")]
 mod planted {
     use std::os::unix::fs::PermissionsExt;
@@ -1036,7 +1036,7 @@ mod planted {
         assert!(ran.contains("not checked: 1 declared failures"), "{ran}");
     }
 
-    /// A declared difference must occur, in a row that exists.
+    /// It is an error if a declared difference doesn't occur, or names a row that doesn't exist.
     // Lesson 85
     #[test]
     fn a_declared_difference_must_occur() {

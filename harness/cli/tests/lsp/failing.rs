@@ -156,7 +156,7 @@ fn files_that_no_editor_has_open_are_followed() {
     editor.wait(FILE, <[_]>::is_empty);
 }
 
-/// The diagnostics of a run in a terminal have the name that `karat replay` accepts.
+/// After a run in a terminal, the editor's diagnostics have the name that `karat replay` accepts.
 #[test]
 fn failures_in_the_editor_have_their_replay_names() {
     let folder = folder();

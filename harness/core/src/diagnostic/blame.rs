@@ -28,8 +28,8 @@ pub struct Blame<'f> {
 pub enum At<'f> {
     /// The failure's text already names the position: a function, or a line of a shader.
     Text,
-    /// The cause is a setting of the test. The list has the names of settings. The cause is the first listed setting
-    /// that the test sets, or the whole test if the test sets none of them.
+    /// A list of settings. The cause is the first setting of this list that the test sets, or the whole test if the
+    /// test sets none of them.
     Setting(&'f [&'static str]),
     /// The cause is the setting that names this entry point, which doesn't exist.
     EntryPoint(&'f str),
@@ -48,7 +48,7 @@ impl<'f> Blame<'f> {
     /// The cause is a function that returns wrong values.
     pub const VALUES: Self = Self { message: None, at: At::Text };
 
-    /// Makes a cause from the names of settings: the cause is the first listed setting that the test sets.
+    /// Makes a cause from a list of settings: the cause is the first setting of the list that the test sets.
     #[must_use]
     pub const fn setting(setting: &'f [&'static str]) -> Self {
         Self { message: None, at: At::Setting(setting) }
@@ -61,14 +61,14 @@ impl<'f> Blame<'f> {
     }
 
     /// Makes a cause from a message about the shader: the cause is the message's position in the shader. If the message
-    /// has no position, the cause is the first listed setting that the test sets.
+    /// has no position, the cause is the first setting of the list that the test sets.
     #[must_use]
     pub fn of(message: Option<&'f Diagnostic>, setting: &'static [&'static str]) -> Self {
         let is_placed = message.is_some_and(|found| found.location().is_some());
         Self { message, at: if is_placed { At::Text } else { At::Setting(setting) } }
     }
 
-    /// If the cause is the whole test, replaces it by the first listed setting that the test sets.
+    /// If the cause is the whole test, replaces this cause by the first setting of the list that the test sets.
     #[must_use]
     pub fn or(self, setting: &'static [&'static str]) -> Self {
         match self.at {

@@ -141,8 +141,8 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     }
 }
 
-/// A measure of how complicated a float is to read. It compares the decimal digits and the exponent first, then the
-/// sign, the significant bits, and the size.
+/// A measure of how complicated a float is to read. The decimal digits and the exponent count most, then the sign, the
+/// significant bits, and the size.
 pub(super) fn float_complexity(value: f32) -> u64 {
     let negative = u64::from(value.is_sign_negative());
     if value == 0.0 {

@@ -87,9 +87,9 @@ fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, u
     pairs(types, ties, usize::try_from(index).ok()?).1
 }
 
-/// Counts the pairs of components of the same type in which the second component has no tie yet, and returns the pair
-/// with the index `wanted`. The function runs for one sample in eight, so it is a plain loop, which is fast even with
-/// few optimisations.
+/// Returns the number of pairs of components of the same type in which the second component has no tie yet, and the
+/// pair with the index `wanted`. The function runs for one sample in eight, so it is a plain loop, which is fast even
+/// with few optimisations.
 fn pairs(types: &[TypeId], ties: &[Tie], wanted: usize) -> (usize, Option<(usize, usize)>) {
     let (mut count, mut found) = (0, None);
     for from in 0..types.len() {
@@ -131,9 +131,8 @@ impl Tie {
         self.of_related(domain, from, again)
     }
 
-    /// The value that keeps the tie after `from` was simplified. A mapped domain can't check if it has this value. If
-    /// the tie is an equality, the function then returns `simpler`, the component's own simpler value at the same
-    /// index.
+    /// The value that the tie makes from the simplified value `from`. A mapped domain can't check if it has this value.
+    /// For such a domain, an equality returns `simpler`: the component's own simpler value at the same index.
     pub(super) fn simpler<'a, D: Domain>(
         &self,
         domain: &'a D,

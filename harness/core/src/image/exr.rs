@@ -34,7 +34,7 @@ use super::{Image, ImageError, ImageFormat};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
-    /// 16-bit floats, with relative steps of 2^-11 = 4.9e-4.
+    /// 16-bit floats, with relative rounding errors of at most 2^-11 = 4.9e-4.
     Half,
     /// 32-bit floats.
     Float,

@@ -113,7 +113,7 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
 }
 
 /// Checks if a file is a temporary file of a golden, a frame or their provenance, and the process that wrote it ended
-/// before the rename. Other files don't have such names.
+/// before the rename. No other files have names of this form.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;

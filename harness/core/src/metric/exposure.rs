@@ -40,7 +40,7 @@ const NEAR_WHITE: f64 = {
     x
 };
 
-/// The widest range. 32 stops cover a half float from its smallest normal number to its largest.
+/// The widest range, in stops. This range covers all half floats from the smallest normal number to the largest number.
 const WIDEST: f64 = 32.0;
 
 /// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. An exposure further

@@ -190,7 +190,7 @@ impl Flip {
         Ok(Worst { errors: ErrorMap::new(rect, errors), exposures })
     }
 
-    /// The errors of all pixels at the exposures of the pair only, as published.
+    /// The errors of all pixels at the exposures of the pair only, as in the published method.
     ///
     /// ```
     /// use karat::Image;
@@ -297,7 +297,8 @@ impl Off {
         unseen.map_or(Ok(off), Err)
     }
 
-    /// The exposures of the pair, and the exposures that show darker and brighter pixels that differ.
+    /// The exposures of the pair, and further exposures for differing pixels that are too bright or too dark for the
+    /// pair's exposures.
     fn exposures(&self, pair: &Pair<'_>) -> Result<Vec<ExposureRange>, FlipFailure> {
         let exposures = pair.exposures();
         let dark = self.dimmest.0.max(DARK * pair.key());

@@ -9,12 +9,12 @@ use super::{Measured, Metric};
 use crate::image::{Image, Precision};
 use crate::tolerance::power;
 
-/// The largest relative difference of a channel, unless a frame sets another limit. This default is twice the step of
-/// half floats, the format of goldens.
+/// The largest relative difference of a channel, unless a frame sets another limit. This default is twice the largest
+/// relative rounding error of half floats, the format of most goldens.
 pub const DEFAULT_RELATIVE: f32 = 1e-3;
 
-/// An alpha below this value is compared as if it were this value. An opacity of one per cent is invisible, and `1 -
-/// transmittance` has rounding errors there.
+/// An alpha below this value is compared as if it were this value. An opacity of one per cent is invisible, and a small
+/// opacity has rounding errors if a shader computes it as `1 - transmittance`.
 const CLEAR: f32 = 0.01;
 
 /// A metric that allows each channel to differ by `relative` times the golden's value, or by `absolute`, whichever is

@@ -23,7 +23,7 @@ pub(super) const ADVICE: &str = "restore the image and its `.toml` from one comm
                                  files, run the test and accept its frame again";
 
 impl Doubt {
-    /// Returns the problem with a golden's provenance, or `None` if the image and the file agree, or if another tool
+    /// Finds the problem with a golden's provenance. Returns `None` if the image and the file agree, or if another tool
     /// wrote the golden without provenance.
     pub(super) fn of(golden: &Golden) -> Option<Self> {
         let problem = problem(&golden.file, &golden.file.with_extension("toml"))?;

@@ -18,7 +18,7 @@ pub(super) struct View<'v> {
     pub(super) filter: &'v str,
     /// The prompt with the text that the user is typing.
     pub(super) prompt: Option<String>,
-    /// The message about the last key.
+    /// The message that the last pressed key caused.
     pub(super) notice: Option<&'v str>,
     pub(super) changed: &'v [String],
     pub(super) lanes: &'v [Lane],
@@ -34,7 +34,7 @@ pub(super) struct Screen {
     failure: Cell<usize>,
     /// The index of the first visible line of the failure.
     top: Cell<usize>,
-    /// The title of the failure when it was last drawn.
+    /// The title of the failure that was drawn last.
     title: RefCell<String>,
 }
 

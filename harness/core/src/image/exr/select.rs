@@ -13,8 +13,8 @@ pub(super) struct Selection {
     pub(super) coloured: bool,
 }
 
-/// Selects the channels. Colours come before greys. The layer without a name comes before layers with names, and layers
-/// with names come in the order of the file.
+/// Selects the channels. Colours are preferred to greys. The layer without a name comes before layers with names, and
+/// layers with names come in the order of the file.
 pub(super) fn select(part: &PartHeader) -> Option<Selection> {
     let layers = || {
         let names = part.channels.iter().map(|channel| split(channel).0);
