@@ -103,8 +103,8 @@ fn one_test_is_run_when_it_is_asked_for() {
     }
 }
 
-/// `karat match` treats an image from another program as a frame: it compares the image with its golden, and makes the
-/// image pending if it differs. Karat refuses an image with equal pixels only.
+/// `karat match` compares an image from another program with a golden. If the image differs, it becomes a pending
+/// frame. Karat refuses an image in which all pixels are equal.
 #[test]
 fn an_image_is_matched_with_its_golden() {
     let folder = tempfile::tempdir().expect("a temporary folder");

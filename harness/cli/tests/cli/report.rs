@@ -59,7 +59,7 @@ fn at(line: String, started: &str, seconds: &str) -> String {
     line.replace("\"message\"", &time)
 }
 
-/// Adds the current time as the start time to a line of a record, and a duration of 60 s.
+/// Adds the current time, as the start time, and a duration of 60 s to a line of a record.
 fn now(line: String) -> String {
     at(line, &humantime::format_rfc3339_millis(SystemTime::now()).to_string(), "60")
 }
@@ -256,8 +256,8 @@ fn junit_names_the_pictures_of_a_frame_that_fails() {
     assert_eq!(text.matches("ATTACHMENT").count(), 3, "only of the frame that fails: {text}");
 }
 
-/// Many programs show only the first line of a failure. This line leaves out the adapter's name, because a program that
-/// cuts long lines would show the same text for all failures on an adapter.
+/// Many programs show only the first line of a failure. So this line names what fails, and doesn't name the adapter,
+/// which is the same for many failures.
 #[test]
 fn the_first_line_of_a_failure_leaves_out_the_adapter() {
     let project = project();

@@ -68,7 +68,7 @@ impl Runs {
         assert_eq!(code, Some(i32::from(verdict != "pass")), "{text}");
     }
 
-    /// Checks that `karat report` shows the run `run`, and ends with `code`.
+    /// Checks that `karat report` shows only the checks of the run `run`, and ends with the exit code `code`.
     #[track_caller]
     fn assert_last(&self, run: &str, code: i32) {
         let ran = karat(self.project.path(), &["report"]);

@@ -54,7 +54,8 @@ impl<'f> Blame<'f> {
         Self { message: None, at: At::Setting(setting) }
     }
 
-    /// Makes a cause from the name of an entry point that doesn't exist: the cause is the setting with this name.
+    /// Makes a cause from the name of an entry point that doesn't exist: the cause is the setting that contains this
+    /// name.
     #[must_use]
     pub const fn entry_point(name: &'f str) -> Self {
         Self { message: None, at: At::EntryPoint(name) }

@@ -268,8 +268,8 @@ fn roots(ties: &[Tie]) -> Vec<usize> {
 #[doc(hidden)]
 pub trait Parts<'a> {
     type Value;
-    /// Makes the tuple from its parts. In its simplest simplification, all parts have their simplest values. In the
-    /// other simplifications, only one part is simpler.
+    /// Makes the tuple from its parts. The simplest of its simpler values has the simplest value of each part. In the
+    /// other simpler values, only one part is simpler.
     fn whole(self) -> Shrinkable<'a, Self::Value>;
 }
 

@@ -196,8 +196,8 @@ fn opposite(value: &dyn Any) -> Option<Box<dyn Any>> {
     floats(value, |floats| floats.iter_mut().for_each(|float| *float = 0.0 - *float))
 }
 
-/// A value at a small random distance from `value`. The distance may be anything from the value's size down to its last
-/// bit, with a uniform logarithm. A unit vector stays a unit vector.
+/// A value at a small random distance from `value`. The distance lies between the size of the value and the size of its
+/// last bit, and its logarithm is uniform. A unit vector stays a unit vector.
 fn near(value: &dyn Any, source: &mut Source) -> Option<Box<dyn Any>> {
     let up = source.bits() & 1 == 0;
     if let Some(value) = value.downcast_ref::<i32>() {

@@ -80,8 +80,8 @@ struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// The sum of squares over all pixels: of the part of each pixel's difference that exceeds the difference which the
-    /// default gate allows.
+    /// The sum of the squared differences of the pixels. Before squaring, the difference that the default gate allows
+    /// is subtracted.
     squares: DVec3,
     variances: DVec3,
     pixels: u32,
