@@ -485,7 +485,7 @@ fn a_project_says_where_its_shaders_are() {
     assert!(karat(folder, &["list"]).error().contains("unknown field `shaders`"));
 }
 
-/// `cargo karat test` is `karat test`. Cargo passes the name `karat` as the first argument.
+/// `cargo karat test` does the same as `karat test`. Cargo passes the name `karat` as the first argument.
 #[test]
 fn cargo_karat_does_the_same_as_karat() {
     let project = project();

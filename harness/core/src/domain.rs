@@ -113,7 +113,7 @@ pub trait Domain: Send + Sync {
         self.emptiness().is_some()
     }
 
-    /// The reason why the domain has no value, for the check's message. `None` if it has values.
+    /// The reason why the domain has no value, for the check's message. `None` if the domain has values.
     fn emptiness(&self) -> Option<Emptiness> {
         (self.size() == Some(0)).then(|| Emptiness::of("domain", "has no value"))
     }

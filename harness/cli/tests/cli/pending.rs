@@ -29,7 +29,7 @@ pub(crate) fn write_frame(
     write_of(golden, file, ("", ""), provenance(case, "", adapter, compared_with));
 }
 
-/// Writes a pending frame of a crate with its folder of goldens.
+/// Writes a pending frame. Its provenance names a crate and the crate's folder of goldens.
 fn write_of(
     place: &FilePath,
     file: &str,

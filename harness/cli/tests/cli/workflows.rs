@@ -1,6 +1,6 @@
-//! Tests the files for CI systems: workflows, an action for GitHub, and a template for GitLab. Without a runner, the
-//! tests read the steps, parse their shell scripts, and run the scripts that need no network. The tests don't run on
-//! Windows, where the first `bash` in `PATH` may be another program.
+//! Tests the files for CI systems: workflows, an action for GitHub, and a template for GitLab. The tests use no CI
+//! runner: they read the steps, parse the steps' shell scripts, and run the scripts that need no network. The tests
+//! don't run on Windows, where the first `bash` in `PATH` may be another program.
 
 use yaml_rust2::{Yaml, YamlLoader};
 
@@ -169,7 +169,7 @@ fn runner(script: &str, folder: &FilePath) -> Command {
     shell
 }
 
-/// The action's step runs a folder of tests. If a test fails, GitHub gets an annotation with the path in the
+/// The action's step runs a folder of tests. If a test fails, GitHub gets an annotation with the file's path in the
 /// repository.
 // Lesson 135
 #[test]

@@ -1,4 +1,5 @@
-//! Tests the diagnostics of failing checks: of tests without Rust after each save, and of the last run.
+//! Tests the diagnostics of failing checks. After each save, the server runs the tests without Rust. For Rust tests, it
+//! uses the record of the last run.
 
 use serde_json::{Value, json};
 

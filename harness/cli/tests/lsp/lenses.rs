@@ -1,4 +1,4 @@
-//! Tests the lenses beside functions, and the tests that they run.
+//! Tests the lenses beside functions, and that a lens runs the right tests.
 
 use serde_json::json;
 use tempfile::TempDir;

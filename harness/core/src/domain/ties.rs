@@ -132,7 +132,8 @@ impl Tie {
     }
 
     /// The value that the tie makes from the simplified value `from`. A mapped domain can't check if it has this value.
-    /// For such a domain, an equality returns `simpler`: the component's own simpler value at the same index.
+    /// For such a domain, the function returns `simpler` if the tie is an equality: this is the component's own simpler
+    /// value at the same index.
     pub(super) fn simpler<'a, D: Domain>(
         &self,
         domain: &'a D,

@@ -23,8 +23,8 @@ pub(super) const ADVICE: &str = "restore the image and its `.toml` from one comm
                                  files, run the test and accept its frame again";
 
 impl Doubt {
-    /// Finds the problem with a golden's provenance. Returns `None` if the image and the file agree, or if another tool
-    /// wrote the golden without provenance.
+    /// Finds the problem with a golden's provenance. Returns `None` if the golden's image and its `.toml` have the same
+    /// provenance, or if another tool wrote the golden without provenance.
     pub(super) fn of(golden: &Golden) -> Option<Self> {
         let problem = problem(&golden.file, &golden.file.with_extension("toml"))?;
         Some(Self { golden: golden.clone(), problem })
