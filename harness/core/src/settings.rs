@@ -144,8 +144,8 @@ pub struct SelectedCase {
     pub check: Option<String>,
     #[doc(hidden)]
     pub case: u64,
-    /// The simplification steps: in each, the index of the chosen simpler value. The first step begins at the case's
-    /// own value.
+    /// The steps of the simplification. Each step is the index of a value in the list of simpler values. The first step
+    /// begins at the case's own value.
     #[doc(hidden)]
     pub steps: Vec<usize>,
     /// The lanes (32-bit words) of the arguments that replace the case's own arguments.

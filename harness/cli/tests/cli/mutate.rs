@@ -134,7 +134,7 @@ fn lines_are_annotated() {
     assert!(!summary.contains('\u{1b}'), "{summary}");
 }
 
-/// The report for Stryker's viewer has each mutant with its position, in the format of Stryker's schema.
+/// With `--stryker`, Karat writes each mutant with its position into a file, in the format of Stryker's schema.
 #[test]
 fn stryker_reads_the_report() {
     let folder = folder();

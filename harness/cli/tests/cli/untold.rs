@@ -293,7 +293,8 @@ fn a_test_without_arguments_fails_once() {
     }
 }
 
-/// The settings of a folder apply to all modules that its tests in WGSL import, as for its declared tests.
+/// The settings of a folder apply to all modules that its tests in WGSL import, as they do for the folder's declared
+/// tests.
 #[test]
 fn features_reach_what_a_test_in_wgsl_imports() {
     let folder = tempfile::tempdir().expect("a temporary folder");

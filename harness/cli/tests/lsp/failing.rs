@@ -136,7 +136,8 @@ fn a_save_while_tests_run_is_judged_after_them() {
     assert!(told(&shown[0]).2.contains("saw 0.75"), "{shown:?}");
 }
 
-/// Another program edits a file. The error of an unreadable test is shown at its line.
+/// Another program edits a file. If the file then declares an unreadable test, the editor shows the error at the line
+/// of this test.
 #[test]
 fn files_that_no_editor_has_open_are_followed() {
     let folder = folder();

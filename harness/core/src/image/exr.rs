@@ -180,7 +180,7 @@ impl ExrFile {
     }
 
     /// The primaries of a file's colours: the CIE x and y of red, green, blue and white, for the part that
-    /// [`Image::read_exr`] reads. [`Self::BT709`] if the file has no primaries.
+    /// [`Image::read_exr`] reads. Returns [`Self::BT709`] if the file has no primaries.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;

@@ -14,10 +14,10 @@
 //! in a tile are also compared with the variances. This is a chi-square test. Its degrees of freedom are the number of
 //! pixels that contribute most of the sum.
 //!
-//! Measured with a scene of three decades of light, with 640 x 360 pixels and 64 samples per pixel: if 2 % of the frame
-//! is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 renderings fails. Without the weights
-//! and the overlap, only 43 % of the faulty renderings would fail. If each pixel were tested separately, with 0.25 % of
-//! outliers allowed, no faulty rendering would fail.
+//! The authors measured this test with a scene of three decades of light, 640 x 360 pixels and 64 samples per pixel. If
+//! 2 % of the frame is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 renderings fails.
+//! Without the weights and the overlap, only 43 % of the faulty renderings would fail. If each pixel were tested
+//! separately, with 0.25 % of outliers allowed, no faulty rendering would fail.
 //!
 //! The test assumes that the noise of different pixels is independent. Each channel is tested separately, because a
 //! wrong hue may have the right luminance.
