@@ -1,5 +1,5 @@
-//! Writes text for people. The text can't send commands to a terminal. If the output has no reader, a command still does
-//! the same work.
+//! Writes text for people. The text can't send commands to a terminal. If the output has no reader, a command still
+//! does its work.
 //!
 //! Names of files and drivers, and the texts of shaders, can't be trusted. So every character is escaped (`\u{1b}`)
 //! unless the character is printable, a line end or a tab. Karat's own colours stay, because each [`Style`] is marked
