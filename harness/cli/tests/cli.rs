@@ -485,7 +485,7 @@ fn a_project_says_where_its_shaders_are() {
     assert!(karat(folder, &["list"]).error().contains("unknown field `shaders`"));
 }
 
-/// `cargo karat test` is `karat test`. Cargo passes the name `karat` as the first argument.
+/// `cargo karat test` does the same as `karat test`. Cargo passes the name `karat` as the first argument.
 #[test]
 fn cargo_karat_does_the_same_as_karat() {
     let project = project();
@@ -586,7 +586,7 @@ fn preview_writes_a_png() {
     }
 }
 
-/// Bad arguments are refused before the build. `render.rs` tests the other arguments.
+/// `karat render` refuses bad arguments before it builds the gallery. `cli/gallery.rs` tests valid arguments.
 #[test]
 fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
     let project = project();
@@ -669,8 +669,8 @@ fn colour_is_left_out_where_it_is_not_wanted() {
     }
 }
 
-/// If a reader closes the pipe early, as in `karat list | head -1`, the command doesn't fail. `cli/pipes.rs` has the
-/// other tests.
+/// A command doesn't fail if the reader of its output closes the pipe early: `karat list | head -1`. `cli/pipes.rs` has
+/// more tests of pipes.
 #[test]
 fn a_reader_may_close_the_pipe_early() {
     let project = project();

@@ -54,7 +54,7 @@ use crate::value::{Arguments, Shareable};
 /// that accepts 1 % of the samples fails by chance in one of 5e8 cases.
 const REJECTIONS: u32 = 2000;
 
-/// The number of simpler grid points that are tried for a failing grid point.
+/// The largest number of simpler grid points that Karat tries in place of a failing grid point.
 const SIMPLER: usize = 256;
 
 /// A set of values to sample from.
@@ -113,7 +113,7 @@ pub trait Domain: Send + Sync {
         self.emptiness().is_some()
     }
 
-    /// The reason why the domain has no value, for the check's message. `None` if it has values.
+    /// The reason why the domain has no value, for the check's message. `None` if the domain has values.
     fn emptiness(&self) -> Option<Emptiness> {
         (self.size() == Some(0)).then(|| Emptiness::of("domain", "has no value"))
     }

@@ -15,15 +15,15 @@ use std::sync::LazyLock;
 /// bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// The number of failed expectations that a case stores. A message lists these expectations, and counts all other
-/// failed expectations.
+/// The largest number of failed expectations that a case stores. A message lists these expectations, and counts all
+/// other failed expectations.
 pub const MOST_KEPT: usize = 3;
 
-/// The number of `u32`s in a test's result: the number of evaluated expectations, the number that may have failed, and
-/// the values of the first few of these.
+/// The number of `u32`s in a test's result: the number of evaluated expectations, the number of expectations that may
+/// have failed, and the stored values of the first of these expectations.
 pub const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
 
-/// The kind of an expectation. The numbers also occur in the generated WGSL.
+/// The kind of an expectation. The generated WGSL uses the numbers of these variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     True,
@@ -34,7 +34,7 @@ pub enum Wanted {
     Near,
     /// The values differ by at most the bound times the expected value.
     Relative,
-    /// The values differ by at most as many `f32` steps as the bound says.
+    /// The values differ by at most the bound, which counts steps between neighbouring `f32`s.
     Ulp,
     /// The values differ by at most the larger of an absolute and a relative bound.
     Within,
@@ -117,8 +117,8 @@ fn four(x: &str, width: usize) -> String {
     }
 }
 
-/// Declares the variables that store expectations that may have failed. Each stored expectation has variables of its
-/// own: drivers compile an array with a variable index tens of times more slowly.
+/// Declares the variables that store expectations that may have failed. Each stored expectation has its own variables,
+/// because drivers would need tens of times longer to compile an array with a variable index.
 fn report() -> String {
     let mut text = "\nvar<private> evaluated: u32;\nvar<private> suspected: u32;\n".to_owned();
     let (mut stored, mut listed) = (String::new(), String::new());

@@ -26,7 +26,7 @@ pub enum Kind {
     Infinite,
     /// A float is outside the range of the integer type that it is converted to.
     Saturated,
-    /// The low edge of `clamp` or `smoothstep` isn't below the high edge.
+    /// The low edge of `clamp` or `smoothstep` is above the high edge, or both edges of `smoothstep` are equal.
     EdgesReversed,
     /// More than half of a value's digits are rounding errors.
     LostDigits,

@@ -47,7 +47,7 @@ impl PartialEq for Image {
     }
 }
 
-/// The number of pixels in an image that are NaN or infinite.
+/// The numbers of pixels in an image that contain NaN or an infinity.
 ///
 /// ```
 /// use karat::Image;

@@ -1,4 +1,5 @@
-//! Talks to other programs: to a process that answers messages until its owner ends, or to a program that runs once.
+//! Talks to other programs: to a process that answers messages until Karat closes its input, or to a program that runs
+//! once.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, Output, Stdio};
@@ -8,14 +9,14 @@ use std::time::{Duration, Instant};
 
 /// The number of bytes that are kept from the end of a process's log, for error messages.
 const LAST_WORDS: usize = 2 << 10;
-/// The number of unread messages after which a process must wait.
+/// The number of messages that a process can send before it must wait for Karat to read them.
 const MOST_UNREAD: usize = 256;
 /// The interval at which Karat checks if a process has ended.
 const POLL: Duration = Duration::from_millis(50);
 /// The time limit for a program that looks something up, such as git, or a compiler that prints its name. Such programs
 /// take about 30 ms.
 pub const LOOK_UP: Duration = Duration::from_secs(60);
-/// The time in which a process must end after its last message.
+/// The longest time that Karat waits for a process to end after the process has closed its output.
 const LINGER: Duration = Duration::from_secs(1);
 
 /// The reason why a process doesn't answer.
@@ -92,13 +93,13 @@ pub struct Lines {
     from: Receiver<String>,
     end: u8,
     said: Arc<Mutex<Vec<u8>>>,
-    /// Disconnects when the process's log has been read to its end.
+    /// A channel that disconnects when another thread has read the process's log to its end.
     silent: Receiver<()>,
 }
 
 impl Lines {
-    /// Starts a program in which the byte `end` ends each message. The length of a message is limited, because a faulty
-    /// process may never end its message.
+    /// Starts a program that ends each of its messages with the byte `end`. A message has at most `longest` bytes,
+    /// because a faulty process may never end its message.
     #[doc(hidden)]
     pub fn start(
         command: &mut Command,
@@ -221,7 +222,7 @@ fn write(mut stdin: ChildStdin, messages: &Receiver<Vec<u8>>) {
     }
 }
 
-/// Reads to the end, because a full pipe would block the process, and keeps the last bytes.
+/// Reads a stream to its end, because a full pipe would block the process, and keeps only the last bytes.
 fn keep(mut stream: impl Read, kept: &Mutex<Vec<u8>>) {
     let mut part = [0; 1024];
     while let Ok(count @ 1..) = stream.read(&mut part) {

@@ -1,5 +1,5 @@
-//! Writes text for people. The text can't send commands to a terminal. If the output has no reader, a command still does
-//! the same work.
+//! Writes text for people. The text can't send commands to a terminal. If the output has no reader, a command still
+//! does its work.
 //!
 //! Names of files and drivers, and the texts of shaders, can't be trusted. So every character is escaped (`\u{1b}`)
 //! unless the character is printable, a line end or a tab. Karat's own colours stay, because each [`Style`] is marked
@@ -31,8 +31,8 @@ impl Style {
     pub const PLAIN: Self = Self("");
 }
 
-/// Stands for the escape character in Karat's own styles until the text is written. The mark is so long that no foreign
-/// text can contain it by guessing.
+/// Stands for the escape character in Karat's own styles until the text is written. The mark consists of random digits,
+/// so no program can guess the mark and write it into a text.
 static MARK: LazyLock<String> = LazyLock::new(|| {
     let number = || RandomState::new().build_hasher().finish();
     format!("\u{1b}{:016x}{:016x}", number(), number())
@@ -77,8 +77,8 @@ pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
     }
 }
 
-/// Checks if a terminal would take the character as a command, or if the character changes the order of the text after
-/// it. Line ends and tabs are text.
+/// Checks if a terminal interprets the character as a command, or if the character changes the order of the text that
+/// follows. Line ends and tabs don't count as commands.
 fn commands(character: char) -> bool {
     match character {
         '\n' | '\t' => false,
@@ -96,7 +96,7 @@ pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
 }
 
-/// The first line of a message that isn't empty, without the prefix `error: `.
+/// The first non-empty line of a message, without the prefix `error: `.
 ///
 /// ```
 /// assert_eq!(karat_core::output::headline("\nerror: no module `a`\n  --> b.wgsl:1:1"), "no module `a`");

@@ -135,7 +135,7 @@ pub struct Settings {
     pub frames: bool,
 }
 
-/// A case of the check that a replay command names, or a case of every check.
+/// The case that a replay runs: a case of the check that the replay command names, or the same case of every check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub struct SelectedCase {
@@ -144,8 +144,8 @@ pub struct SelectedCase {
     pub check: Option<String>,
     #[doc(hidden)]
     pub case: u64,
-    /// The simplification steps: in each, the index of the chosen simpler value. The first step begins at the case's
-    /// own value.
+    /// The steps of the simplification. Each step is the index of a value in the list of simpler values. The first step
+    /// begins at the case's own value.
     #[doc(hidden)]
     pub steps: Vec<usize>,
     /// The lanes (32-bit words) of the arguments that replace the case's own arguments.
@@ -205,7 +205,7 @@ pub struct Variable {
     pub name: &'static str,
     /// The variable's purpose, with its default in brackets.
     pub about: &'static str,
-    /// The variable's value. `None` if it isn't set, or is empty.
+    /// The variable's value. `None` if the variable isn't set, or is empty.
     pub value: Option<String>,
 }
 
@@ -245,14 +245,14 @@ pub fn coverage() -> Option<PathBuf> {
     set(COVERAGE).map(PathBuf::from)
 }
 
-/// The largest number of loop iterations that a case may run in the engine. If a setting is invalid, this returns the
-/// default, because other callers report the error.
+/// The largest number of loop iterations that a case may run in the engine. If a setting is invalid, the function
+/// returns the default, because other callers report the error.
 #[doc(hidden)]
 pub fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
 }
 
-/// The number of orders of invocations for compute passes. `None` if it isn't set.
+/// The number of orders of invocations for compute passes. `None` if the setting isn't set.
 #[doc(hidden)]
 pub fn schedules() -> Option<u64> {
     current().ok()?.schedules

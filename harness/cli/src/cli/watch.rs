@@ -32,11 +32,12 @@ use screen::Screen;
 use worker::Worker;
 pub(super) use worker::{Reads, Request, Said};
 
-/// The time limit of a shader in seconds, unless KARAT_TIMEOUT sets one. It is short, because a person is waiting.
+/// The default time limit of a shader, in seconds, if KARAT_TIMEOUT isn't set. This limit is short, because a person
+/// waits for the verdict.
 const DEADLINE: &str = "10";
 /// The number of lines that a page key scrolls: half of a usual terminal.
 const PAGE: isize = 12;
-/// The paths, unless KARAT_PATHS sets them.
+/// The paths on which the tests run, if neither `--paths` nor KARAT_PATHS names paths.
 const PATHS: &str = "cpu,vulkan";
 
 #[derive(clap::Args)]
@@ -73,7 +74,7 @@ impl Source {
     }
 
     /// Finds the folder to watch and its tests: the Rust tests of a Cargo project, and the tests beside its shaders. If
-    /// no folder is named, these are the tests of `karat test`.
+    /// no folder is named, returns the tests that `karat test` would run.
     fn all(named: Option<&Path>) -> anyhow::Result<(PathBuf, Vec<Self>)> {
         let project = match named {
             None => Project::find()?,
@@ -154,13 +155,13 @@ pub(super) struct Verdicts {
     pub(super) remarks: Option<String>,
 }
 
-/// A path with its process.
+/// A path, and the process that runs the tests on this path.
 pub(super) struct Lane {
-    /// The name of the path. If there are several sources of tests, it includes the source.
+    /// The name of the path. If there are several sources of tests, the name includes the source.
     pub(super) name: String,
     pub(super) resident: Resident,
     pub(super) verdicts: Verdicts,
-    /// `true` if the lane runs all tests of its path.
+    /// `true` if no other process runs tests on this path.
     pub(super) alone: bool,
     /// `true` for the first path, which validates the modules.
     validates: bool,
@@ -236,7 +237,7 @@ struct Watch {
     project: Project,
     filter: String,
     typing: Option<Typing>,
-    /// The message about the last key.
+    /// The message that the last pressed key caused.
     notice: Option<String>,
     /// The number of paths that haven't yet sent their records for the requested report.
     reports: Option<usize>,
@@ -291,7 +292,7 @@ impl Watch {
         }
     }
 
-    /// Checks if there are tests that no path judges.
+    /// Checks if there are tests that run on no path, such as frames if `cpu` is the only path.
     fn is_unjudged(&self) -> bool {
         let of = |lane: &Lane| lane.resident.source.folder().to_owned();
         self.lanes.iter().any(|lane| {
@@ -300,7 +301,7 @@ impl Watch {
         })
     }
 
-    /// Checks if a file may change a verdict.
+    /// Checks if an edit of the file may change a verdict.
     fn concerns(&self, file: &Path) -> bool {
         let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let ending = file.extension().unwrap_or_default();
@@ -331,7 +332,7 @@ impl Watch {
         }
     }
 
-    /// Asks a path to run the tests that an edit affects, or all tests.
+    /// Asks the process of a path to run the tests that an edit affects, or all tests.
     fn ask(&mut self, index: usize, request: Request) -> anyhow::Result<()> {
         let lane = &mut self.lanes[index];
         let request = Request { filter: self.filter.clone(), validate: lane.validates, ..request };
@@ -492,7 +493,7 @@ fn all() -> Request {
     Request { all: true, ..Request::default() }
 }
 
-/// Returns the folder that contains all sources, and the outside folders that the packages import from.
+/// Returns the watched folder `whole`, and the folders outside of it from which packages import modules.
 fn outermost(whole: &Path, sources: &[Source]) -> Vec<PathBuf> {
     let mut folders = vec![whole.to_owned()];
     let shaders = sources.iter().filter_map(|source| match source {
@@ -519,8 +520,8 @@ fn shown(file: &Path, folder: &Path) -> String {
     }
 }
 
-/// Sends an event for a signal, so that the command deletes its temporary folders before it ends. A second signal ends
-/// the command at once.
+/// Sends an event if Ctrl-C or the system asks the command to end, so that the command deletes its temporary folders
+/// before it ends. A second signal ends the command at once.
 fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
     const INTERRUPTED: i32 = 130; // 128 and the number of SIGINT, as shells have it
     let told = AtomicBool::new(false);
@@ -532,8 +533,8 @@ fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
     ctrlc::set_handler(stop).context("can't wait for Ctrl-C")
 }
 
-/// Sends an event when the reader of the output has ended. The command may write nothing for hours, so a write error
-/// would be too late.
+/// Sends an event when the reader of the output has ended. The command may write nothing for hours, so it can't wait
+/// for the error of the next write.
 #[cfg(unix)]
 fn tell_when_unread(sender: Sender<Event>) {
     use rustix::event::{PollFd, PollFlags, poll};

@@ -13,7 +13,7 @@ const TEST: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
 /// A running `karat browser` that waits for pages.
 struct Served {
     child: Child,
-    /// The host as `127.0.0.1:PORT`, and the secret of the URL.
+    /// The host and the port, as `127.0.0.1:PORT`.
     host: String,
     token: String,
     /// The thread that reads the output after the URL.

@@ -98,7 +98,7 @@ fn last(s: Scene) -> f32 { return s.exposure * s.materials[1].f0.z; }
 fn sum(a: array<f32, 3>) -> f32 { return a[0] + a[1] + a[2]; }
 ";
 
-/// Structures as arguments have the same form as values of buffers.
+/// An argument that is a structure is written as JSON, like the contents of a buffer.
 #[test]
 fn arguments_are_json_where_numbers_have_no_names() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -392,7 +392,7 @@ fn depths_and_integers_of_textures_are_given_as_data() {
     told(&["t::v", "0", "--bind", "vectors=six.bin"], "the file has 6 bytes");
 }
 
-/// If a call has no values, Karat generates values, and names the generated ones.
+/// With `--arbitrary`, Karat generates the values that a call doesn't have, and prints the generated values.
 #[test]
 fn missing_values_of_a_call_are_generated_and_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");

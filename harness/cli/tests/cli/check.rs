@@ -48,8 +48,8 @@ fn a_broken_entry_point_fails_check_list_and_test() {
     }
 }
 
-/// Karat validates a package that tests use, for any name of its folder. An invalid module in a folder that no test
-/// uses doesn't make the run fail.
+/// Karat validates each package that tests use, even if the package's folder isn't called `shaders`. An invalid module
+/// in a folder that no test uses doesn't make the run fail.
 #[test]
 fn the_packages_that_tests_use_are_validated() {
     let project = tested();

@@ -124,7 +124,7 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// Each command that validates has the same verdict.
+/// All commands that validate modules give the same verdict.
 // Lesson 201
 #[test]
 fn each_command_that_validates_asks_tint() {
@@ -396,7 +396,8 @@ fn an_exceeded_limit_is_reported_at_its_place() {
     assert!(ran.code == Some(2) && ran.err.contains("did you mean `maxBindGroups`?"), "{ran:?}");
 }
 
-/// Karat requests the limits that the project declares. Tint would create pipelines with the default limits.
+/// Karat tells Tint the limits that the project declares. Otherwise Tint would create pipelines with WebGPU's default
+/// limits.
 #[test]
 fn tint_accepts_a_module_within_the_requested_limits() {
     let text = "@compute @workgroup_size(512) fn main() { }\n";
@@ -439,7 +440,8 @@ fn an_override_without_a_value_is_given_none() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// If a file that engines load contains tests, Karat reports this, and prints the text without the tests.
+/// If a shader file contains tests, and isn't a file of tests, `karat check` warns that game engines will read the
+/// tests, too. `karat show --plain` prints the file without its tests.
 // Lesson 206
 #[test]
 fn tests_in_shipped_files_are_reported_and_can_be_stripped() {
@@ -528,7 +530,7 @@ mod fakes {
 
     use super::*;
 
-    /// The FNV-1a sum of a text, as the replies of Tint's wrapper contain it.
+    /// The FNV-1a hash of a text. The program in Node that runs Tint adds this hash to each reply.
     fn sum(text: &str) -> u32 {
         let units = text.encode_utf16();
         units.fold(0x811c_9dc5, |sum, unit| (sum ^ u32::from(unit)).wrapping_mul(0x0100_0193))
@@ -544,7 +546,7 @@ mod fakes {
         std::fs::set_permissions(file, all).expect("it is ours");
     }
 
-    /// Runs `karat check` with a Node that runs a script. The script writes its input to `got`.
+    /// Runs `karat check` with the shell script `own` in place of Node.
     fn check(folder: &FilePath, own: &str, more: &[&str]) -> Ran {
         write(folder, "package/package.json", "{}");
         write(folder, "package/dist/readme", "");
@@ -560,7 +562,7 @@ mod fakes {
 
     const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
 
-    /// If a compiler fails, there is no verdict. A command that requires a verdict fails.
+    /// If a compiler crashes or sends wrong replies, there is no verdict. A command that requires a verdict then fails.
     // Lesson 203
     #[test]
     fn a_tint_that_fails_has_no_verdict() {
@@ -619,8 +621,8 @@ mod fakes {
         assert_eq!(last_line(&ran.out), sum, "{second}\n{ran:?}");
     }
 
-    /// Tint gets the bytes of the author's file if the module imports nothing. Otherwise it gets the author's text, in
-    /// which only names are linked.
+    /// If a module imports nothing, Tint gets the bytes of the author's file. If a module imports declarations, Tint
+    /// gets the author's text together with these declarations, in which only names may be changed.
     // Lesson 202
     #[test]
     fn tint_gets_the_authors_bytes() {

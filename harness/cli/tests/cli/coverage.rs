@@ -123,7 +123,7 @@ fn the_program_lcov_reads_the_report_with_equal_sums() {
     }
 }
 
-/// The report counts each variant, and all variants together.
+/// A variant is a set of features and overrides. The report has a row for each variant, and a sum of all variants.
 #[test]
 fn coverage_is_counted_for_each_variant_and_for_all() {
     let folder = folder();
@@ -194,7 +194,8 @@ fn functions_of_frames_are_not_measured() {
     assert!(out.contains("9 no test runs this code, in `calc::lonely`"), "{out}");
 }
 
-/// Tests beside a single file belong to the file's folder, and the last line names them.
+/// If a command gets only one shader file, the tests in other files of the folder don't run, and the output names these
+/// files.
 #[test]
 fn tests_beside_a_file_are_named() {
     let folder = folder();

@@ -386,7 +386,7 @@ fn primaries_that_differ_are_noted_and_nothing_is_converted() {
     assert_eq!((red("a"), red("b")), (0.64.into(), 0.708.into()));
 }
 
-/// `karat diff` uses the mask of the test that compares a frame.
+/// If a test compares a frame with a mask, `karat diff` uses the same mask for this frame.
 #[test]
 fn the_mask_of_a_test_is_used() {
     let folder = images();

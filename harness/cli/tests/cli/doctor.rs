@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A package with a fault of each kind that a line of karat.toml can fix.
+/// A package with an error of each kind that a line of karat.toml can fix.
 fn broken() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaders = folder.path().join("shaders");
@@ -102,7 +102,7 @@ fn doctor_reports_errors_that_karat_toml_cannot_repair() {
     assert!(without.contains("<PACKAGE>"), "{without}");
 }
 
-/// `karat doctor` leaves the file valid, and keeps its format.
+/// If `karat doctor --write` adds lines to `karat.toml`, the file stays valid and keeps its format.
 #[test]
 fn doctor_does_not_damage_karat_toml() {
     let folder = tempfile::tempdir().expect("a temporary folder");

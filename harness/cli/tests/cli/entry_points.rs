@@ -323,7 +323,7 @@ fn appended_elements_are_compared_up_to_their_order() {
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = 2"), "{wrong:?}");
 }
 
-/// A test asserts about one member of each element. A failure names the row and column of an element in a grid.
+/// A test can check a single member of each element. A failure names the row and column of an element in a grid.
 #[test]
 fn a_test_can_check_members_and_grids_of_buffers() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -625,7 +625,7 @@ fn wrong_passes_fail_with_the_element() {
     }
 }
 
-/// If a pass doesn't exist, the message names the pass, not a resource that only this pass reads.
+/// If a test names a pass that doesn't exist, the message names the pass, not a resource that only this pass would use.
 #[test]
 fn a_misspelt_later_pass_is_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -664,7 +664,8 @@ fn a_misspelt_later_pass_is_named() {
     assert!(half.out.contains("half.csv:4:1"), "{}", half.out);
 }
 
-/// A race fails each assertion about its passes, in any order of the assertions, with one message.
+/// If passes race, each assertion about these passes fails. The report has the message once, for any order of the
+/// assertions.
 #[test]
 fn one_race_has_one_message() {
     let folder = shaders(
@@ -681,7 +682,7 @@ fn one_race_has_one_message() {
     );
 }
 
-/// The sanitizer examines passes, but not draws. The last line counts the draws that write.
+/// The sanitizer examines passes, but not draws. The last line counts the draws that write into buffers.
 #[test]
 fn draws_that_write_are_counted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -725,8 +726,8 @@ fn edits_of_entry_points_are_compared() {
     assert!(ran.out.contains("words changed") && ran.out.contains("keys["), "{}", ran.out);
 }
 
-/// The frame has several draws: a background, a mesh from a table behind which depth hides another mesh, and a draw
-/// that adds.
+/// The frame has several draws: a background, a mesh from a table in which one triangle hides a part of another
+/// triangle, and a draw with additive blending.
 #[test]
 fn a_frame_has_draws_with_meshes() {
     let shader = "\
@@ -846,7 +847,8 @@ depth_write = false
     }
 }
 
-/// A result that depends on the order fails. A test may leave out orders, and the replay command names the order.
+/// A test fails if its result depends on the order of the invocations. The replay uses the order in which the test
+/// failed. With `--schedules 0`, Karat tries only the usual order.
 #[test]
 fn an_order_that_matters_is_replayed() {
     let folder = tempfile::tempdir().expect("a temporary folder");

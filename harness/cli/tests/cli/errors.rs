@@ -45,7 +45,7 @@ fn each_cause_is_printed_once() {
     assert!(error.contains("can't write `text.zip/a.png`: "), "{error}");
 }
 
-/// A folder without pending frames says nothing about a run.
+/// It is an error if `--from` names a folder or zip file that has neither pending frames nor the record of a run.
 #[test]
 fn a_folder_without_a_run_has_no_verdict() {
     let project = project();

@@ -12,9 +12,9 @@ use super::*;
 /// Text that changes the window's title, clears the screen, moves to the start of the line, hides text, contains an
 /// 8-bit control, and reverses the direction of the text that follows.
 const HOSTILE: &str = "a\u{1b}]0;owned\u{7}\u{1b}[2J\r\u{1b}[8mb\u{9b}31m\u{7f}\u{202e}c\u{2066}";
-/// The hostile text as Karat shows it.
+/// `HOSTILE` as Karat shows it.
 const SHOWN: &str = r"a\u{1b}]0;owned\u{7}\u{1b}[2J\u{d}\u{1b}[8mb\u{9b}31m\u{7f}\u{202e}c\u{2066}";
-/// The part of the text that isn't a control character.
+/// Hostile text without control characters: it only reverses the direction of the text that follows.
 const TURNED: &str = "x\u{202e}c\u{2066}";
 const TURNED_SHOWN: &str = r"x\u{202e}c\u{2066}";
 /// The hostile characters that a file's name can contain.
@@ -103,7 +103,7 @@ fn names_of_files_are_shown_and_not_obeyed() {
     }
 }
 
-/// Zips, images, records and shaders contain hostile text.
+/// Karat escapes hostile text from zip files, images, records and shaders.
 // Lesson 62
 #[test]
 fn contents_of_files_are_shown_and_not_obeyed() {
@@ -181,7 +181,7 @@ fn contents_of_files_are_shown_and_not_obeyed() {
     }
 }
 
-/// `karat test` prints the output of tests.
+/// `karat test` prints the output of tests, but escapes terminal commands other than colours.
 // Lesson 62
 #[cfg(unix)]
 #[test]

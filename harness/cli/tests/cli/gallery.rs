@@ -37,8 +37,8 @@ fn main() -> std::process::ExitCode {
 }
 "#;
 
-/// Features of common libraries in this workspace, so that Cargo doesn't compile the libraries again: as in
-/// `tests/stranger.rs`.
+/// The features that this workspace uses of common libraries. With the same features, Cargo doesn't compile the
+/// libraries again. `tests/stranger.rs` does the same.
 const SHARED: &str = "\
     indexmap = \"2\"\n\
     libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\

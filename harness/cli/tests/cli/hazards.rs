@@ -68,8 +68,9 @@ fn functions_that_are_not_valid_fail_a_run() {
     assert!(ran.out.contains("0 faults and 0 requirements in 1 function,"), "{ran:?}");
 }
 
-/// A requirement names the inputs that avoid the hazard, and fails a run that denies requirements. The last line counts
-/// the hazards that callers avoid, and the hazards with a dropped result.
+/// The report of a requirement names the inputs for which the hazard occurs. With `--deny requirements`, a requirement
+/// makes the run fail. The last line counts the requirements that all callers meet, and the hazards with a result that
+/// the shader doesn't use.
 // Lesson 97
 #[test]
 fn requirements_fail_a_run_that_denies_them() {
@@ -250,7 +251,8 @@ fn each_round_of_a_loop_and_half_precision_have_rows() {
     assert!(half.lines().any(|line| line.contains("x * 0.5h") && line.contains("1.5")), "{half}");
 }
 
-/// A trace shows integers with their sign, names of `let`s, and both outcomes of conditions that WGSL doesn't decide.
+/// A trace shows integers with their sign, and the names of `let`s. If rounding decides a condition, the trace shows
+/// `false or true`.
 #[test]
 fn integers_conditions_and_names_are_in_a_trace() {
     let folder = shaders(

@@ -3,8 +3,8 @@
 use super::report::function;
 use super::*;
 
-/// In a project that depends on Karat, `karat init` optimises the packages that tests wait for, and keeps settings that
-/// the author chose.
+/// In a project that depends on Karat, `karat init` adds profiles to `Cargo.toml`, so that cargo optimises the packages
+/// that take most of the time in tests. `karat init` keeps profiles that the author wrote.
 #[test]
 fn a_project_gets_the_profiles_that_tests_need() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -113,8 +113,8 @@ fn a_first_test_is_written_and_passes() {
     assert!(!read("shaders/brdf.test.toml").contains("finite"));
 }
 
-/// If a project has Rust tests, `karat init` tests a function that they leave out, and keeps the record of their last
-/// run.
+/// If a project has Rust tests, `karat init` writes a test only for a function that no Rust test checks. The record of
+/// the last run of the Rust tests stays.
 #[test]
 fn init_skips_functions_that_rust_tests_check() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -210,8 +210,8 @@ fn init_explains_why_there_is_nothing_to_test() {
     assert!(none.contains("there is no folder `nowhere`"), "{none}");
 }
 
-/// `karat init` dispatches a pass for one workgroup as one workgroup. The test of a long array doesn't list each
-/// element.
+/// If a pass works with only one workgroup, the test from `karat init` dispatches one workgroup. The test declares a
+/// long array by a range, and doesn't list each element.
 #[test]
 fn a_pass_for_one_workgroup_gets_a_test() {
     let scan = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -250,7 +250,7 @@ fn a_pass_for_one_workgroup_gets_a_test() {
     }
 }
 
-/// Images have the size of the dispatch, and different texels.
+/// The textures in the test have a texel for each invocation of the dispatch, with random values.
 #[test]
 fn a_pass_over_images_gets_a_test() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -278,7 +278,7 @@ fn a_pass_over_images_gets_a_test() {
     assert!(ran.code != Some(0) && ran.out.contains("race on `target_"), "{ran:?}");
 }
 
-/// The sizes of buffers follow from the dispatch. The test of a pass that races fails.
+/// `karat init` chooses the sizes of buffers so that each invocation has an element. The test fails if the pass races.
 #[test]
 fn a_pass_gets_a_test_of_its_own() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -341,7 +341,7 @@ fn git_ignores_what_runs_leave() {
     assert_eq!(seen, "?? .gitignore\n?? lib/shaders/m.test.toml\n?? lib/shaders/m.wgsl\n");
 }
 
-/// `karat init` uses the folder whose tests `karat test` runs.
+/// `karat init` writes tests into the folder in which `karat test` looks for tests.
 // Lesson 181
 #[test]
 fn init_writes_tests_in_the_declared_folder() {

@@ -1,5 +1,5 @@
-//! Tests an acceptance that was killed. Karat names and deletes the temporary files of this acceptance, and works in
-//! spite of these files.
+//! Tests an acceptance that was killed. Karat reports and deletes the temporary files that this acceptance left. A
+//! second acceptance completes the first one.
 
 use std::path::PathBuf;
 use std::time::Duration;

@@ -63,7 +63,7 @@ fn mutants_are_killed_or_listed() {
     assert_eq!(told[0]["result"]["fate"], "killed", "{told}");
 }
 
-/// The run includes only lines that an edit touches, and files that git doesn't track.
+/// With `--in-diff`, Karat mutates only lines that an edit has changed, and files that git doesn't track.
 #[test]
 fn mutants_in_a_diff_are_only_those_of_changed_lines() {
     let folder = folder();
@@ -114,8 +114,8 @@ fn mutate_fails_if_the_score_is_below_the_bound() {
     assert!(error.contains("the package has no test"), "{error}");
 }
 
-/// GitHub gets a warning for each line with surviving mutants, with its path in the repository. The job's summary gets
-/// the log.
+/// For each line with surviving mutants, GitHub gets a warning with the file's path in the repository. The job's
+/// summary gets the log.
 #[test]
 fn lines_are_annotated() {
     let folder = folder();
@@ -134,7 +134,7 @@ fn lines_are_annotated() {
     assert!(!summary.contains('\u{1b}'), "{summary}");
 }
 
-/// Stryker's report has each mutant with its position, in the format of Stryker's schema.
+/// With `--stryker`, Karat writes each mutant with its position into a file, in the format of Stryker's schema.
 #[test]
 fn stryker_reads_the_report() {
     let folder = folder();

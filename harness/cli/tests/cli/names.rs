@@ -153,7 +153,7 @@ fn no_name_breaks_a_report() {
     assert!(ran.out.lines().take(6).all(|line| line.contains("error: ")), "{ran:?}");
 }
 
-/// Tests run, and are replayed, under any name that their author chose.
+/// Tests can be run and replayed by name, whatever name their author chose.
 // Lesson 182
 #[test]
 fn no_name_breaks_a_run_or_its_replay() {
@@ -189,7 +189,7 @@ fn no_name_breaks_a_run_or_its_replay() {
     }
 }
 
-/// The page of translations and GitHub's output contain the file's name.
+/// The page of `karat matrix` escapes the file's name, so that the name isn't read as HTML.
 // Lesson 182
 #[test]
 fn no_file_breaks_the_page_of_translations() {
@@ -203,7 +203,7 @@ fn no_file_breaks_the_page_of_translations() {
     assert!(page.contains("&lt;img") && !page.contains("<img"), "{page}");
 }
 
-/// A file with a name that no module can have is reported, and its name begins no line.
+/// Karat reports a file with a name that no module can have. No line of the report begins with a part of this name.
 // Lesson 182
 #[cfg(unix)]
 #[test]

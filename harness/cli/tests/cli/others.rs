@@ -24,7 +24,8 @@ fn folder() -> TempDir {
     folder
 }
 
-/// Each test has its position in the author's file. A file that should declare tests and declares none has an error.
+/// Each test has its position in the author's file. If a file should declare tests and declares none, the list has an
+/// error for the file.
 #[test]
 fn tests_are_listed_with_their_places() {
     let folder = folder();
@@ -102,7 +103,8 @@ fn one_test_is_run_when_it_is_asked_for() {
     }
 }
 
-/// An image of another program is compared and becomes pending as a frame does. Karat refuses an image without content.
+/// `karat match` compares an image from another program with a golden. If the image differs, it becomes a pending
+/// frame. Karat refuses an image in which all pixels are equal.
 #[test]
 fn an_image_is_matched_with_its_golden() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -29,7 +29,7 @@ pub(crate) fn write_frame(
     write_of(golden, file, ("", ""), provenance(case, "", adapter, compared_with));
 }
 
-/// Writes a pending frame of a crate with its folder of goldens.
+/// Writes a pending frame. Its provenance names a crate and the crate's folder of goldens.
 fn write_of(
     place: &FilePath,
     file: &str,
@@ -387,7 +387,8 @@ fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
     }
 }
 
-/// If one crate has two folders of goldens, their paths distinguish the frames, as in reports.
+/// If one crate has two folders of goldens, frames with the same name are told apart by the folders' paths, as in
+/// reports.
 #[test]
 fn frames_of_one_name_and_crate_are_named_by_their_folders() {
     let project = workspace();

@@ -77,7 +77,8 @@ fn a_closed_pipe_does_not_change_the_exit_code() {
     }
 }
 
-/// Commands that change files still change them, and report the result.
+/// If nobody reads their output, commands that change files still change these files, and report the result by their
+/// exit code.
 // Lesson 57
 #[test]
 fn a_closed_pipe_does_not_stop_a_command() {
@@ -156,7 +157,7 @@ fn a_closed_pipe_does_not_stop_a_run() {
     }
 }
 
-/// A full disk is an error for every verdict. The command still does its work.
+/// If the disk is full, a command fails for any verdict, but still does its work.
 // Lesson 57
 #[cfg(target_os = "linux")]
 #[test]

@@ -115,7 +115,8 @@ fn tap_shows_values_of_a_frame_as_pictures_and_numbers() {
     );
 }
 
-/// A pass has a value for each invocation. Karat shows a table, or a picture if the dispatch has rows.
+/// In a pass, an expression has a value for each invocation. Karat shows these values as a table, or as a picture if
+/// the dispatch is two-dimensional.
 // Lesson 39
 #[test]
 fn invocations_are_a_table_or_a_picture() {

@@ -53,13 +53,13 @@ pub(crate) fn function(name: &str, path: &str, verdict: &str, message: Option<&s
     line("tests::calc", subject, &[path], verdict, message)
 }
 
-/// A line of a record with its start and duration.
+/// Adds a start time and a duration to a line of a record.
 fn at(line: String, started: &str, seconds: &str) -> String {
     let time = format!("\"started\":\"{started}\",\"seconds\":{seconds},\"message\"");
     line.replace("\"message\"", &time)
 }
 
-/// A line of a record of a check that ran within the last minute.
+/// Adds the current time, as the start time, and a duration of 60 s to a line of a record.
 fn now(line: String) -> String {
     at(line, &humantime::format_rfc3339_millis(SystemTime::now()).to_string(), "60")
 }
@@ -140,7 +140,8 @@ fn junit_has_a_case_for_each_check_and_frame() {
     );
 }
 
-/// A record of two paths, of which `gl` fails. `more` is inserted into the record.
+/// The record of a check that passes on `vulkan` and fails on `gl`. `more` contains additional members of the record's
+/// JSON.
 fn on_two_paths(package: &FilePath, more: &str) -> String {
     let subject = serde_json::json!({
         "kind": "function", "package": package, "function": "calc::double", "check": "agrees_with",
@@ -161,7 +162,8 @@ fn junit(project: &TempDir, folder: &FilePath, environment: &[(&str, &FilePath)]
     std::fs::read_to_string(file).expect("written")
 }
 
-/// The report has a case for each path. Only the failing path's case has the failure, with its own replay.
+/// The JUnit report has a test case for each path. Only the test case of the failing path has a failure, and the
+/// command that replays this failure.
 // Lesson 136
 #[test]
 fn junit_has_a_case_for_each_path() {
@@ -232,7 +234,7 @@ fn places_are_relative_to_what_ci_checked_out() {
     }
 }
 
-/// GitLab and Jenkins show the files that a case names, each on its own line.
+/// A JUnit test case names its pictures, each on a line of its own. GitLab and Jenkins show these pictures.
 #[test]
 fn junit_names_the_pictures_of_a_frame_that_fails() {
     let (project, lines) = run();
@@ -254,8 +256,8 @@ fn junit_names_the_pictures_of_a_frame_that_fails() {
     assert_eq!(text.matches("ATTACHMENT").count(), 3, "only of the frame that fails: {text}");
 }
 
-/// Many programs show only the first line of a failure. This line doesn't name the adapter, so that failures on one
-/// adapter have different first lines.
+/// Many programs show only the first line of a failure. So this line names what fails, and doesn't name the adapter,
+/// which is the same for many failures.
 #[test]
 fn the_first_line_of_a_failure_leaves_out_the_adapter() {
     let project = project();
@@ -521,7 +523,7 @@ fn a_short_line_counts_what_fails() {
     assert!(summary.contains("| 524288 | 1 configuration |"), "{summary}");
 }
 
-/// A test that fails outside of checks is reported beside tests that fail in a check.
+/// The report has tests that fail in a check, and tests that fail outside of Karat's checks.
 #[cfg(unix)]
 #[test]
 fn tests_that_fail_outside_of_checks_are_counted() {
@@ -578,7 +580,7 @@ fn a_report_needs_a_record() {
     assert!(error.contains("A run that compared nothing isn't a success"), "{error}");
 }
 
-/// Runs `karat test` with a stand-in for Cargo, which records given lines.
+/// Runs `karat test` with a script in place of Cargo. The script copies given lines into the record.
 #[cfg(unix)]
 #[test]
 fn a_run_says_what_it_left_out_and_writes_its_reports() {
@@ -724,7 +726,7 @@ fn a_run_and_a_merge_that_lack_checks_say_so() {
     assert!(good.contains("1 check, 0 failed") && !good.contains("lack"), "{good}");
 }
 
-/// The JSON has all details of a failure. Without its message, no data is lost.
+/// The JSON of a record has all details of a failure, so a program doesn't need to parse the record's message.
 #[test]
 fn a_failure_record_is_complete_without_its_messages() {
     let folder = tempfile::tempdir().expect("a temporary folder");

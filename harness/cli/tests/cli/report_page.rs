@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::report::{frame, function};
 use super::*;
 
-/// A project with a record. Each part has its lines in a folder of its own.
+/// A project, and a folder with the record of each part of a run. Each element of `parts` has the lines of one record.
 fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     let project = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(project.path().join("Cargo.toml"), "[workspace]\n").expect("written");
@@ -69,7 +69,7 @@ fn the_page_shows_what_fails_with_its_plots() {
     assert_eq!(json["run"]["passed"], true);
 }
 
-/// The page has a sampler's counts, hazards, and links to the other pages.
+/// The page has the counts of a tested random sampler, hazards, and links to the other pages.
 #[test]
 fn the_page_has_maps_hazards_and_links() {
     let histogram = r#""histogram":{"axes":["theta","phi"],"rows":[1,2],"observed":[9,1,0],"expected":[4,4,2]}"#;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::report::function;
 use super::*;
 
-/// Waits until another process has done something.
+/// Waits until `what` returns `true`, for at most a minute.
 #[track_caller]
 fn wait_for(what: impl Fn() -> bool) {
     let begun = Instant::now();
@@ -17,7 +17,8 @@ fn wait_for(what: impl Fn() -> bool) {
     }
 }
 
-/// A project in which `cargo test` records one function with the run's name, and waits for the file `go.<run>`.
+/// A project in which a script replaces `cargo test`: the script records a function that is named after the run, waits
+/// until the file `go.<run>` exists, and records another function.
 struct Runs {
     project: TempDir,
 }
@@ -67,7 +68,7 @@ impl Runs {
         assert_eq!(code, Some(i32::from(verdict != "pass")), "{text}");
     }
 
-    /// Checks the exit code and the table that `karat report` prints for the last run that ended.
+    /// Checks that `karat report` shows only the checks of the run `run`, and ends with the exit code `code`.
     #[track_caller]
     fn assert_last(&self, run: &str, code: i32) {
         let ran = karat(self.project.path(), &["report"]);

@@ -37,8 +37,8 @@ fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> Te
     folder
 }
 
-/// If a file should declare tests and declares none, each command fails, wherever it finds the file's package. Without
-/// the file, the package has no such failure.
+/// If a file should declare tests and declares none, each command fails, whether a manifest or the folder's name leads
+/// to the file's package. Without the file, the package has no such failure.
 // Lesson 185
 #[test]
 fn a_misnamed_test_file_fails_every_command() {
@@ -107,7 +107,8 @@ fn a_slip_in_a_members_manifest_is_an_error() {
     }
 }
 
-/// If Rust tests use shaders, tests beside these shaders run with them. Then other commands also know these tests.
+/// If Rust tests use shaders, tests beside these shaders run with them. After this run, other commands also find these
+/// tests.
 // Lesson 186
 #[test]
 fn tests_beside_shaders_that_rust_tests_use_are_run() {
@@ -151,7 +152,7 @@ fn a_folder_that_no_test_uses_fails_no_run() {
     assert_eq!(run(folder.path(), &["check"]).code, Some(1));
 }
 
-/// Karat runs the tests beside a module, for any name of their folder.
+/// Karat runs the tests beside a module in any folder, even in a folder called `target`.
 // Lesson 187
 #[test]
 fn each_folder_of_modules_has_its_tests() {
@@ -260,7 +261,7 @@ fn declared_tests_outside_of_shaders_are_reported() {
     }
 }
 
-/// A second folder isn't a filter, even if tests have its name in their names.
+/// Karat doesn't use a second argument as a filter if a file or folder has this name. Instead, Karat reports an error.
 #[test]
 fn a_second_folder_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -54,7 +54,7 @@ fn a_list_after_a_part_of_the_tests_says_so() {
     assert!(part.contains("only `lambert` ran last time"), "{part}");
 }
 
-/// If a declaration is so wrong that no check can start, each report has an error with the line of its key.
+/// If a wrong key in a declaration keeps a test from starting, each report has an error with the key's line.
 #[test]
 fn a_test_that_cannot_begin_is_in_each_report() {
     let folder = folder();
@@ -263,7 +263,7 @@ fn planted_faults_turn_each_assertion_red() {
     }
 }
 
-/// The tested functions use derivatives, write, have overrides, or read data from a file.
+/// The tested functions use derivatives, write into buffers, use overrides, or use a buffer with data from a file.
 // Lesson 132
 #[test]
 fn declared_tests_of_each_kind_run() {
@@ -580,7 +580,7 @@ fn tests_that_are_counted_together_have_their_own_verdicts() {
     );
 }
 
-/// Karat removes tests from a shader that other modules import or that it validates.
+/// Karat removes the tests from a module before the module is listed, validated, shown or drawn.
 #[test]
 fn tests_are_stripped_from_what_is_drawn_and_listed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -613,8 +613,8 @@ fn a_runaway_test_is_stopped() {
     assert!(ran.out.contains("11 checks, 1 failed"), "{}", ran.out);
 }
 
-/// After a run in the folder `shaders`, commands find its record, goldens and failures from the parent folder without
-/// naming `shaders`.
+/// After a run in the folder `shaders`, commands in the parent folder find the run's record, goldens and failures, even
+/// if the commands don't name `shaders`.
 #[test]
 fn pending_and_goldens_are_found_from_the_parent_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -771,7 +771,7 @@ fn declared_values_are_compared_with_their_golden() {
     assert!(golden.is_file() && !folder.join("golden/tone/other.csv").exists());
 }
 
-/// The report names targets that the frame draws and the test doesn't compare. A test can compare them.
+/// If a test doesn't compare a target that the frame draws, the message says how to compare this target.
 #[test]
 fn declared_frames_have_targets_formats_and_overrides() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -905,8 +905,8 @@ fn merged_records_of_another_runner_equal_its_whole_run() {
     assert!(twice.code == Some(2) && twice.err.contains("`p1` isn't empty"), "{twice:?}");
 }
 
-/// The tests of a folder are only a part of a Cargo project's tests, so a command that judges goldens by the run
-/// refuses.
+/// The tests of a folder are only a part of a Cargo project's tests, so `karat unreferenced` refuses to judge the
+/// project's goldens by such a run.
 #[test]
 fn a_run_of_one_folder_of_a_cargo_project_is_incomplete() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -926,7 +926,7 @@ fn a_run_of_one_folder_of_a_cargo_project_is_incomplete() {
     assert!(refused.contains("the last run ran only some tests (`shaders`)"), "{refused}");
 }
 
-/// If a test sets a tolerance for integers, the message explains why it has no effect.
+/// If a test sets a tolerance for integers, the message explains why the tolerance has no effect.
 #[test]
 fn integers_have_no_tolerance() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -396,7 +396,8 @@ fn overrides_have_values_in_the_matrix() {
     assert!(error.contains("write NAME=VALUE"), "{error}");
 }
 
-/// The matrix of one file on some columns: its JSON and the other output.
+/// Runs `karat matrix` on one file, for those of the given columns that run on this machine. Returns the matrix as
+/// JSON, and the output for people.
 #[cfg(target_os = "linux")]
 fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -425,8 +426,8 @@ fn a_panic_of_naga_is_a_finding() {
     assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
 }
 
-/// A shader with accesses outside of arrays, vectors and textures. For an access outside, a driver clamps the index,
-/// reads 0, or does something else.
+/// A shader with accesses outside of arrays, vectors and textures. For such an access, a driver clamps the index, reads
+/// 0, or does something else.
 #[cfg(target_os = "linux")]
 const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
     fn element(c: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[c % 4u]; }\n\
@@ -480,7 +481,8 @@ fn a_wrong_defined_result_beside_an_open_one_fails() {
     }
 }
 
-/// A buffer has an element for each invocation. A one-dimensional texture has one level.
+/// Each buffer that the matrix generates has an element for each invocation. A generated one-dimensional texture has
+/// only one mip level.
 // Lesson 157
 #[cfg(target_os = "linux")]
 #[test]
@@ -501,7 +503,7 @@ fn generated_buffers_and_textures_of_the_matrix_are_valid_to_bind() {
     }
 }
 
-/// naga's WGSL has no `@align`, and the engine reads the author's WGSL instead.
+/// The WGSL that naga writes lacks `@align`, so the engine reads the author's WGSL.
 // Lesson 158
 #[cfg(target_os = "linux")]
 #[test]
@@ -685,7 +687,7 @@ fn required_columns_decide_the_exit_code() {
     assert!(twice.error().contains("`vulkan` is named twice"));
 }
 
-/// A matrix that compared nothing is no verdict. Karat refuses an output that would overwrite an input.
+/// A matrix that compares nothing fails. Karat refuses an output that would overwrite an input.
 // Lesson 89
 #[cfg(target_os = "linux")]
 #[test]
@@ -791,8 +793,8 @@ fn tests_judge_the_functions_that_they_have() {
     assert!(stale.err.contains("no test of the last run checked these functions"), "{stale:?}");
 }
 
-/// Tests with planted faults after naga's translation. A fake compiler changes its input or output. Karat finds each
-/// fault with the right status, and only in its column.
+/// Tests with planted faults: a fake compiler changes naga's translation before compiling, or changes its own output.
+/// Karat reports each fault with the right status, and only in the column that uses this compiler.
 #[cfg(target_os = "linux")]
 mod planted {
     use std::os::unix::fs::PermissionsExt;
@@ -810,7 +812,8 @@ mod planted {
         })
     }
 
-    /// The matrix with a glslang that runs these commands before and after its work. The matrix has a finding.
+    /// Returns the JSON of a matrix that has one wrong cell. A script runs the shell commands `before`, then glslang,
+    /// then the shell commands `after`.
     fn with_glslang(before: &str, after: &str) -> serde_json::Value {
         let ran = run_with_glslang(&shaders(), before, after, &["--json"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -821,8 +824,8 @@ mod planted {
         json(&ran.out)
     }
 
-    /// Debian has no package of Microsoft's compiler. A script reads its arguments and runs glslang. This tests the
-    /// route, not the compiler.
+    /// Debian has no package of Microsoft's compiler. So a script replaces this compiler: it reads the compiler's
+    /// arguments and runs glslang. This tests the arguments, not the compiler.
     #[test]
     fn dxc_gets_the_arguments_that_dxc_needs() {
         let folder = shaders();
@@ -1033,7 +1036,7 @@ mod planted {
         assert!(ran.contains("not checked: 1 declared failures"), "{ran}");
     }
 
-    /// A declared difference must occur, in a row that exists.
+    /// It is an error if a declared difference doesn't occur, or names a row that doesn't exist.
     // Lesson 85
     #[test]
     fn a_declared_difference_must_occur() {

@@ -10,7 +10,7 @@ enum Step<'p> {
     Block {
         language: &'p str,
         text: &'p str,
-        /// The line above the block. It is empty if another block is above.
+        /// The line above the block. This line is empty if another block is directly above.
         above: &'p str,
     },
 }
@@ -75,7 +75,8 @@ fn run(folder: &FilePath, line: &str, paths: &str) -> Option<String> {
     Some(ran.out + &ran.err)
 }
 
-/// Functions run on Karat's engine. All commands from the frame on run on Vulkan.
+/// The commands of the first sections run on Karat's engine. From the section about frames on, all commands run on
+/// Vulkan.
 // Lesson 137
 // Lesson 211
 #[test]

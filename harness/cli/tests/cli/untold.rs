@@ -234,8 +234,8 @@ fn tests_of_a_killed_process_are_named() {
     assert!(failed.contains("stays_within") && failed.contains("1 check, 0 failed"), "{failed}");
 }
 
-/// Commands without a folder use the last tested folder, for any name of the folder. These commands print file names
-/// relative to the working directory.
+/// `karat report` and `karat replay` without a folder use the last tested folder, even if it isn't called `shaders`.
+/// These commands print file names relative to the working directory.
 #[test]
 fn report_and_replay_find_the_last_tested_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
@@ -264,7 +264,7 @@ fn exact_names_are_exact() {
     assert!(near.contains("none of 1 test is called `in_range`"), "{near}");
 }
 
-/// If a golden of values has other rows than the test, no case fails, but the table shows the failure.
+/// If a golden of values has other arguments than the test, no case fails, but the table of results shows the failure.
 #[test]
 fn a_golden_with_other_rows_fails_in_the_table() {
     let golden = "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\ncases = 20\ngolden = \"f\"\n\
@@ -280,7 +280,8 @@ fn a_golden_with_other_rows_fails_in_the_table() {
     assert!(ran.code == Some(1) && row.is_some_and(|row| row.contains("FAIL")), "{ran:?}");
 }
 
-/// If a test has only one case, Karat doesn't store the case, because it runs anyway.
+/// If a test has only one case, Karat doesn't store this case as a failure to try again, because every run tries the
+/// case.
 #[test]
 fn a_test_without_arguments_fails_once() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
@@ -292,7 +293,8 @@ fn a_test_without_arguments_fails_once() {
     }
 }
 
-/// The settings of a folder apply to all modules that its tests in WGSL import, as for its declared tests.
+/// The settings of a folder apply to all modules that its tests in WGSL import, as they do for the folder's declared
+/// tests.
 #[test]
 fn features_reach_what_a_test_in_wgsl_imports() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -374,7 +376,8 @@ fn a_folder_whose_tests_all_have_a_condition_says_so() {
     test(folder.path(), &["--feature", "fast"]).good();
 }
 
-/// A record from a run in the parent folder has right file names in the inner folder.
+/// If a run in the parent folder wrote the record, `karat report` in the inner folder prints file names relative to the
+/// inner folder.
 #[test]
 fn a_record_has_correct_places_from_a_subfolder() {
     let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
@@ -393,7 +396,7 @@ fn a_record_has_correct_places_from_a_subfolder() {
     assert!(listed.lines().any(|line| line.contains("a::f") && line.contains("yes")), "{listed}");
 }
 
-/// Commands without a folder use `shaders`, for any folder of the last run.
+/// `karat check` without a folder uses `shaders`, even if the last run tested another folder.
 #[test]
 fn a_run_of_another_folder_does_not_change_the_default_folder() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);

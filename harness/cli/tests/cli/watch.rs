@@ -202,7 +202,7 @@ fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     watch.until("cpu: 2 tests pass");
 }
 
-/// If a path can't judge a test, Karat reports this. Such a test neither passes nor fails.
+/// If a test can't run on a path, Karat reports this. On this path, the test neither passes nor fails.
 #[test]
 fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -231,7 +231,7 @@ fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     assert!(once("cpu,vulkan").good().contains("vulkan: 1 test passes"));
 }
 
-/// A program that expands modules may print another module after any edit.
+/// After an edit of any file, a program that expands modules may print a different text.
 #[cfg(unix)]
 #[test]
 fn watch_reruns_after_an_edit_of_the_preprocessor_or_its_files() {
@@ -378,8 +378,8 @@ fn wakes_once(manifest: &str, end: &str) {
     assert!(verdicts.count() <= 3, "{manifest}{end}: {told}");
 }
 
-/// Karat doesn't know the files that a Rust test reads, so each file counts, except for files that the test writes in
-/// each run.
+/// Karat doesn't know the files that a Rust test reads, so an edit of any file starts the test again, unless each run
+/// of the test writes this file.
 // Lesson 192
 #[test]
 fn an_edit_of_any_file_runs_rust_tests() {

@@ -233,7 +233,7 @@ fn a_pending_frame_is_accepted() {
     assert!(below.join("room/dusk.exr").is_file());
 }
 
-/// On a terminal without commands, the output is a list of lines.
+/// On a terminal that can't move its cursor (`TERM=dumb`), the output is a list of lines.
 #[test]
 fn a_dumb_terminal_has_lines() {
     let mut terminal = Terminal::with(80, &[("TERM", "dumb")]);

@@ -1,6 +1,6 @@
-//! Tests the files for CI systems: workflows, an action for GitHub, and a template for GitLab. Without a runner, the
-//! tests read the steps, parse their shell scripts, and run the scripts that need no network. On Windows `PATH` may
-//! begin with another `bash`.
+//! Tests the files for CI systems: workflows, an action for GitHub, and a template for GitLab. The tests use no CI
+//! runner: they read the steps, parse the steps' shell scripts, and run the scripts that need no network. The tests
+//! don't run on Windows, where the first `bash` in `PATH` may be another program.
 
 use yaml_rust2::{Yaml, YamlLoader};
 
@@ -169,7 +169,7 @@ fn runner(script: &str, folder: &FilePath) -> Command {
     shell
 }
 
-/// The action's step runs a folder of tests. If a test fails, GitHub gets an annotation with the path in the
+/// The action's step runs a folder of tests. If a test fails, GitHub gets an annotation with the file's path in the
 /// repository.
 // Lesson 135
 #[test]
@@ -199,7 +199,7 @@ fn the_step_of_the_action_runs_tests() {
     assert_eq!(output(command.env("HOME", repository.path())).code, Some(1));
 }
 
-/// The name of the build depends only on the sources.
+/// The hash by which the action names a cached build depends only on Karat's sources.
 #[test]
 fn the_build_of_the_action_is_named_by_its_sources() {
     let script = step("Sources");

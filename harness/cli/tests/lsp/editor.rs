@@ -169,7 +169,7 @@ impl Editor {
         self.said.iter().find(|said| said.contains(part)).cloned().unwrap_or_default()
     }
 
-    /// Waits for a call of a method that changes nothing on the screen.
+    /// Waits until the server has sent a message with this method. Such messages show the user nothing.
     pub(crate) fn wait_heard(&mut self, method: &str) {
         let has = |editor: &Self| editor.heard.iter().any(|heard| heard == method);
         if !has(self) {

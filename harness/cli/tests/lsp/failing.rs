@@ -1,4 +1,5 @@
-//! Tests the diagnostics of failing checks: of tests without Rust after each save, and of the last run.
+//! Tests the diagnostics of failing checks. After each save, the server runs the tests without Rust. For Rust tests, it
+//! uses the record of the last run.
 
 use serde_json::{Value, json};
 
@@ -114,7 +115,8 @@ fn an_unrelated_edit_keeps_the_verdicts_in_the_editor() {
     editor.wait(FILE, |all| all.len() == 1);
 }
 
-/// If a file is saved while tests run, Karat judges it after they end. Then no diagnostics of the earlier run remain.
+/// If a file is saved while tests run, Karat tests the file again after this run. Then no diagnostics of the earlier
+/// run remain.
 #[test]
 fn a_save_while_tests_run_is_judged_after_them() {
     let folder = folder();
@@ -134,7 +136,8 @@ fn a_save_while_tests_run_is_judged_after_them() {
     assert!(told(&shown[0]).2.contains("saw 0.75"), "{shown:?}");
 }
 
-/// Another program edits a file. The error of an unreadable test is shown at its line.
+/// Another program edits a file. If the file then declares an unreadable test, the editor shows the error at the line
+/// of this test.
 #[test]
 fn files_that_no_editor_has_open_are_followed() {
     let folder = folder();
@@ -155,7 +158,7 @@ fn files_that_no_editor_has_open_are_followed() {
     editor.wait(FILE, <[_]>::is_empty);
 }
 
-/// The diagnostics of a run in a terminal have the name that `karat replay` accepts.
+/// After a run in a terminal, the editor's diagnostics have the name that `karat replay` accepts.
 #[test]
 fn failures_in_the_editor_have_their_replay_names() {
     let folder = folder();

@@ -1,4 +1,4 @@
-//! Tests the lenses beside functions, and the tests that they run.
+//! Tests the lenses beside functions, and that a lens runs the right tests.
 
 use serde_json::json;
 use tempfile::TempDir;
@@ -87,8 +87,8 @@ fn a_lens_that_cannot_run_says_why() {
     }
 }
 
-/// A Cargo project with two Rust tests. They write a record as Karat's checks do, but don't compile Karat, because
-/// these tests only examine which tests run.
+/// A Cargo project with two Rust tests. The Rust tests write a record as Karat's checks do, but don't depend on the
+/// crate `karat`, which would take long to compile.
 fn in_rust() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(

@@ -22,7 +22,7 @@ use program::program;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// The end of each last line in these tests, because they don't run Tint.
+/// The end of the last line that each command prints in these tests, because the tests run without Tint.
 const UNASKED: &str = "; Tint wasn't asked: KARAT_TINT=off";
 
 const CALC: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\n\

@@ -164,7 +164,8 @@ fn failing_areas_are_outlined_and_single_pixels_enlarged() {
     assert_eq!(browser.value(&tab, sizes), json!([]), "the golden itself fails nowhere");
 }
 
-/// Many single pixels share a few outlines. Otherwise the outlines would hide the image.
+/// If many scattered pixels fail, the page puts them into a few outlines. An outline for each pixel would hide the
+/// image.
 #[test]
 fn noise_has_few_outlines() {
     let project = Project::new();

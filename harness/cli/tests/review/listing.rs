@@ -147,7 +147,8 @@ fn several_frames_are_accepted_with_one_reason() {
     assert!(!project.pending("d-new").exists() && !project.pending("e-nan").exists());
 }
 
-/// If some of several decisions are refused, the page reports them, and carries out the others.
+/// If the server refuses some of several decisions, the page reports the refused decisions, and the server carries out
+/// all others.
 #[test]
 fn refused_frames_stay_pending() {
     let project = various();

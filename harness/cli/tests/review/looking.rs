@@ -423,7 +423,7 @@ fn the_page_shows_the_parts_maps_and_gates_of_the_data() {
     );
 }
 
-/// The map has scalars over its whole range, and pixels without a value.
+/// A map's colours cover the map's range of numbers, and pixels without a value are black.
 #[test]
 fn a_map_has_its_range_and_holes() {
     let project = Project::with_tiny();

@@ -1,5 +1,5 @@
-//! Tests the server without a browser: the server refuses requests that don't come from its own page, and no refused or
-//! reading request changes a file.
+//! Tests the server without a browser: the server refuses requests that don't come from its own page. Neither a refused
+//! request nor a request that only reads changes a file.
 
 use serde_json::json;
 

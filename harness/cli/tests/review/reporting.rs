@@ -8,7 +8,7 @@ use crate::browser::Browser;
 use crate::faults::fault;
 use crate::project::Project;
 
-/// Writes a record of two functions. One fails, and has two arguments.
+/// Writes a record of two functions. One of the functions fails, and has two arguments.
 fn record(folder: &Path) {
     let line = |name: &str, fails: bool| {
         let ratio = |x: f64, y: f64| if fails { 40.0 * x * y } else { 0.1 };

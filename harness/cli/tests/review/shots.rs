@@ -172,7 +172,7 @@ fn every_width_is_drawn() {
     shoot(&mut browser, &tab, "edition-touch-below-390");
 }
 
-/// Draws the origin of cases: a repository with a record, goldens, and functions that fail.
+/// Draws the page's view of a frame's origin, for a repository with a record, goldens, and functions that fail.
 #[test]
 #[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn origins_are_drawn() {

@@ -1,5 +1,5 @@
-//! Tests the origin of a case: its test, the changes since its golden, and the golden's versions. Also tests functions
-//! that fail, and goldens without a pending frame.
+//! Tests the page's view of a frame's origin: the frame's test, the changes since its golden, and the golden's
+//! versions. Also tests functions that fail, and goldens without a pending frame.
 
 use karat::Image;
 use karat::unstable::record::FileRead;
@@ -356,7 +356,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     assert!(!report.join(format!("data/0-{}.js", commits[0])).exists());
 }
 
-/// A report contains only as many older versions as fit.
+/// A report contains only as many older versions of goldens as fit into the report's size limit.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_leave_a_report_small() {

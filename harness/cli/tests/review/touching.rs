@@ -38,7 +38,8 @@ fn the_page_fits_narrow_touch_screens_with_large_buttons() {
     }
 }
 
-/// On a telephone, the toolbar is one line with views that scroll. A person can unfold the toolbar's other parts.
+/// On a telephone, the toolbar is one line, in which the buttons of the views scroll sideways. A person can unfold the
+/// toolbar's other parts.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn the_toolbar_is_one_line_on_a_telephone() {

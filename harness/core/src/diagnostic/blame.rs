@@ -1,4 +1,4 @@
-//! The cause of a failure: the position that an author must look at and edit.
+//! The cause of a failure: the place in the shader or in the test that the author must edit.
 
 use super::Diagnostic;
 
@@ -17,7 +17,7 @@ use super::Diagnostic;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Blame<'f> {
-    /// The message about the shader, if there is one.
+    /// The message about an error in the shader, if the shader has an error.
     pub message: Option<&'f Diagnostic>,
     /// The position of the cause.
     pub at: At<'f>,
@@ -28,9 +28,10 @@ pub struct Blame<'f> {
 pub enum At<'f> {
     /// The failure's text already names the position: a function, or a line of a shader.
     Text,
-    /// A setting of the test: the first of these settings that the test has, or the whole test if it has none of them.
+    /// A list of settings. The cause is the first setting of this list that the test sets, or the whole test if the
+    /// test sets none of them.
     Setting(&'f [&'static str]),
-    /// The setting that names this missing entry point.
+    /// The cause is the setting that names this entry point, which doesn't exist.
     EntryPoint(&'f str),
 }
 
@@ -41,33 +42,34 @@ pub trait Blamed {
 }
 
 impl<'f> Blame<'f> {
-    /// The test as a whole is the cause.
+    /// The cause is the whole test, not one of its settings.
     pub const TEST: Self = Self::setting(&[]);
 
-    /// The values that a function returns are the cause.
+    /// The cause is a function that returns wrong values.
     pub const VALUES: Self = Self { message: None, at: At::Text };
 
-    /// The first of these settings that the test has is the cause.
+    /// Makes a cause from a list of settings: the cause is the first setting of the list that the test sets.
     #[must_use]
     pub const fn setting(setting: &'f [&'static str]) -> Self {
         Self { message: None, at: At::Setting(setting) }
     }
 
-    /// The setting that names a missing entry point is the cause.
+    /// Makes a cause from the name of an entry point that doesn't exist: the cause is the setting that contains this
+    /// name.
     #[must_use]
     pub const fn entry_point(name: &'f str) -> Self {
         Self { message: None, at: At::EntryPoint(name) }
     }
 
-    /// A message about the shader is the cause. If the message has no position, the first of these settings that the
-    /// test has is the cause.
+    /// Makes a cause from a message about the shader: the cause is the message's position in the shader. If the message
+    /// has no position, the cause is the first setting of the list that the test sets.
     #[must_use]
     pub fn of(message: Option<&'f Diagnostic>, setting: &'static [&'static str]) -> Self {
         let is_placed = message.is_some_and(|found| found.location().is_some());
         Self { message, at: if is_placed { At::Text } else { At::Setting(setting) } }
     }
 
-    /// If the test as a whole is the cause, replaces this cause by the first of these settings that the test has.
+    /// If the cause is the whole test, replaces this cause by the first setting of the list that the test sets.
     #[must_use]
     pub fn or(self, setting: &'static [&'static str]) -> Self {
         match self.at {

@@ -9,7 +9,7 @@ use codespan_reporting::files::{Error, Files};
 use super::SourceFile;
 use crate::output::visible;
 
-/// The number of columns of a line that are shown around a position. Longer lines are cut.
+/// The number of columns that are shown of a line. A longer line is cut around the position of the error.
 const WIDTH: usize = 100;
 /// The number of columns that are shown before the position, if the text after the position is long enough.
 const BEFORE: usize = 40;
@@ -28,7 +28,8 @@ pub(super) struct Excerpt<'a> {
 }
 
 impl<'a> Excerpt<'a> {
-    /// Makes the excerpt of a file. A message points at `places`.
+    /// Makes the excerpt of a file for a message about the byte ranges `places`. Long lines are cut around these
+    /// ranges.
     pub(super) fn new(file: &'a SourceFile, places: &[Range<usize>]) -> Self {
         let mut excerpt =
             Self { file, text: String::new(), changes: Vec::new(), lines: Vec::new() };

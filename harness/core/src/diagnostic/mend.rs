@@ -1,4 +1,4 @@
-//! Lines of `karat.toml` that fix a package.
+//! Lines of `karat.toml` that may fix an invalid package.
 
 /// A line in a package's `karat.toml` that may fix the problem of a [`Diagnostic`](super::Diagnostic).
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -13,13 +13,13 @@ pub enum Mend {
     Value(String),
     /// An import is missing: another module declares the name. The text is a sentence that names this module.
     Elsewhere(String),
-    /// An undeclared name in capitals. It may be a macro, which needs a value in `[values]`.
+    /// A name in capitals that no module declares. This name may be a macro, which needs a value in `[values]`.
     Undeclared(String),
-    /// A value in `[values]` that may be empty. It replaces a placeholder on a line of its own, or a macro before
-    /// brackets.
+    /// A placeholder on a line of its own, or a macro before brackets. The name needs a value in `[values]`, which may
+    /// be empty.
     Text(String),
-    /// A package in `[dependencies]` from which modules import.
+    /// A package from which modules import, and which `[dependencies]` must name.
     Dependency(String),
-    /// A program in `preprocess` that expands the modules.
+    /// The modules need a program in `preprocess` that expands them.
     Preprocess,
 }

@@ -24,8 +24,8 @@ use crate::value::{Scalar, Shape, Shareable, format_lane};
 const TIES: u64 = 8;
 
 /// Makes a float close to a given float: the difference is the given float times 2^-8 to 2^-23. The subtraction of such
-/// floats loses digits. Such pairs of floats show faults in variances and gradients, which lose digits only for such
-/// values. For an integer, the result is the given integer or the next larger integer.
+/// floats loses digits. A test needs such floats to find the lost digits of variances and gradients. For an integer,
+/// the result is the given integer or the next larger integer.
 fn nearly(word: u32, source: &mut Source) -> u32 {
     let like = f32::from_bits(word);
     let bits = source.bits();
@@ -536,9 +536,9 @@ impl Dynamic {
         Self { parts, owners, names, shapes, edges, relations: Vec::new(), filter: None }
     }
 
-    /// Makes the vector in `lanes` perpendicular to other vectors. These begin at the lanes `to`, and have the same
-    /// number of components. Add a relation after the relations of the vectors on which it depends, and before a
-    /// filter.
+    /// Makes the vector in `lanes` perpendicular to other vectors. The other vectors begin at the lanes `to`, and have
+    /// as many components as this vector. If one of the other vectors is made perpendicular, too, call this function
+    /// for that vector first. Add a filter after all these calls.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};

@@ -1,4 +1,4 @@
-//! The values of a type that implementations treat specially.
+//! Edge cases: values such as 0 and the largest float, which code often treats specially.
 
 use super::{Domain, Origin, Shrinkable, Source, shrink};
 
@@ -50,8 +50,8 @@ impl Edges<f32> {
     }
 
     /// Adds both infinities and a quiet NaN, for functions that promise a result for them. Use these values with
-    /// `Check::satisfies`, because a reference must be finite. WGSL lets implementations assume that such values don't
-    /// occur.
+    /// `Check::satisfies`, because a reference must be finite. But WGSL lets implementations assume that infinities and
+    /// NaN don't occur.
     ///
     /// ```
     /// use karat::{Domain, Edges};

@@ -38,7 +38,7 @@ impl Emptiness {
         Self { part: Some(part), ..self }
     }
 
-    /// Removes the number of the part, for a domain that makes its values from a tuple.
+    /// Removes the index of the tuple's part. Domains that make other values from a tuple call this function.
     pub(super) fn apart(self) -> Self {
         Self { part: None, ..self }
     }

@@ -25,9 +25,9 @@ impl Perpendicular {
         lanes.iter().map(|word| f64::from(f32::from_bits(*word))).collect()
     }
 
-    /// Orthogonal directions that span the other vectors. A zero vector adds no direction. `None` if a vector isn't
-    /// finite, or if two vectors are almost parallel: then a vector perpendicular to both would have few correct
-    /// digits.
+    /// Returns orthogonal unit vectors that span the same space as the other vectors. A zero vector adds nothing.
+    /// `None` if a vector isn't finite, or if two vectors are almost parallel: then a vector perpendicular to both
+    /// would have few correct digits.
     fn others(&self, row: &[u32]) -> Option<Vec<Vec<f64>>> {
         let mut all: Vec<Vec<f64>> = Vec::new();
         for first in &self.to {
@@ -47,8 +47,8 @@ impl Perpendicular {
         Some(all)
     }
 
-    /// Turns the vector as little as possible. Returns `false` if no vector is perpendicular to all the others, or if a
-    /// vector isn't finite.
+    /// Makes the vector perpendicular to the other vectors, with the smallest possible turn. Returns `false` if no
+    /// vector is perpendicular to all the others, or if a vector isn't finite.
     pub(super) fn settle(&self, row: &mut [u32]) -> bool {
         let Some(others) = self.others(row) else { return false };
         let own = self.vector(row, self.lanes.start);

@@ -24,7 +24,8 @@ impl Domain for () {
     }
 }
 
-/// Expands to `$value`. A macro mentions `$index` only to repeat `$value` for each component.
+/// Expands to `$value`. A repetition in a macro must use a variable such as `$index`: `$(at!($index, x)),+` repeats `x`
+/// for each component.
 macro_rules! at {
     ($index:tt, $value:expr) => {
         $value
@@ -263,17 +264,18 @@ fn roots(ties: &[Tie]) -> Vec<usize> {
     roots
 }
 
-/// The parts of a tuple. Each of them can be simplified.
+/// The parts of a tuple, with the simpler values of each part.
 #[doc(hidden)]
 pub trait Parts<'a> {
     type Value;
-    /// The tuple from its parts. In the simplest tuple, all parts have their simplest values. In the other simpler
-    /// tuples, one part is simpler.
+    /// Makes the tuple from its parts. The simplest of its simpler values has the simplest value of each part. In the
+    /// other simpler values, only one part is simpler.
     fn whole(self) -> Shrinkable<'a, Self::Value>;
 }
 
-/// For each case, the index of each part's edge. First come all combinations of the first edges, with as many edges of
-/// each part as the limit allows. Then comes each remaining edge, with varying edges of the other parts.
+/// Returns an array for each case. The array has an index for each part: the position of an edge in the part's list of
+/// edges. First come all combinations of the first edges, with as many edges of each part as the limit allows. Then
+/// comes each remaining edge, with varying edges of the other parts.
 fn combinations<const N: usize>(lengths: [usize; N]) -> impl Iterator<Item = [usize; N]> {
     let product = |most: usize| -> usize {
         lengths.iter().map(|length| *length.min(&most)).fold(1, usize::saturating_mul)

@@ -21,7 +21,8 @@ impl Domain for RangeInclusive<f32> {
     /// Of 16 samples, 1 is an end, 3 are at a logarithmic distance from an end, 1 is a landmark in the range (0, 1,
     /// 1/2, ...), and 11 are uniform. If 0 is inside the range, it counts as an end of the negative and of the positive
     /// part. Then 4 of the 11 samples are at a logarithmic distance from 0. Two of these 4 samples use the size of the
-    /// range as the scale. The other two use the scale 1, because most sums have their last digits there.
+    /// range as the scale. The other two use the scale 1, because shaders often add a small number to a number of about
+    /// 1.
     fn draw(&self, source: &mut Source) -> Option<f32> {
         let (start, end) = (*self.start(), *self.end());
         let (low, high) = (f64::from(start), f64::from(end));
@@ -213,7 +214,7 @@ mod tests {
         }
     }
 
-    /// A sum with 1 loses the digits of numbers down to 2^-24, also if the range is wide.
+    /// Samples near 0 go down to 2^-24, even in a wide range: for smaller numbers, a sum with 1 is 1.
     #[test]
     fn a_zero_inside_is_drawn_on_every_scale() {
         let within = |range: &RangeInclusive<f32>, least: f32, most: f32| {

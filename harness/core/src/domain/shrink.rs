@@ -60,7 +60,7 @@ impl<T: std::fmt::Debug> std::fmt::Debug for Shrinkable<'_, T> {
 }
 
 impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
-    /// Makes a value whose simpler values `simpler` lists, the simplest first.
+    /// Makes a value. `simpler` returns the list of its simpler values, the simplest first.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -141,8 +141,8 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     }
 }
 
-/// A measure of how complicated a float is to read. It compares the decimal digits and the exponent first, then the
-/// sign, the significant bits, and the size.
+/// A measure of how complicated a float is to read. The decimal digits and the exponent count most, then the sign, the
+/// significant bits, and the size.
 pub(super) fn float_complexity(value: f32) -> u64 {
     let negative = u64::from(value.is_sign_negative());
     if value == 0.0 {

@@ -87,9 +87,9 @@ fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, u
     pairs(types, ties, usize::try_from(index).ok()?).1
 }
 
-/// Counts the pairs of components of the same type in which the second component has no tie yet, and returns the pair
-/// with the index `wanted`. The function runs for one sample in eight, so it is a plain loop, which is fast even with
-/// few optimisations.
+/// Returns the number of pairs of components of the same type in which the second component has no tie yet, and the
+/// pair with the index `wanted`. The function runs for one sample in eight, so it is a plain loop, which is fast even
+/// with few optimisations.
 fn pairs(types: &[TypeId], ties: &[Tie], wanted: usize) -> (usize, Option<(usize, usize)>) {
     let (mut count, mut found) = (0, None);
     for from in 0..types.len() {
@@ -131,9 +131,9 @@ impl Tie {
         self.of_related(domain, from, again)
     }
 
-    /// The value that keeps the tie after `from` was simplified. A mapped domain can't check if it has this value. If
-    /// the tie is an equality, the function then returns `simpler`, the component's own simpler value at the same
-    /// index.
+    /// The value that the tie makes from the simplified value `from`. A mapped domain can't check if it has this value.
+    /// For such a domain, the function returns `simpler` if the tie is an equality: this is the component's own simpler
+    /// value at the same index.
     pub(super) fn simpler<'a, D: Domain>(
         &self,
         domain: &'a D,
@@ -197,8 +197,8 @@ fn opposite(value: &dyn Any) -> Option<Box<dyn Any>> {
     floats(value, |floats| floats.iter_mut().for_each(|float| *float = 0.0 - *float))
 }
 
-/// A value at a small random distance from `value`. The distance can have each binade down to the last bit. A unit
-/// vector stays a unit vector.
+/// A value at a small random distance from `value`. The distance lies between the size of the value and the size of its
+/// last bit, and its logarithm is uniform. A unit vector stays a unit vector.
 fn near(value: &dyn Any, source: &mut Source) -> Option<Box<dyn Any>> {
     let up = source.bits() & 1 == 0;
     if let Some(value) = value.downcast_ref::<i32>() {

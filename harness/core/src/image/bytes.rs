@@ -11,8 +11,8 @@ use crate::diagnostic::shown;
 pub(super) const LONGEST_SIDE: u32 = 16_384;
 /// The largest memory for the pixels of a file, and the length of the longest file that Karat reads.
 pub(super) const LARGEST_DECODED: u64 = 512 << 20;
-/// The largest ratio of an image's pixels to its file, in bytes. Deflate reaches 1032:1 on constant images, so a file
-/// with a larger ratio than this isn't an image.
+/// The largest ratio of the size of an image's pixels to the size of its file, both in bytes. Deflate reaches 1032:1 on
+/// constant images, so a file with a larger ratio than this isn't an image.
 pub(super) const LARGEST_RATIO: u64 = 2000;
 
 /// The first bytes of formats that people often rename to `.exr` or `.png`.

@@ -34,7 +34,7 @@ use super::{Image, ImageError, ImageFormat};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
-    /// 16-bit floats, with relative steps of 2^-11 = 4.9e-4.
+    /// 16-bit floats, with relative rounding errors of at most 2^-11 = 4.9e-4.
     Half,
     /// 32-bit floats.
     Float,
@@ -105,12 +105,12 @@ impl ExrFile {
 
     /// Reads all parts that contain colours or greys. The function skips other parts (depth, normals).
     ///
-    /// From each part, the function reads the channels R, G, B and A, or Y and A. The function prefers colours to
-    /// greys, and channels without a layer to channels of a layer (`beauty.R`). If the channel A is missing, alpha
-    /// is 1. Y is copied to R, G and B. Samples may be 16-bit or 32-bit floats or 32-bit unsigned integers, and become
-    /// `f32`. The image is the part's data window, wherever it is in the display window. If a part has several levels,
-    /// the function reads the largest. The function doesn't convert values to other
-    /// [`chromaticities`](Self::chromaticities).
+    /// From each part, the function reads the channels R, G, B and A, or Y and A. If a part has several sets of
+    /// channels, the function prefers colours to greys, and channels without a layer (`R`) to channels of a layer
+    /// (`beauty.R`). If the channel A is missing, alpha is 1. Y is copied to R, G and B. Samples may be 16-bit or
+    /// 32-bit floats or 32-bit unsigned integers, and become `f32`. The image is the part's data window, wherever it is
+    /// in the display window. If a part has several levels, the function reads the largest. The function doesn't
+    /// convert values to other [`chromaticities`](Self::chromaticities).
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -180,7 +180,7 @@ impl ExrFile {
     }
 
     /// The primaries of a file's colours: the CIE x and y of red, green, blue and white, for the part that
-    /// [`Image::read_exr`] reads. [`Self::BT709`] if the file has no primaries.
+    /// [`Image::read_exr`] reads. Returns [`Self::BT709`] if the file has no primaries.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;

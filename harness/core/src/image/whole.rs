@@ -48,7 +48,7 @@ pub fn append_line(folder: &Path, ending: &str, line: &str) {
 /// A file that was written under a temporary name, and isn't renamed yet. If this value is dropped before the rename,
 /// the file is removed.
 ///
-/// The file stays locked while its writer has it: see [`is_leftover`].
+/// The temporary file stays locked while this value exists, so [`is_leftover`] returns `false` for the file.
 #[derive(Debug)]
 #[doc(hidden)]
 pub struct Staged<'a> {
@@ -84,7 +84,7 @@ impl Drop for Staged<'_> {
     }
 }
 
-/// Makes a new, locked file in the same folder. No other thread or process uses its name.
+/// Makes and locks a new temporary file in the folder of `path`. No other thread or process uses the name of this file.
 fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = path
@@ -113,7 +113,7 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
 }
 
 /// Checks if a file is a temporary file of a golden, a frame or their provenance, and the process that wrote it ended
-/// before the rename. Other files don't have such names.
+/// before the rename. No other files have names of this form.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;

@@ -8,9 +8,9 @@ use crate::image::luminance;
 /// A range of exposures, in stops: an exposure of `e` multiplies linear colours by 2^e.
 ///
 /// At the darkest exposure, the golden's highlights have 0.85 of a display's white. At the brightest exposure, the
-/// golden's median luminance has this value (Andersson et al. 2021, section 3.2). There are two differences from the
-/// paper. First, highlights are the 99.9th percentile instead of the maximum, because one firefly can move the maximum
-/// by six stops. Second, black pixels don't count, because they may be the majority.
+/// golden's median luminance has 0.85 of a display's white (Andersson et al. 2021, section 3.2). There are two
+/// differences from the paper. First, highlights are the 99.9th percentile instead of the maximum, because one firefly
+/// can move the maximum by six stops. Second, black pixels don't count, because they may be the majority.
 ///
 /// ```
 /// use karat::unstable::metric::ExposureRange;
@@ -40,7 +40,7 @@ const NEAR_WHITE: f64 = {
     x
 };
 
-/// The widest range. 32 stops cover a half float from its smallest normal number to its largest.
+/// The widest range, in stops. This range covers all half floats from the smallest normal number to the largest number.
 const WIDEST: f64 = 32.0;
 
 /// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. An exposure further
@@ -99,8 +99,8 @@ impl ExposureRange {
         (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
-    /// The exposures above this range, up to the first that shows a dark luminance as brightly as this range shows the
-    /// median. `None` if this range already shows it as brightly.
+    /// The exposures above this range, up to the first exposure that makes the given luminance as bright as this range
+    /// makes the golden's median luminance. `None` if this range already makes the given luminance so bright.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })

@@ -110,7 +110,8 @@ impl Flip {
     /// The errors of a rectangle of the frame. The rectangle contains the pixels that differ by more than
     /// [`Gate::default`] allows, and all pixels whose errors they affect. The errors are equal, bit for bit, to those
     /// of the whole frame. If a differing pixel is too bright for the golden's exposures, FLIP also uses darker
-    /// exposures. If a differing pixel is too dark, FLIP also uses brighter exposures, up to the limit of the gate.
+    /// exposures. If a differing pixel is too dark, FLIP also uses brighter exposures. For this choice, a pixel below
+    /// 1e-4 of the golden's key counts as if it had this brightness.
     ///
     /// ```
     /// use karat::Image;
@@ -189,7 +190,7 @@ impl Flip {
         Ok(Worst { errors: ErrorMap::new(rect, errors), exposures })
     }
 
-    /// The errors of all pixels at the exposures of the pair only, as published.
+    /// The errors of all pixels at the exposures of the pair only, as in the published method.
     ///
     /// ```
     /// use karat::Image;
@@ -296,7 +297,8 @@ impl Off {
         unseen.map_or(Ok(off), Err)
     }
 
-    /// The exposures of the pair, and the exposures that show darker and brighter pixels that differ.
+    /// The exposures of the pair, and further exposures for differing pixels that are too bright or too dark for the
+    /// pair's exposures.
     fn exposures(&self, pair: &Pair<'_>) -> Result<Vec<ExposureRange>, FlipFailure> {
         let exposures = pair.exposures();
         let dark = self.dimmest.0.max(DARK * pair.key());

@@ -9,12 +9,12 @@ use super::{Measured, Metric};
 use crate::image::{Image, Precision};
 use crate::tolerance::power;
 
-/// The largest relative difference of a channel, unless a frame sets another limit. This default is twice the step of
-/// half floats, the format of goldens.
+/// The largest relative difference of a channel, unless a frame sets another limit. This default is twice the largest
+/// relative rounding error of half floats, the format of most goldens.
 pub const DEFAULT_RELATIVE: f32 = 1e-3;
 
-/// An alpha below this value is compared as if it were this value. An opacity of one per cent is invisible, and `1 -
-/// transmittance` has rounding errors there.
+/// An alpha below this value is compared as if it were this value. An opacity of one per cent is invisible, and a small
+/// opacity has rounding errors if a shader computes it as `1 - transmittance`.
 const CLEAR: f32 = 0.01;
 
 /// A metric that allows each channel to differ by `relative` times the golden's value, or by `absolute`, whichever is
@@ -136,9 +136,9 @@ impl Gate {
 
     /// The precision that a file needs to store an image for this gate. Half floats are enough if the rounding to half
     /// floats changes each compared channel by at most half of the allowed difference. Then two almost equal frames
-    /// still pass if they are rounded to different neighbours. 32-bit floats are needed for values above 65504, for
-    /// small values in a dark image, and for a `relative` below 2^-10. 32-bit floats are also used if the image can't
-    /// be compared, because it contains NaN, or because the mask has another size.
+    /// still pass if they are rounded to different neighbours. A file needs 32-bit floats for values above 65504, for
+    /// small values in a dark image, or if `relative` is below 2^-10. Karat also uses 32-bit floats if the image can't
+    /// be compared, because the image contains NaN or the mask has another size.
     ///
     /// ```
     /// use karat::Image;

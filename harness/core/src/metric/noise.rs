@@ -14,10 +14,10 @@
 //! in a tile are also compared with the variances. This is a chi-square test. Its degrees of freedom are the number of
 //! pixels that contribute most of the sum.
 //!
-//! Measured with a scene of three decades of light, with 640 x 360 pixels and 64 samples per pixel: if 2 % of the frame
-//! is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 renderings fails. Without the weights
-//! and the overlap, only 43 % of the faulty renderings would fail. If each pixel were tested separately, with 0.25 % of
-//! outliers allowed, no faulty rendering would fail.
+//! The authors measured this test with a scene of three decades of light, 640 x 360 pixels and 64 samples per pixel. If
+//! 2 % of the frame is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 renderings fails.
+//! Without the weights and the overlap, only 43 % of the faulty renderings would fail. If each pixel were tested
+//! separately, with 0.25 % of outliers allowed, no faulty rendering would fail.
 //!
 //! The test assumes that the noise of different pixels is independent. Each channel is tested separately, because a
 //! wrong hue may have the right luminance.
@@ -50,10 +50,10 @@ const SCATTER: f64 = 2.0;
 /// brightness is hardly visible, and must not outweigh other differences.
 const BLACK: f64 = 0.01;
 
-/// The larger of two ratios, with the bound 1. The first ratio is the largest z of a tile's mean in any channel,
-/// divided by the z that noise alone reaches in one of a hundred frames. The second ratio is the scatter of a tile's
-/// pixels, divided by twice the scatter that noise alone reaches in one of a hundred frames. Differences within the
-/// default [`Gate`] don't count, because rounding isn't noise.
+/// A metric that measures the larger of two ratios. A frame passes if this ratio is at most 1. The first ratio is the
+/// largest z of a tile's mean in any channel, divided by the z that noise alone reaches in one of a hundred frames. The
+/// second ratio is the scatter of a tile's pixels, divided by twice the scatter that noise alone reaches in one of a
+/// hundred frames. Differences within the default [`Gate`] don't count, because rounding isn't noise.
 ///
 /// ```
 /// use karat::Image;
@@ -80,7 +80,8 @@ struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// The sum of the squares of the pixels' differences. Only the part of a difference beyond the slack counts.
+    /// The sum of the squared differences of the pixels. Before squaring, the difference that the default gate allows
+    /// is subtracted.
     squares: DVec3,
     variances: DVec3,
     pixels: u32,

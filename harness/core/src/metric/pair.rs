@@ -40,7 +40,7 @@ pub struct Pair<'a> {
     largest_relative: f32,
     exposures: OnceLock<ExposureRange>,
     key: OnceLock<f32>,
-    /// A result that several metrics need.
+    /// The cached result of a computation that several metrics need.
     memo: OnceLock<Arc<dyn Any + Send + Sync>>,
 }
 

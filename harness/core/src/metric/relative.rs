@@ -4,9 +4,9 @@ use glam::Vec4;
 
 use crate::image::luminance;
 
-/// A channel is compared as if it were at least this share of the golden's key. If the key is middle grey on a screen,
-/// this value is 1/180 of an 8-bit step. So black pixels with rounding noise pass. Dark regions of a frame with bright
-/// regions are still compared.
+/// If a channel of the golden is below this share of the golden's key, the allowed difference is computed as if the
+/// channel had this value. If the key is middle grey on a screen, this value is 1/180 of an 8-bit step. So black pixels
+/// with rounding noise pass. Dark regions of a frame with bright regions are still compared.
 pub(super) const DARK: f32 = 1e-4;
 
 /// The difference of each channel divided by the allowed difference. Equal values have the ratio 0, even if the

@@ -25,9 +25,10 @@ pub struct ErrorMap {
     values: Vec<f32>,
 }
 
-/// The possible ends of the scale in a picture of errors. The scales of other tools always end at 1. So Karat's
-/// pictures of large errors are comparable with the pictures of other tools, which show small errors as black. Errors
-/// below 0.001 are invisible to people, so a smaller end would make invisible errors look bright.
+/// The possible errors at the bright end of the colour scale in a picture of errors. The scales of other tools always
+/// end at 1. So Karat's pictures of large errors are comparable with the pictures of other tools, which show small
+/// errors as black. Errors below 0.001 are invisible to people, so a scale that ends below 0.001 would make invisible
+/// errors look bright.
 const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 impl ErrorMap {

@@ -18,13 +18,13 @@ pub(super) struct Doubt {
     pub(super) problem: String,
 }
 
-/// The advice for a golden that doesn't match its provenance.
+/// The advice if the image of a golden doesn't match the provenance in the file beside it.
 pub(super) const ADVICE: &str = "restore the image and its `.toml` from one commit; or delete both \
                                  files, run the test and accept its frame again";
 
 impl Doubt {
-    /// Returns the doubt about a golden. Returns `None` if the image and the file agree, or if another tool wrote the
-    /// golden without provenance.
+    /// Finds the problem with a golden's provenance. Returns `None` if the golden's image and its `.toml` have the same
+    /// provenance, or if another tool wrote the golden without provenance.
     pub(super) fn of(golden: &Golden) -> Option<Self> {
         let problem = problem(&golden.file, &golden.file.with_extension("toml"))?;
         Some(Self { golden: golden.clone(), problem })

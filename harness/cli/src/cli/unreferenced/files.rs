@@ -41,17 +41,17 @@ pub(super) struct Stray {
     pub(super) is_ours: bool,
 }
 
-/// The files of a folder, by name.
+/// The goldens in a folder and its subfolders, and the stray files there, in the order of their names.
 #[derive(Debug, Default)]
 pub(super) struct Files {
     pub(super) goldens: Vec<Golden>,
     pub(super) stray: Vec<Stray>,
 }
 
-/// The endings of the files beside a golden: its provenance, pending images and values, and previews.
+/// The endings of the files that Karat writes beside a golden: provenance, pending images and values, and previews.
 const COMPANIONS: [&str; 5] = [".new.exr", ".new.csv", ".new.png", ".toml", ".png"];
 
-/// The reason for a temporary file: its process was killed before it renamed the file.
+/// The reason why a temporary file exists: a process was killed after it wrote the file and before it renamed the file.
 const LEFTOVER: &str = "an interrupted acceptance or test left this file";
 
 impl Files {

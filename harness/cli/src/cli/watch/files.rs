@@ -11,26 +11,26 @@ use notify::event::{AccessKind, AccessMode, ModifyKind, RemoveKind, RenameMode};
 use notify::{Event as Changed, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use same_file::Handle;
 
-/// The time without events that ends a burst. If the burst continues later, the tests run once more.
+/// The time without events that ends a burst. If more events of the same save follow later, the tests run once more.
 const QUIET: Duration = Duration::from_millis(1);
 
 /// The time without events that ends a burst after a file was saved completely. Other files may follow: a checkout
 /// writes a file in about 0.1 ms.
 const SAVED: Duration = Duration::from_micros(200);
 
-/// The longest duration of a burst. After this time its files are reported.
+/// The longest duration of a burst. After this time, Karat reports the files that have changed so far.
 const LONGEST: Duration = Duration::from_millis(100);
 
-/// The time after which Karat looks again if the watched folder was removed or replaced.
+/// The interval at which Karat checks that the watched folder wasn't removed or replaced.
 const MISSING: Duration = Duration::from_millis(200);
 
-/// A watch. It ends when this value is dropped.
+/// Keeps the watch of a file or folder active until this value is dropped.
 pub(in crate::cli) struct Watching {
     _ends: Sender<()>,
 }
 
 /// Calls `tell` with each burst of changes of a file or below a folder, until `tell` returns `false`. The removal or
-/// replacement of a folder is a change, too. A new folder in its place is watched.
+/// replacement of the watched folder is a change, too. After a replacement, Karat watches the new folder.
 pub(in crate::cli) fn watch(
     folder: &Path,
     tell: impl Fn(Vec<PathBuf>) -> bool + Send + 'static,
@@ -116,7 +116,8 @@ fn follow(
     drop(watcher);
 }
 
-/// Checks if a file is complete after this event: its writer closed it, or renamed it into place.
+/// Checks if a file is complete after this event: a program closed the file after writing, or gave the file its final
+/// name.
 fn is_whole(kind: &EventKind) -> bool {
     let closed = EventKind::Access(AccessKind::Close(AccessMode::Write));
     *kind == closed || *kind == EventKind::Modify(ModifyKind::Name(RenameMode::To))
@@ -127,7 +128,7 @@ fn is_whole(kind: &EventKind) -> bool {
 struct Seen {
     files: BTreeSet<PathBuf>,
     created: BTreeSet<PathBuf>,
-    /// The new and removed folders. More files in them may have changed than the events show.
+    /// The new and removed folders. Files in these folders may have changed without an event for each file.
     folders: BTreeSet<PathBuf>,
 }
 
@@ -170,7 +171,7 @@ impl Seen {
     }
 }
 
-/// Checks if this process prints into a file.
+/// Checks if the standard output or standard error of this process goes into this file.
 fn is_output(path: &Path) -> bool {
     static OUTPUTS: OnceLock<Vec<Handle>> = OnceLock::new();
     let outputs = OUTPUTS
@@ -204,7 +205,8 @@ fn is_ours(path: &Path, root: &Path) -> bool {
 mod tests {
     use super::*;
 
-    /// The tests read their own files. If reading counted as a change, the tests would run forever.
+    /// Tests read the watched files. If reading a file counted as a change, each run of the tests would start another
+    /// run.
     #[test]
     fn reading_a_file_is_not_a_change() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -220,7 +222,7 @@ mod tests {
         assert!(!quiet(), "a change is told");
     }
 
-    /// The temporary file of an editor is neither a change nor a removed folder.
+    /// If an editor writes a temporary file and renames it, the watch reports only the renamed file.
     #[test]
     fn a_save_by_rename_is_one_change() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -16,7 +16,7 @@ pub(in crate::cli) struct Resident {
     pub(in crate::cli) tests: BTreeSet<String>,
     pub(in crate::cli) failing: BTreeMap<String, Wrong>,
     pub(in crate::cli) busy: bool,
-    /// The request that waits until the tests have run.
+    /// The request that the process gets after the running tests have ended.
     waiting: Option<Request>,
 }
 

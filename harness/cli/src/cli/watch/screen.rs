@@ -18,7 +18,7 @@ pub(super) struct View<'v> {
     pub(super) filter: &'v str,
     /// The prompt with the text that the user is typing.
     pub(super) prompt: Option<String>,
-    /// The message about the last key.
+    /// The message that the last pressed key caused.
     pub(super) notice: Option<&'v str>,
     pub(super) changed: &'v [String],
     pub(super) lanes: &'v [Lane],
@@ -34,7 +34,7 @@ pub(super) struct Screen {
     failure: Cell<usize>,
     /// The index of the first visible line of the failure.
     top: Cell<usize>,
-    /// The title of the failure when it was last drawn.
+    /// The title of the failure that was drawn last.
     title: RefCell<String>,
 }
 
@@ -63,7 +63,7 @@ impl Screen {
         Ok(screen)
     }
 
-    /// Shows the next failure. After the last failure the first one follows.
+    /// Shows the next failure. After the last failure, shows the first failure again.
     pub(super) fn turn(&self) {
         self.failure.set(self.failure.get() + 1);
         self.top.set(0);
@@ -122,7 +122,7 @@ impl Screen {
         out.flush()
     }
 
-    /// Checks if a file contains the last printed line, as in `karat watch | tee log.txt`.
+    /// Checks if a file contains the last printed line. In `karat watch | tee log.txt`, this is true of `log.txt`.
     pub(super) fn is_printed_in(&self, file: &Path) -> bool {
         let last = self.last.borrow();
         let Some(length) = file.metadata().ok().filter(std::fs::Metadata::is_file) else {
@@ -243,7 +243,7 @@ fn failures(lanes: &[Lane]) -> Vec<Failure> {
     broken.chain(tests).collect()
 }
 
-/// Returns the keys that work now. If the line is narrow, they are shortened.
+/// Returns the line that describes the keys. On a narrow terminal, the descriptions are shorter.
 fn keys(several: bool, hidden: bool, columns: usize) -> String {
     // These keys come first, because the end of a long line is cut.
     let now = [(several, "n next"), (hidden, "\u{2191}\u{2193} scroll")];

@@ -14,10 +14,10 @@ use serde::{Deserialize, Serialize};
 use super::super::child::LastWords;
 use super::{DEADLINE, Source};
 
-/// The time in which an unneeded worker must end without being killed.
+/// The time that a worker has to end after its input was closed. After this time, Karat kills the worker.
 const FAREWELL: Duration = Duration::from_millis(300);
 
-/// A request to a worker. It is one line of JSON.
+/// A request to a worker. Each request is sent as one line of JSON.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::cli) struct Request {
     /// Runs only tests whose names contain this text.
@@ -41,14 +41,14 @@ pub(in crate::cli) struct Request {
     pub(in crate::cli) only: Option<String>,
 }
 
-/// A message of a worker. It is one line of JSON.
+/// A message from a worker. Each message is sent as one line of JSON.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Said {
     /// A test ran. `wrong` is the failure, or `None` if the test passed.
     Test { name: String, wrong: Option<Wrong> },
     /// All tests have a verdict. `tests` are all tests, `broken` are unreadable tests, and `idle` is the number of
-    /// tests that this path can't judge.
+    /// tests that can't run on this path.
     Done {
         tests: BTreeSet<String>,
         #[serde(default)]
@@ -61,7 +61,7 @@ pub(in crate::cli) enum Said {
         /// The remarks of other compilers on the modules: a summary line, and then each remark.
         #[serde(default)]
         remarks: Option<String>,
-        /// The files that tests read, except for modules and declared tests.
+        /// The files that tests read, except for modules and for files that declare tests.
         #[serde(default)]
         reads: Reads,
         /// The records of the test that the request named in `only`.
@@ -75,7 +75,7 @@ pub(in crate::cli) enum Said {
 }
 
 impl Said {
-    /// Returns the message that no test can be found.
+    /// Returns a message without tests, in which `why` is the only error.
     pub(in crate::cli) fn failed(why: String) -> Self {
         let (tests, broken) = (BTreeSet::new(), vec![Wrong::of(why)]);
         let (idle, invalid, remarks, reads) = (0, None, None, Reads::Any);

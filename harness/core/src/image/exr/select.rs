@@ -9,12 +9,12 @@ pub(super) struct Selection {
     /// fills.
     pub(super) fills: Vec<&'static [usize]>,
     pub(super) precision: Precision,
-    /// `true` if there are three colours, `false` if there is one grey.
+    /// `true` if the part has the channels R, G and B, `false` if the part has only the grey channel Y.
     pub(super) coloured: bool,
 }
 
-/// Selects the channels. Colours come before greys. The layer without a name comes before layers with names, and layers
-/// with names come in the order of the file.
+/// Selects the channels. Colours are preferred to greys. The layer without a name comes before layers with names, and
+/// layers with names come in the order of the file.
 pub(super) fn select(part: &PartHeader) -> Option<Selection> {
     let layers = || {
         let names = part.channels.iter().map(|channel| split(channel).0);

@@ -41,7 +41,7 @@ pub(super) fn write(
     write_whole(path, &bytes).map_err(|cause| ImageError::Write { path: shown(path), cause })
 }
 
-/// Checks the parts and returns the bytes of the file. `path` is for errors.
+/// Checks the parts and returns the bytes of the file. The messages of errors contain `path`.
 pub(super) fn bytes(
     path: &Path,
     layers: &[Layer<'_>],

@@ -45,7 +45,8 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
     Ok(Image::new(frame.width, frame.height, pixels))
 }
 
-/// Checks the same limits as for OpenEXR files. The ratio of pixels to file uses the size of the pixels in the PNG.
+/// Checks the same limits as for OpenEXR files. The size of the pixels, which is compared with the file's length, is
+/// their uncompressed size in the PNG's own format.
 fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     let Info { width, height, .. } = *info;
     if width.max(height) > LONGEST_SIDE {

@@ -29,7 +29,8 @@ fn expectation(index: u32) -> [f32; 4] {
 }
 
 /// An image with the mean of 64 samples in each pixel, and an image with the variance of this mean. Half of the samples
-/// are in shadow. The other samples are exponentially distributed, and their standard deviation is 1.7 times the mean.
+/// are in shadow. The other samples are exponentially distributed. The standard deviation of all samples is 1.7 times
+/// their mean.
 fn rendered(seed: u64) -> (Image, Image) {
     let sample = |byte: usize| if byte < 128 { 0.0 } else { -((255.5 - byte as f32) / 128.0).ln() };
     let samples: [f32; 256] = std::array::from_fn(sample);
