@@ -161,7 +161,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     if let Some(Some(plot)) = &args.plot {
         let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
-        ensure!(svg, "--plot writes only SVG: --plot={}", plot.with_extension("svg").display());
+        ensure!(
+            svg,
+            "--plot writes only SVG files: write --plot={}",
+            plot.with_extension("svg").display()
+        );
     }
     let tolerance = match &args.tolerance {
         Some(text) => Some(karat_suite::tolerance(text).map_err(|error| anyhow!(error))?),
@@ -189,7 +193,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if given.varying.contains(&true) {
         ensure!(
             probed.takes_derivatives(),
-            "`{}` uses no derivatives: remove each `@` and the number after it",
+            "`{}` uses no derivatives: remove each `@` and the number after `@`",
             args.function
         );
         probed = probed.with_quads(&given.varying);
@@ -309,7 +313,10 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     let function = probed.function();
     writeln!(out, "{DIM}{function}{DIM:#}")?;
     if function.stage() == Some(Stage::Compute) {
-        writeln!(out, "{DIM}one invocation ran; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}only one invocation ran: to run workgroups, add --dispatch X,Y,Z{DIM:#}"
+        )?;
     }
     let given = cases::results(request, &[lanes.to_vec()])?;
     for (path, results) in &given.results {

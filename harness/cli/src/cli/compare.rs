@@ -183,7 +183,7 @@ fn write_one(
     }
     if one.cut > 0 {
         let left = counted(one.cut, "input");
-        writeln!(out, "    {DIM}{left} not run, because loops were too long{DIM:#}")?;
+        writeln!(out, "    {DIM}Karat didn't run {left}, because loops were too long{DIM:#}")?;
     }
     for Uncovered { place, text, missed } in &one.uncovered {
         let what = match missed {

@@ -145,7 +145,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         message::write(&comparison, out)?;
     }
     if args.heatmap.is_some() && comparison.heatmap.is_none() {
-        super::complain("Karat writes no heatmap: it can't compare the images' pixels");
+        super::complain("Karat can't compare the images' pixels, so Karat writes no heatmap");
     }
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }

@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             if !args.only.is_empty() {
                 writeln!(
                     out,
-                    "{DIM}--only excludes callers: Karat also counts findings that no excluded caller triggers{DIM:#}"
+                    "{DIM}--only leaves out callers of these functions, so a finding may need arguments that no caller passes{DIM:#}"
                 )?;
             }
             all.iter()
@@ -186,7 +186,7 @@ fn look(
         if at.found > 0 && began.elapsed() > PATIENCE {
             let found = counted(at.found, "finding");
             let line = format!(
-                "{} of {} functions done: {found} in `{}`, before the check of callers",
+                "checked {} of {} functions: {found} in `{}`; Karat checks the callers later",
                 at.done, at.of, at.function
             );
             bar.suspend(|| tell(&line));

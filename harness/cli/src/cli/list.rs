@@ -161,7 +161,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     table.write(out)?;
     if let Some(selected) = selected {
-        writeln!(out, "{DIM}only `{selected}` ran last time: `karat test` runs all tests{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}the last run ran only the tests that `{selected}` selects: `karat test` runs all tests{DIM:#}"
+        )?;
     }
     for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
         writeln!(out, "\n{error}")?;

@@ -42,8 +42,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         image.pixels().windows(2).all(|two| two[0].map(f32::to_bits) == two[1].map(f32::to_bits));
     ensure!(
         !shows_nothing,
-        "all pixels of the image `{}` are equal. Without a GPU, a browser draws a WebGPU canvas only if you start the \
-         browser with the arguments that the guide names (`webgpu` of karat-playwright)",
+        "all pixels of the image `{}` have the same colour. A browser without a GPU draws no WebGPU canvas, unless you start \
+         the browser with the arguments that `karat-playwright` exports as `webgpu` (see the guide)",
         args.image.display()
     );
     let folder = match args.folder.named() {

@@ -77,7 +77,9 @@ fn a_folder_without_a_run_has_no_verdict() {
             let ran = karat(folder, &[command, &["--from", from]].concat());
             assert_eq!(ran.out, "", "{from}");
             let error = ran.failure(3);
-            let start = format!("error: `{from}` isn't the artefact of a run: no file is a frame");
+            let start = format!(
+                "error: `{from}` isn't the artefact of a run, because it contains no frame"
+            );
             assert!(error.starts_with(&start), "{error}");
             assert!(
                 error.contains("name the folder or zip that CI uploaded from `target/karat`"),

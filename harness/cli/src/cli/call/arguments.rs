@@ -119,7 +119,10 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
         };
         match found.get_mut(place) {
             Some(slot @ None) => *slot = Some(value),
-            Some(Some(_)) => bail!("the parameter `{}` has two arguments", parameters[place].0),
+            Some(Some(_)) => bail!(
+                "the call has two arguments for the parameter `{}`: remove one argument",
+                parameters[place].0
+            ),
             None => break,
         }
     }
@@ -157,7 +160,9 @@ fn example(shape: &Shape) -> String {
 /// Returns the lanes of the values in `least..most:count`.
 fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     let (most, count) = rest.split_once(':').with_context(|| {
-        format!("the sweep `{least}..{rest}` has no number of points: write, say, `0..1:100`")
+        format!(
+            "the sweep `{least}..{rest}` has no number of points: add a number, as in `0..1:100`"
+        )
     })?;
     ensure!(
         !most.starts_with('.'),

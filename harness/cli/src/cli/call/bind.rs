@@ -31,7 +31,7 @@ pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<Str
     for text in given {
         let (name, value) = one(text)?;
         if all.insert(name, value).is_some() {
-            bail!("an earlier --override sets the same name: remove --override {text}");
+            bail!("two --override options set the same override: remove --override {text}");
         }
     }
     Ok(all)
