@@ -181,7 +181,7 @@ pub fn tap(
             let driver = value(&tapped, *pixel);
             let engine = match tapped.told[index(&tapped, *pixel)] {
                 true => subject.engine(path, tap, &tapped, *pixel)?,
-                false => "so the engine shows no value".to_owned(),
+                false => "the engine shows no value there".to_owned(),
             };
             writeln!(out, "    at ({x}, {y}): {driver} on {path}; {engine}")?;
         }

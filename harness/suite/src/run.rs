@@ -333,8 +333,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
             let kind = kind.wgsl();
-            let wrong =
-                format!("`{name}` is of type {kind}, but {on} isn't a number: write a number");
+            let wrong = format!(
+                "the override `{name}` is of type {kind}, but {on} isn't a number: write a number"
+            );
             return Err(Misdeclared::of("override")(wrong));
         }
     }

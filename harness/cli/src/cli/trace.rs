@@ -185,7 +185,9 @@ fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<b
                 open.push(path);
                 continue;
             }
-            let own = path.strip_prefix(before).context("the module isn't in its folder")?;
+            let own = path
+                .strip_prefix(before)
+                .context("the module isn't in the folder of its package")?;
             let is_module = path.extension().is_some_and(|end| end == "wgsl" || end == "wesl");
             // No module imports a module that doesn't exist today.
             let Ok(now) = std::fs::read(today.join(own)) else { continue };
@@ -266,9 +268,10 @@ fn write_parting(
         (None, None) if before.engine == after.engine => {
             writeln!(out, "{GOOD}no step differs from {revision}{GOOD:#}")?;
         }
-        (None, None) => {
-            writeln!(out, "no shown step differs from {revision}: a repeated step differs later")?
-        }
+        (None, None) => writeln!(
+            out,
+            "the shown steps are the same as at {revision}: a later repetition of a step differs"
+        )?,
         (was, is) => {
             let shown = |row: Option<&Row>| {
                 row.map_or_else(
@@ -277,7 +280,7 @@ fn write_parting(
                 )
             };
             let count = at + 1;
-            writeln!(out, "step {count} is the first that differs from {revision}:")?;
+            writeln!(out, "step {count} is the first step that differs from {revision}:")?;
             writeln!(out, "  {revision}:  {}", shown(was))?;
             writeln!(out, "  {HEAD}today{HEAD:#}:  {}", shown(is))?;
         }

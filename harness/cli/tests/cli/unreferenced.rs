@@ -289,9 +289,9 @@ fn stray_files_are_reported_and_only_ours_are_deleted() {
     let ran = karat(project.path(), &["unreferenced"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for reason in [
-        "this provenance has no golden",
+        "this file is the provenance of a golden that doesn't exist",
         "this file doesn't belong to a golden",
-        "this preview has no image",
+        "this file is the preview of an image that doesn't exist",
     ] {
         assert!(ran.out.contains(reason), "no `{reason}`: {ran:?}");
     }

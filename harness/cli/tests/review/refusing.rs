@@ -113,7 +113,7 @@ fn refused_requests_and_file_paths_as_names_change_no_file() {
     let long = decision("tiny", &"x".repeat(100_000));
     assert_eq!(server.post("accept", &long).status, 413);
     let text = refused(&server, "accept", &decision("tiny", "another frame"));
-    assert!(text.contains("was rendered again since this page loaded it"), "{text}");
+    assert!(text.contains("was rendered again after this page loaded"), "{text}");
     assert_eq!(before, snapshot(&project));
     assert!(outside.is_file());
 }
