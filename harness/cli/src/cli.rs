@@ -112,11 +112,11 @@ struct Cli {
 enum Command {
     /// Runs the tests, and prints a row for each function and path with its cases and its worst error
     #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
-                            karat test --failed                the failures of the last run\n  \
-                            karat test shaders                 tests without Rust: @test, *.test.toml\n  \
+                            karat test --failed                runs the tests that failed in the last run\n  \
+                            karat test shaders                 runs tests that aren't in Rust: @test, *.test.toml\n  \
                             karat test -p tests --require vulkan,gl\n  \
                             karat test --junit target/karat/junit.xml\n  \
-                            karat test --short                 file:line:column: error: message, for editors\n\
+                            karat test --short                 prints file:line:column: error: message, for editors\n\
                             The command fails if a test fails or no check ran. On GitHub (or with \
                             --github), the command annotates\nthe lines of failures, and writes a summary.")]
     Test(test::Args),
@@ -126,7 +126,7 @@ enum Command {
                             `karat watch` runs tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
                             also the Rust tests.\nAn edit of a shader runs the tests that depend on the edited code; an edit of \
                             comments runs no test. Only an edit of Rust code starts a build.\nIf the output isn't a terminal, the command prints lines, and doesn't redraw the screen.\n\
-                            Keys: r runs all, f filters by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
+                            Keys: r runs all tests, f filters tests by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
     Watch(watch::Args),
     /// Serves an editor (LSP): shows invalid modules, failing tests, and a lens beside each function
     #[command(
@@ -143,14 +143,14 @@ enum Command {
     Suite(suite::Args),
     /// Runs the tests in a browser on this machine
     #[command(after_help = "Examples:\n  karat browser\n  karat browser --open shaders\n  \
-                            karat browser -- tests/brdf --junit out.xml    with arguments for `karat test`\n\
+                            karat browser -- tests/brdf --junit out.xml    passes arguments to `karat test`\n\
                             Only this machine can open the page, and the page's URL contains a secret. For the paths `dawn` and `chromium`, run `karat test`: these paths need no page.\n\
                             Exit codes: the codes of `karat test`, and 2 if no browser opens the page.")]
     Browser(browser::Args),
     /// Runs again the case on which a check of the last run failed
-    #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
-                            karat replay 3f2a     the failure that `karat test` calls 3f2a\n  \
-                            karat replay 3f2a --print    the whole command, for a debugger or CI\n\
+    #[command(after_help = "Examples:\n  karat replay          runs the only failure again\n  \
+                            karat replay 3f2a     runs the failure that `karat test` calls 3f2a\n  \
+                            karat replay 3f2a --print    prints the whole command, for a debugger or CI\n\
                             `karat replay` runs the simplest failing case that Karat found, on the first path that failed.\n\
                             Exit codes: 0 the case passes now; 1 the case fails; 2 the case can't run; 3 no failure has this name.")]
     Replay(replay::Args),

@@ -173,7 +173,7 @@ impl Desk {
                 let pending = pending.and_then(Result::ok);
                 match self.review.golden_of(&entry, pending.as_ref()) {
                     Some((golden, now)) => version_script(number, &golden, &now, commit),
-                    None => return Answer::text(404, "the golden has no such version"),
+                    None => return Answer::text(404, "the golden has no version from this commit"),
                 }
             }
             (None, Some(Ok(pending))) => self.review.script(number, &pending, false),

@@ -496,7 +496,7 @@ impl Assertion {
             let after = compute.clone().after(&variable);
             let named = |kind: &HazardKind| kind.name();
             let text = match kinds {
-                None => "inside the pass, each float is finite, and integers are divided and converted in their range".to_owned(),
+                None => "inside the pass, each float is finite, and no integer division or conversion goes out of range".to_owned(),
                 Some(kinds) => {
                     let named: Vec<&str> = kinds.iter().map(named).collect();
                     format!("inside the pass, none of these hazards occurs: {}", named.join(", "))

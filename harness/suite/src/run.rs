@@ -342,7 +342,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     // With a constant argument, each derivative is 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
-            return Err("the function takes derivatives, which are all 0 in an integral".into());
+            return Err(
+                "the function uses derivatives, and all derivatives are 0 in an integral".into()
+            );
         }
         _ => probed.with_varying(),
     };

@@ -116,10 +116,11 @@ impl Contents {
         if self.of_run {
             return Ok(());
         }
-        let inner = self.zip.as_ref().map(|zip| format!("; you may mean the zip `{zip}` inside"));
+        let inner =
+            self.zip.as_ref().map(|zip| format!("; you may mean the zip `{zip}` in this folder"));
         Err(NotThere(format!(
-            "`{}` isn't the artefact of a run, because it contains no frame (`*.new.exr`), values (`*.new.csv`) \
-             or a record (`record/*.jsonl`, `run.json`); name the folder or zip that CI uploaded from \
+            "`{}` isn't the artefact of a run, because it contains no frame (`*.new.exr`), no values (`*.new.csv`) \
+             and no record (`record/*.jsonl`, `run.json`); name the folder or zip that CI uploaded from \
              `target/karat`{}",
             path.display(),
             inner.unwrap_or_default()

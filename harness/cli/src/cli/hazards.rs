@@ -254,7 +254,11 @@ fn write_text(
         write!(out, ", {of} checked only with the initial values of large private variables")?;
     }
     if in_part > 0 {
-        write!(out, ", {} checked in part: too many operations", counted(in_part, "function"))?;
+        write!(
+            out,
+            ", {} checked only in part, because of too many operations",
+            counted(in_part, "function")
+        )?;
     }
     writeln!(out)?;
     Ok(())
@@ -333,7 +337,10 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
     if let [next, ..] = alike {
         let (count, place) = (alike.len(), &next.location);
         let like = if hazard.needs.is_empty() { "are similar" } else { "need the same inputs" };
-        writeln!(out, "{DIM}    {count} other findings {like}, the next at {place}{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}    {count} other findings {like}; the next finding is at {place}{DIM:#}"
+        )?;
     }
     writeln!(out)?;
     Ok(())

@@ -345,7 +345,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
             let (outside, first) = (allowed.outside, allowed.first.as_deref().unwrap_or_default());
             writeln!(
                 out,
-                "\n{head}: WGSL doesn't allow {outside} of the results: {first}\n{DIM}  {name}{DIM:#}"
+                "\ncolumn `{head}`: WGSL doesn't allow {outside} of the results: {first}\n{DIM}  {name}{DIM:#}"
             )?;
         }
     }

@@ -132,7 +132,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
         (json.replace('}', ""), "argument `m`: EOF while parsing an object"),
         (
             "1,2".to_owned(),
-            "has 2; as JSON, write {\"roughness\": 0, \"f0\": [0, 0, 0], \"layers\": [0, 0]}",
+            "has 2; write the struct as JSON: {\"roughness\": 0, \"f0\": [0, 0, 0], \"layers\": [0, 0]}",
         ),
     ] {
         let error = karat(folder.path(), &["call", "m::f", &argument, "1"]).error();

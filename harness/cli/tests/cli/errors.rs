@@ -85,7 +85,7 @@ fn a_folder_without_a_run_has_no_verdict() {
                 error.contains("name the folder or zip that CI uploaded from `target/karat`"),
                 "{error}"
             );
-            let told = inner.map(|inner| format!("you may mean the zip `{inner}` inside"));
+            let told = inner.map(|inner| format!("you may mean the zip `{inner}` in this folder"));
             assert!(told.is_none_or(|told| error.contains(&told)), "{error}");
         }
     }

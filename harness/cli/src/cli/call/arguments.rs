@@ -64,7 +64,7 @@ impl Given {
             counted(scalars.len(), "component"),
             words.len(),
             match shape {
-                Shape::Struct { .. } => format!("; as JSON, write {}", example(shape)),
+                Shape::Struct { .. } => format!("; write the struct as JSON: {}", example(shape)),
                 _ => String::new(),
             }
         );
