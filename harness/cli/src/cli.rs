@@ -128,7 +128,7 @@ enum Command {
                             comments runs no test. Only an edit of Rust code starts a build.\nIf the output isn't a terminal, the command prints lines, and doesn't redraw the screen.\n\
                             Keys: r runs all tests, f filters tests by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
     Watch(watch::Args),
-    /// Serves an editor (LSP): shows invalid modules, failing tests, and a lens beside each function
+    /// Serves an editor (LSP): shows invalid modules, failing tests, and a code lens beside each function
     #[command(
         after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
                             The server shows invalid modules as you type, and failures of the last `karat test`. After each\n\
@@ -310,7 +310,7 @@ enum Command {
                             can't be read; 3 no verdict: there is no golden,\nor no record of a \
                             full run that passed and compared frames with goldens of this folder.")]
     Unreferenced(unreferenced::Args),
-    /// Compares an image that another program drew with its golden
+    /// Compares an image of another program with its golden
     #[command(name = "match", after_help = matching::EXAMPLES)]
     Match(matching::Args),
     /// Compares any two images, EXR or PNG
@@ -385,8 +385,8 @@ struct PackageArgs {
     /// folder of an imported crate; may be repeated
     #[arg(long = "root", value_name = "[NAME=]DIR", requires = "krate")]
     roots: Vec<String>,
-    /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or gives it a value (`NAME=3`, `NAME=false`);
-    /// may be repeated
+    /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or sets the feature's value (`NAME=3`,
+    /// `NAME=false`); may be repeated
     #[arg(long = "feature", value_name = "NAME[=VALUE]", value_parser = feature)]
     features: Vec<(String, Feature)>,
 }

@@ -42,7 +42,7 @@ pub(super) struct Args {
     #[arg(long = "bind", value_name = "NAME=VALUE")]
     bind: Vec<String>,
     /// Generates all arguments, and the variables that --bind doesn't set, as `karat hazards` does. Each CASE, a number
-    /// from 0, has other values; in the first cases, values are ends of ranges [default CASE: 0]
+    /// from 0, has different values; in the first cases, the values are ends of ranges [default CASE: 0]
     #[arg(long, alias = "made-up", value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,
@@ -82,7 +82,7 @@ pub(super) struct Args {
     /// Plots a sweep in the terminal, or writes the plot to FILE.SVG
     #[arg(long, value_name = "FILE.SVG", num_args = 0..=1, require_equals = true, conflicts_with = "table")]
     plot: Option<Option<PathBuf>>,
-    /// Shows each intermediate value in f32, in f64, and with the bounds that WGSL gives it
+    /// Shows each intermediate value in f32, in f64, and with the bounds of the errors that WGSL allows
     #[arg(long, conflicts_with = "table")]
     trace: bool,
     /// Writes the intermediate values of --trace beside the source, as an HTML page, to this file

@@ -33,7 +33,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "COUNT", default_value_t = 4096,
         value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     cases: u32,
-    /// Sets an `override` on both sides, by its name or its `@id`, in each function that uses it; may be repeated
+    /// Sets an `override` in both versions, by its name or its `@id`, in each function that uses it; may be repeated
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
     /// Also lists functions that weren't edited

@@ -49,16 +49,16 @@ mean}, heatmap, heatmap_full (the error that has the heatmap's last colour).";
 pub(super) struct Args {
     /// The expected image: EXR or PNG
     a: PathBuf,
-    /// The actual image, which is compared with the expected one: EXR or PNG
+    /// The actual image, which Karat compares with the expected image: EXR or PNG
     b: PathBuf,
     /// Accepts this relative difference in each channel [default: 1e-3]
     #[arg(long, value_name = "R", value_parser = relative, allow_hyphen_values = true)]
     rel: Option<f64>,
-    /// Also accepts images of which each tile of 16 x 16 pixels has at most this mean HDR-FLIP, if a channel differs
-    /// too much [default: 0.01, or no such rule if you give --rel]
+    /// If a channel differs too much, accepts at most this mean HDR-FLIP in each tile of 16 x 16 pixels
+    /// [default: 0.01, or no such rule if you give --rel]
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_tile: Option<f64>,
-    /// Also accepts images with at most this mean HDR-FLIP, if a channel differs too much [default: 0.005, or no such
+    /// If a channel differs too much, accepts at most this mean HDR-FLIP of the whole image [default: 0.005, or no such
     /// rule if you give --rel]
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_mean: Option<f64>,

@@ -46,8 +46,8 @@ pub(super) struct Args {
     /// Also fails if there are findings of this class
     #[arg(long, value_name = "CLASS", value_parser = ["requirements"])]
     deny: Vec<String>,
-    /// Shows every finding, also those that no caller triggers and those whose value is dropped, and the functions
-    /// that weren't checked
+    /// Shows every finding, also findings that no caller triggers and findings that change no result, and lists the
+    /// functions that weren't checked
     #[arg(long)]
     all: bool,
     /// Also shows the hazards that karat.toml accepts

@@ -40,8 +40,8 @@ pub(super) struct Args {
     /// Also prints the value that Karat's engine computes at this pixel or invocation; may be repeated
     #[arg(long, value_name = "X,Y", value_parser = karat_gallery::pixel, requires = "values")]
     at: Vec<(u32, u32)>,
-    /// Draws the frame's colours and the value together, and compares these colours with the usual frame. They differ
-    /// if the driver computes the frame in another way while it shows a value
+    /// Draws the frame's colours and the value together, and compares these colours with the usual frame. The colours
+    /// differ if the driver computes the frame in another way while it shows a value
     #[arg(long)]
     beside: bool,
     #[command(flatten)]

@@ -38,7 +38,7 @@ pub(super) struct Args {
     /// Traces the Nth draw from the front that covers the pixel: 1 is the visible draw, 2 the draw behind it
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     layer: u32,
-    /// Compares the steps with those of the shaders at this revision of git
+    /// Compares the steps with the steps of the shaders at this revision of git
     #[arg(long, value_name = "REVISION")]
     against: Option<String>,
     /// Prints JSON
