@@ -132,10 +132,10 @@ enum Command {
     #[command(
         after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
                             The server shows invalid modules as you type, and failures of the last `karat test`. After each\n\
-                            save the server runs the tests that aren't in Rust. The server hides the verdicts of files that you\n\
-                            have edited after their tests ran. A code lens beside each function shows the function's worst error; a\n\
+                            save the server runs the tests that aren't in Rust. When you edit a file, the server\n\
+                            hides the old verdicts of the file's tests. A code lens beside each function shows the function's worst error; a\n\
                             click runs the function's tests. Without a server, `karat test --short` prints a line for each failure.\n\
-                            Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without asking."
+                            Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without this request."
     )]
     Lsp(lsp::Args),
     /// Runs the tests of a folder of shaders as `karat test` does, and prints lines
@@ -218,7 +218,7 @@ enum Command {
                             Karat's own engine runs each function in f32, in f64 and in interval arithmetic, so the command needs no \
                             driver.\nKarat generates arguments from types and names: `n` is a unit \
                             vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
-                            declares other ranges: roughness = [0.05, 1]. `[[hazard]]` accepts an intended \
+                            declares other ranges: roughness = [0.05, 1]. A `[[hazard]]` in karat.toml accepts an intended \
                             hazard,\nand has the keys functions, text (the operation) and reason.\n\
                             Exit codes: 0 no fault, and with `--deny requirements` no requirement; 1 a fault, a denied requirement, \
                             a module\nthat can't be read, or a function that naga rejects; 2 no function could be checked, or a declaration is wrong.\n\
@@ -319,8 +319,8 @@ enum Command {
     /// Writes frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
     #[command(after_help = "Examples:\n  karat render --list\n  karat render --first\n  \
                             karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
-                            A gallery is a binary of the project that runs a \
-                            karat_gallery::Gallery,\nand that `metadata.karat` in Cargo.toml names. The command fails if \
+                            A gallery is a binary of your project. This binary runs a \
+                            karat_gallery::Gallery,\nand `metadata.karat` in Cargo.toml names the binary. The command fails if \
                             a frame can't be rendered or has values that are not finite.")]
     Render(karat_gallery::RenderArguments),
     /// Shows a value of a frame's fragment functions on every pixel, as an image and in numbers
@@ -413,16 +413,15 @@ fn feature(text: &str) -> Result<(String, Feature), String> {
     let (name, value) = text.split_once('=').unwrap_or((text, "true"));
     let is_name = |c: char| c.is_alphanumeric() || c == '_';
     if name.is_empty() || !name.chars().all(is_name) {
-        return Err("a feature's name contains only letters, digits and `_`".to_owned());
+        return Err("a feature's name may contain only letters, digits and `_`".to_owned());
     }
-    let value =
-        match value {
-            "true" => Feature::Flag(true),
-            "false" => Feature::Flag(false),
-            number => Feature::Number(number.parse().map_err(|_| {
-                "a feature's value is a whole number, `true` or `false`".to_owned()
-            })?),
-        };
+    let value = match value {
+        "true" => Feature::Flag(true),
+        "false" => Feature::Flag(false),
+        number => Feature::Number(number.parse().map_err(|_| {
+            "a feature's value must be a whole number, `true` or `false`".to_owned()
+        })?),
+    };
     Ok((name.to_owned(), value))
 }
 

@@ -95,7 +95,7 @@ impl Tappable for Frame<'_> {
         // A step with another number of components has only a part of the value.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
-                "the engine's step computes {} of the value's components: `karat trace` shows all steps",
+                "the engine's step computes only {} of the value's components: `karat trace` shows all steps",
                 step.single.len()
             ));
         }

@@ -308,7 +308,11 @@ impl Mapping {
                 format!("all values are {}", digits(*same))
             }
             Self::Range([least, most]) => {
-                format!("black is {}, light yellow is {} (magma)", digits(*least), digits(*most))
+                format!(
+                    "black is {}, light yellow is {} (colour map magma)",
+                    digits(*least),
+                    digits(*most)
+                )
             }
             Self::Signed(most) => format!("black is 0, red is {0}, blue is -{0}", digits(*most)),
             Self::Direction => {

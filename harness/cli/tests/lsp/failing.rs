@@ -209,7 +209,7 @@ fn failures_of_the_last_run_are_shown_while_they_are_true() {
     let code = shown[0]["code"].as_str().expect("a name");
     assert!(code.len() == 4 && code.bytes().all(|byte| byte.is_ascii_hexdigit()), "{code}");
     editor.open_file(FILE, CALC);
-    let title = "karat: 1 check fails, worst 8.5 ulp (4 ulp) on gl, 100 cases";
+    let title = "karat: 1 check fails, worst error 8.5 ulp (4 ulp) on gl, 100 cases";
     editor.wait_lens(FILE, 3, title);
     // After a full run, a function that the run didn't check has no test.
     assert!(editor.lenses(FILE).contains(&(1, "karat: no test".to_owned())));

@@ -193,5 +193,5 @@ fn worst<'p>(paths: impl Iterator<Item = &'p PathRecord>) -> Option<String> {
     let measured = paths.filter(|path| path.worst.contains(|c: char| c.is_ascii_digit()));
     let worst = measured.max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
     let PathRecord { worst: error, asserted, adapter, .. } = worst;
-    Some(format!(", worst {error} ({asserted}) on {}", adapter.path))
+    Some(format!(", worst error {error} ({asserted}) on {}", adapter.path))
 }
