@@ -593,7 +593,7 @@ impl Assertion {
                 let (content, input_content) = (self.content(compute)?, before(input)?);
                 if content.element() != input_content.element() {
                     return Err(format!(
-                        "`{}` is {}, and `{input}` is {}: elements of different types can't be a permutation",
+                        "`{}` is of type {}, and `{input}` is of type {}: elements of different types can't be a permutation",
                         self.variable, content.shape, input_content.shape
                     )
                     .into());
@@ -622,7 +622,7 @@ impl Assertion {
                 };
                 if content.shape.lanes().iter().all(all) {
                     return Err(format!(
-                        "every {} is in this range, so the assertion can't fail",
+                        "every value of type {} is in this range, so the assertion can't fail",
                         content.shape
                     )
                     .into());

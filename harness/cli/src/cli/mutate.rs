@@ -433,7 +433,7 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
             let at = if arguments.is_empty() { String::new() } else { format!(" for {arguments}") };
             let does = if found.leaves { "writes" } else { "returns" };
             vec![format!(
-                "{tests}; `{}` {does} {} in place of {}{at}",
+                "{tests}; the function `{}` {does} {} in place of {}{at}",
                 found.function, found.mutant, found.original
             )]
         }

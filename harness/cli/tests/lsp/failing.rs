@@ -215,7 +215,7 @@ fn failures_of_the_last_run_are_shown_while_they_are_true() {
     assert!(editor.lenses(FILE).contains(&(1, "karat: no test".to_owned())));
     editor.edit(FILE, &CALC.replace("return x", "return 1.0 * x"));
     editor.wait(FILE, <[_]>::is_empty);
-    editor.wait_lens(FILE, 3, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 3, "karat: changed after the last test");
     editor.edit(FILE, CALC);
     editor.wait(FILE, |all| all.len() == 1);
     // Another program changes a file that no editor has open.
@@ -232,7 +232,7 @@ fn failures_of_other_files_are_not_shown() {
     let folder = recorded("0123");
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
-    editor.wait_lens(FILE, 3, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 3, "karat: changed after the last test");
     assert!(editor.shown(FILE).is_empty());
 }
 

@@ -36,7 +36,7 @@ fn each_function_has_a_lens_with_its_test_results() {
     );
     // Each lens has its line in the unsaved text. The verdicts belong to the saved text.
     editor.edit(FILE, &format!("// a line\n{CALC}"));
-    editor.wait_lens(FILE, 6, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 6, "karat: changed after the last test");
     editor.wait_heard("workspace/codeLens/refresh");
 }
 
@@ -183,13 +183,13 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
     editor.wait_lens(FILE, 3, "karat: no test");
     // Only tests of this function run. The verdicts of other functions are those of the last run.
     editor.save(FILE, &wrong());
-    editor.wait_lens(FILE, 1, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 1, "karat: changed after the last test");
     let failed = format!("karat: `calc::half`: 1 check, 1 failed{UNASKED}");
     assert_eq!(run(&mut editor, "calc::half"), failed);
     let shown = editor.wait(FILE, |all| all.len() == 1 && all[0]["code"].is_string());
     assert_eq!(told(&shown[0]).0, 1);
     editor.wait_lens(FILE, 1, "karat: 1 check fails");
-    editor.wait_lens(FILE, 5, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 5, "karat: changed after the last test");
     editor.save(FILE, CALC);
     editor.wait(FILE, <[_]>::is_empty);
     assert_eq!(

@@ -159,7 +159,7 @@ fn title(current: &[&Record], is_stale: bool, is_tested: bool, known: &Known<'_>
     if current.is_empty() {
         let why = match (is_stale, is_tested) {
             (_, true) if known.busy => "running",
-            (true, _) => "changed since it was tested",
+            (true, _) => "changed after the last test",
             (false, true) => "not run yet",
             (false, false) if known.whole => "no test",
             (false, false) => "no test is known: run `karat test`",

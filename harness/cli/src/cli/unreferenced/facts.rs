@@ -64,7 +64,9 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
         Ok(told) if told == held => None,
         Ok(told) => {
             let others = differing(&told, &held).join("`, `");
-            Some(format!("`{shown}` differs from the provenance of `{image}` in `{others}`"))
+            Some(format!(
+                "`{shown}` differs from the provenance of `{image}` in the fields `{others}`"
+            ))
         }
         Err(error) => Some(format!("`{shown}` has no readable provenance: {}", error.message())),
     }
