@@ -494,8 +494,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             place(&parameters, argument)?;
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
-                let wrong =
-                    format!("`{text}` names `{argument}`, but the limit sets this argument");
+                let wrong = format!(
+                    "the condition `{text}` names `{argument}`, but the limit sets this argument"
+                );
                 return Err(Misdeclared::of("where")(wrong));
             }
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]

@@ -232,7 +232,7 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
         0 => GOOD,
         _ => BAD,
     };
-    write!(out, "{style}{changed} changed{style:#}, ")?;
+    write!(out, "functions: {style}{changed} changed{style:#}, ")?;
     for (count, what) in [(added, "added"), (removed, "removed")] {
         if count > 0 {
             write!(out, "{count} {what}, ")?;
@@ -274,7 +274,7 @@ fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> any
         (Some(0), _) => ", only in the sign of a zero".to_owned(),
         (Some(ulp @ ..NEAR), Some(share)) => format!(", by up to {ulp} ulp (rel {share:.2e})"),
         (Some(ulp @ ..NEAR), None) => format!(", by up to {ulp} ulp"),
-        (Some(_), Some(share)) => format!(", by up to rel {share:.2e}"),
+        (Some(_), Some(share)) => format!(", by a relative difference of up to {share:.2e}"),
         // If integers, signs or NaN differ, Karat prints only the values.
         _ => String::new(),
     };

@@ -130,12 +130,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     match written {
         Some(file) => writeln!(
             out,
-            "  {}   add more assertions: agrees_with, table, monotone, limit, ...",
+            "  {}   can contain more assertions: agrees_with, table, monotone, limit, ...",
             file.display()
         )?,
         None => writeln!(
             out,
-            "  *.test.toml   add more assertions: agrees_with, table, monotone, limit, ..."
+            "  *.test.toml   can contain more assertions: agrees_with, table, monotone, limit, ..."
         )?,
     }
     if !args.github && !args.gitlab {

@@ -284,7 +284,7 @@ fn hunt(
     std::panic::set_hook(hook);
     hunted.unwrap_or_else(|panic| {
         let said = panic.downcast_ref::<String>().cloned();
-        panic!("{}", said.unwrap_or_else(|| "the run of the mutants panicked".to_owned()))
+        panic!("{}", said.unwrap_or_else(|| "Karat panicked while it tried the mutants".to_owned()))
     })
 }
 
