@@ -173,7 +173,7 @@ enum Command {
     /// Validates every module and entry point of the shader packages, and runs no test
     #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
                             `karat test` validates the modules, too. If a module needs features to be valid, \
-                            declare them in Cargo.toml:\n  [package.metadata.karat.features]\n  \
+                            declare the features in Cargo.toml:\n  [package.metadata.karat.features]\n  \
                             \"debug::overlay\" = [\"DEBUG\"]\n\
                             Exit codes: 0 all modules are valid; 1 a module is invalid; 2 a package can't be \
                             read.")]
@@ -296,8 +296,8 @@ enum Command {
                             karat review --from karat.zip (shows frames of a CI run, and accepts them on this machine)\n\
                             Only this machine can open the page. The URL is secret, because \
                             anyone who has the URL can accept frames.\nOn the page, ? shows the keys: \
-                            j and k go from frame to frame, / filters the frames.\nA URL that ends in \
-                            `#` and a frame's name opens the page at this frame.\nExit codes: 0 no frame is pending any more, or \
+                            j and k go from frame to frame, / filters the frames.\nIf the URL ends in \
+                            `#` and a frame's name, the page opens at this frame.\nExit codes: 0 no frame is pending any more, or \
                             the page is written; 1 a frame is still pending; 2 an error.")]
     Review(review::Args),
     /// Lists goldens that no test compared in the last full run

@@ -255,7 +255,7 @@ impl Desk {
             (false, None) => {
                 return Answer::text(
                     409,
-                    "Another page runs the tests, or has run them. Reload this page.",
+                    "Another page runs the tests, or has already run the tests. Reload this page.",
                 );
             }
         }

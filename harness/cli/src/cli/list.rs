@@ -148,7 +148,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     // A filtered run skips functions that may have tests.
     let selected = last_selection(&project)?;
-    let untested = if selected.is_some() { "not by the last run" } else { "no" };
+    let untested = if selected.is_some() { "not last time" } else { "no" };
     let mut table = Table::new(&["function", "tested", "at"], &[]);
     for entry in &entries {
         let (style, state) = match (entry.tested, &entry.error) {

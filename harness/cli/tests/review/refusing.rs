@@ -153,7 +153,7 @@ fn the_exit_code_is_one_while_frames_are_pending() {
     let help = String::from_utf8_lossy(&help.stdout).into_owned();
     assert!(help.contains("karat review --static report") && help.contains("Exit codes"), "{help}");
     assert!(
-        help.contains("/ filters the frames") && help.contains("opens the page at this frame"),
+        help.contains("/ filters the frames") && help.contains("the page opens at this frame"),
         "{help}"
     );
 }

@@ -106,7 +106,10 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
                     }
                     let near = nearest(name, parameters.iter().map(|(known, _)| known.as_str()));
                     let near = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
-                    bail!("`{}` has no parameter `{name}`{near}\n  {function}", function.name);
+                    bail!(
+                        "the function `{}` has no parameter `{name}`{near}\n  {function}",
+                        function.name
+                    );
                 };
                 (place, value)
             }
@@ -130,7 +133,7 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
     let expected = parameters.len();
     ensure!(
         count == expected && found.iter().all(Option::is_some),
-        "`{}` needs {}, but the call has {count}\n  {function}",
+        "the function `{}` needs {}, but the call has {count}\n  {function}",
         function.name,
         counted(expected, "argument"),
     );

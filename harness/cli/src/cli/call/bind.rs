@@ -92,7 +92,7 @@ pub(super) fn fixtures(
         let Some(binding) = known else {
             let near = nearest(name, bindings.iter().map(|b| b.name()));
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            bail!("`{}` uses no variable `{name}`{near}", probed.function().name);
+            bail!("the function `{}` uses no variable `{name}`{near}", probed.function().name);
         };
         if all.iter().any(|(other, _): &(String, _)| {
             other == name || *other == binding.path || other == binding.name()

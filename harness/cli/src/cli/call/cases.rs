@@ -57,7 +57,7 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
     let columns = columns(function);
     ensure!(
         !columns.is_empty(),
-        "`{}` has no parameters, so a table can't set its arguments: remove --table",
+        "the function `{}` has no parameters, so a table can't set its arguments: remove --table",
         function.name
     );
     let table = read(input, &columns, function, request.expect.as_ref())?;
@@ -363,11 +363,11 @@ fn read(
         );
         ensure!(
             record.len() == width,
-            "`{shown}` line {} has {}, but {} {width}: {}",
+            "`{shown}` line {} has {own}, but {needs} {width}: {names}",
             line(),
-            counted(record.len(), "column"),
-            if width == columns.len() { "a case needs" } else { "the header has" },
-            names(columns)
+            own = counted(record.len(), "column"),
+            needs = if width == columns.len() { "a case needs" } else { "the header has" },
+            names = names(columns)
         );
         ensure!(
             table.rows.len() < MOST_CASES,
