@@ -96,12 +96,12 @@ struct NotThere(String);
     about = "Tests WGSL shaders: functions against references, frames against goldens.",
     after_help = "Start with `karat init`, then `karat watch`; `karat doctor` lists the drivers that open.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
-                  KARAT_ADAPTER (part of an adapter's name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (most loop iterations on `cpu`), KARAT_SEED and \
+                  KARAT_ADAPTER (part of an adapter's name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (the largest number of loop iterations on `cpu`), KARAT_SEED and \
                   KARAT_CASE (for a replay),\nKARAT_OVERLAY (a folder of files that replace \
                   modules), NO_COLOR.\n\
                   Exit codes: 0 success; 1 a check failed, a frame differs, an acceptance is refused; \
                   2 the command couldn't do its work;\n3 an input is missing (an image, a golden, a record). \
-                  If the reader of the output ends first, the exit code doesn't change."
+                  If a program that reads the output ends early, such as `head`, the exit code doesn't change."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -112,30 +112,30 @@ struct Cli {
 enum Command {
     /// Runs the tests, and prints a row for each function and path with its cases and its worst error
     #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
-                            karat test --failed                the failures of the last run\n  \
-                            karat test shaders                 tests without Rust: @test, *.test.toml\n  \
+                            karat test --failed                runs the tests that failed in the last run\n  \
+                            karat test shaders                 runs tests that aren't in Rust: @test, *.test.toml\n  \
                             karat test -p tests --require vulkan,gl\n  \
                             karat test --junit target/karat/junit.xml\n  \
-                            karat test --short                 file:line:column: error: message, for editors\n\
+                            karat test --short                 prints file:line:column: error: message, for editors\n\
                             The command fails if a test fails or no check ran. On GitHub (or with \
-                            --github), it annotates\nand summarises failures.")]
+                            --github), the command annotates\nthe lines of failures, and writes a summary.")]
     Test(test::Args),
     /// Watches files, and runs the tests that an edit affects
     #[command(after_help = "Examples:\n  karat watch\n  karat watch my/shaders\n  \
                             karat watch shaders fresnel --paths cpu\n\
                             `karat watch` runs tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
                             also the Rust tests.\nAn edit of a shader runs the tests that depend on the edited code; an edit of \
-                            comments runs no test. Only an edit of Rust code starts a build.\nIf the output isn't a terminal, the command prints lines instead of a screen.\n\
-                            Keys: r runs all, f filters by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
+                            comments runs no test. Only an edit of Rust code starts a build.\nIf the output isn't a terminal, the command prints lines, and doesn't redraw the screen.\n\
+                            Keys: r runs all tests, f filters tests by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
     Watch(watch::Args),
-    /// Serves an editor (LSP): shows invalid modules, failing tests, and a lens beside each function
+    /// Serves an editor (LSP): shows invalid modules, failing tests, and a code lens beside each function
     #[command(
         after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
                             The server shows invalid modules as you type, and failures of the last `karat test`. After each\n\
-                            save the server runs the tests without Rust. The server hides the verdicts of files that you\n\
-                            have edited after their tests ran. A lens beside each function shows the function's worst error, and\n\
-                            runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
-                            Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without asking."
+                            save the server runs the tests that aren't in Rust. When you edit a file, the server\n\
+                            hides the old verdicts of the file's tests. A code lens beside each function shows the function's worst error; a\n\
+                            click runs the function's tests. Without a server, `karat test --short` prints a line for each failure.\n\
+                            Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without this request."
     )]
     Lsp(lsp::Args),
     /// Runs the tests of a folder of shaders as `karat test` does, and prints lines
@@ -143,14 +143,14 @@ enum Command {
     Suite(suite::Args),
     /// Runs the tests in a browser on this machine
     #[command(after_help = "Examples:\n  karat browser\n  karat browser --open shaders\n  \
-                            karat browser -- tests/brdf --junit out.xml    with arguments for `karat test`\n\
-                            Only this machine can open the page, and the page's URL contains a secret. Paths `dawn` and `chromium` need no page.\n\
+                            karat browser -- tests/brdf --junit out.xml    passes arguments to `karat test`\n\
+                            Only this machine can open the page, and the page's URL contains a secret. For the paths `dawn` and `chromium`, run `karat test`: these paths need no page.\n\
                             Exit codes: the codes of `karat test`, and 2 if no browser opens the page.")]
     Browser(browser::Args),
     /// Runs again the case on which a check of the last run failed
-    #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
-                            karat replay 3f2a     the failure that `karat test` calls 3f2a\n  \
-                            karat replay 3f2a --print    the whole command, for a debugger or CI\n\
+    #[command(after_help = "Examples:\n  karat replay          runs the only failure again\n  \
+                            karat replay 3f2a     runs the failure that `karat test` calls 3f2a\n  \
+                            karat replay 3f2a --print    prints the whole command, for a debugger or CI\n\
                             `karat replay` runs the simplest failing case that Karat found, on the first path that failed.\n\
                             Exit codes: 0 the case passes now; 1 the case fails; 2 the case can't run; 3 no failure has this name.")]
     Replay(replay::Args),
@@ -173,7 +173,7 @@ enum Command {
     /// Validates every module and entry point of the shader packages, and runs no test
     #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
                             `karat test` validates the modules, too. If a module needs features to be valid, \
-                            declare them in Cargo.toml:\n  [package.metadata.karat.features]\n  \
+                            declare the features in Cargo.toml:\n  [package.metadata.karat.features]\n  \
                             \"debug::overlay\" = [\"DEBUG\"]\n\
                             Exit codes: 0 all modules are valid; 1 a module is invalid; 2 a package can't be \
                             read.")]
@@ -181,8 +181,8 @@ enum Command {
     /// Writes a first test for a folder of shaders and lines for .gitignore, and on request a CI workflow
     #[command(after_help = "Examples:\n  karat init\n  karat init my/shaders --github\n\
                             `karat init` writes a `*.test.toml` for one function or compute pass, and lines for .gitignore. \
-                            With --github or\n--gitlab, it also writes a CI workflow. Then it runs the tests. \
-                            The command keeps your text,\nand only adds lines to .gitignore, Cargo.toml, package.json and karat.toml.")]
+                            With --github or\n--gitlab, the command also writes a CI workflow. Then the command runs the tests. \
+                            `karat init` doesn't change\nyour lines: it only adds lines to .gitignore, Cargo.toml, package.json and karat.toml.")]
     Init(init::Args),
     /// Lists the functions of the shader packages with their signatures, and marks the tested functions
     #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
@@ -196,7 +196,7 @@ enum Command {
                             karat translate scene --to msl --validate\n  \
                             karat translate scene --to glsl --entry-point fs_main --out scene.frag\n  \
                             karat translate fresnel::schlick --to spirv | spirv-dis\n\
-                            Karat gives naga the options that wgpu gives it; the first line of the output lists the options.\n\
+                            naga runs with the options that wgpu sets; the first line of the output lists the options.\n\
                             Exit codes: 0 the shader is translated, and with --validate the translation is valid; 1 a validator \
                             rejects the translation;\n2 naga can't translate the shader, or the shader can't be read.")]
     Translate(translate::Args),
@@ -207,18 +207,18 @@ enum Command {
                             karat matrix --require vulkan:hlsl=executed,vulkan:glsl=agrees\n\
                             The status of a row is `translated` if naga translates it, `valid` if all installed validators accept it,\n\
                             `executed` if it runs on inputs generated from its signature, and `agrees` if another column has the\n\
-                            same results. Without a validator no row is `valid`.\n\
-                            Exit codes: 0 karat.toml declares all failures, and --require is met;\n1 another row fails, or \
-                            --require isn't met; 2 a function can't be read, or no row was judged."
+                            same results. If no validator is installed, no row gets the status `valid`.\n\
+                            Exit codes: 0 karat.toml declares all failures, and --require is met;\n1 a row fails, and karat.toml doesn't declare \
+                            this failure, or --require isn't met; 2 a function can't be read, or no row was judged."
     )]
     Matrix(matrix::Args),
     /// Finds operations that can go wrong, without a test: NaN, infinities, lost digits
     #[command(after_help = "Examples:\n  karat hazards\n  karat hazards my/shaders --all\n  \
                             karat hazards --only fresnel --input roughness=0.05..1\n\
-                            Karat's own engine runs each function in f32, in f64 and in intervals, so the command needs no \
+                            Karat's own engine runs each function in f32, in f64 and in interval arithmetic, so the command needs no \
                             driver.\nKarat generates arguments from types and names: `n` is a unit \
                             vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
-                            declares other ranges: roughness = [0.05, 1]. `[[hazard]]` accepts an intended \
+                            declares other ranges: roughness = [0.05, 1]. A `[[hazard]]` in karat.toml accepts an intended \
                             hazard,\nand has the keys functions, text (the operation) and reason.\n\
                             Exit codes: 0 no fault, and with `--deny requirements` no requirement; 1 a fault, a denied requirement, \
                             a module\nthat can't be read, or a function that naga rejects; 2 no function could be checked, or a declaration is wrong.\n\
@@ -231,7 +231,7 @@ enum Command {
                             Karat generates arguments: three of four arguments lie in the range that the parameter's name suggests.\n\
                             `karat compare` skips functions that differ only in comments and blanks, and compares results bit by bit.\n\
                             Exit codes: 0 no change, or only new functions; 1 a result, a signature or an interface changed, a \
-                            function\nis gone, or something can't be compared; 2 the revision can't be read."
+                            function\nwas removed, or something can't be compared; 2 the revision can't be read."
     )]
     Compare(compare::Args),
     /// Measures your tests: makes mutants of the shaders, and lists the mutants that no test kills
@@ -259,9 +259,9 @@ enum Command {
                             karat call fresnel::schlick --table in.csv --out out.csv --path vulkan\n  \
                             karat call double 21 --shaders my.wgsl\n  \
                             karat call fresnel::schlick 0.04,0.04,0.04 0.3 --trace --html trace.html\n\
-                            A vector's components are joined by commas. A table has one case per row \
-                            and one scalar per column.\nIts first line may name the columns (f0.x,f0.y,f0.z,v_dot_h). \
-                            Karat reads and prints each number as the exact f32.")]
+                            Write a vector's components with commas between the numbers. A table has one case per row \
+                            and one scalar per column.\nThe table's first line may name the columns (f0.x,f0.y,f0.z,v_dot_h). \
+                            Karat reads a number as the nearest f32, and prints enough digits to read this f32 again.")]
     Call(call::Args),
     /// Lists the execution paths that open, with drivers and versions, and says how to get the other paths
     #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
@@ -281,36 +281,36 @@ enum Command {
                             karat accept scene --from karat.zip --because \"as reviewed\"\n\
                             Exit codes: 0 the frame is accepted; 1 Karat refuses the frame (the golden has changed, the driver \
                             differs, a value is NaN, the image is too large);\n2 a file can't be read or written; 3 no \
-                            such frame is pending."
+                            pending frame has this name."
     )]
     Accept(goldens::AcceptArgs),
     /// Deletes a pending frame
     #[command(after_help = "Examples:\n  karat reject scene\n  karat reject '*'\n\
-                            Exit codes: 0 the frame is deleted; 2 a file can't be deleted; 3 no such frame is \
-                            pending.")]
+                            Exit codes: 0 the frame is deleted; 2 a file can't be deleted; 3 no pending frame has \
+                            this name.")]
     Reject(goldens::RejectArgs),
     /// Shows pending frames beside their goldens in a browser, where you accept or reject them
     #[command(after_help = "Examples:\n  karat review --open\n  \
                             karat review --port 8000      (with `ssh -L 8000:127.0.0.1:8000`)\n  \
-                            karat review --static report  (files; open report/index.html)\n  \
-                            karat review --from karat.zip (a CI run's frames; accepted here)\n\
+                            karat review --static report  (writes the page as files: open report/index.html)\n  \
+                            karat review --from karat.zip (shows frames of a CI run, and accepts them on this machine)\n\
                             Only this machine can open the page. The URL is secret, because \
                             anyone who has the URL can accept frames.\nOn the page, ? shows the keys: \
-                            j and k go from frame to frame, / filters the frames.\nA URL that ends in \
-                            #name shows that frame.\nExit codes: 0 no frame is left pending, or \
-                            the page is written; 1 a frame is left pending; 2 an error.")]
+                            j and k go from frame to frame, / filters the frames.\nIf the URL ends in \
+                            `#` and a frame's name, the page opens at this frame.\nExit codes: 0 no frame is pending any more, or \
+                            the page is written; 1 a frame is still pending; 2 an error.")]
     Review(review::Args),
     /// Lists goldens that no test compared in the last full run
     #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \
                             karat unreferenced --delete\n\
-                            A test that is ignored, or behind a feature that is off, compares \
-                            no golden.\nA comparison with `.unrecorded()` doesn't count.\n\
+                            If a test is ignored, or needs a feature that is off, the test compares \
+                            no golden.\nComparisons by checks with `.unrecorded()` don't count.\n\
                             Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its provenance \
-                            (`.toml`) doesn't match its image,\nor a file belongs to no golden; 2 a file \
+                            (`.toml`) doesn't match its image,\nor a file doesn't belong to a golden; 2 a file \
                             can't be read; 3 no verdict: there is no golden,\nor no record of a \
                             full run that passed and compared frames with goldens of this folder.")]
     Unreferenced(unreferenced::Args),
-    /// Compares an image that another program drew with its golden
+    /// Compares an image of another program with its golden
     #[command(name = "match", after_help = matching::EXAMPLES)]
     Match(matching::Args),
     /// Compares any two images, EXR or PNG
@@ -319,8 +319,8 @@ enum Command {
     /// Writes frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
     #[command(after_help = "Examples:\n  karat render --list\n  karat render --first\n  \
                             karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
-                            A gallery is a binary of the project that runs a \
-                            karat_gallery::Gallery,\nand that `metadata.karat` in Cargo.toml names. The command fails if \
+                            A gallery is a binary of your project. This binary runs a \
+                            karat_gallery::Gallery,\nand `metadata.karat` in Cargo.toml names the binary. The command fails if \
                             a frame can't be rendered or has values that are not finite.")]
     Render(karat_gallery::RenderArguments),
     /// Shows a value of a frame's fragment functions on every pixel, as an image and in numbers
@@ -385,8 +385,8 @@ struct PackageArgs {
     /// folder of an imported crate; may be repeated
     #[arg(long = "root", value_name = "[NAME=]DIR", requires = "krate")]
     roots: Vec<String>,
-    /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or gives it a value (`NAME=3`, `NAME=false`);
-    /// may be repeated
+    /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or sets the feature's value (`NAME=3`,
+    /// `NAME=false`); may be repeated
     #[arg(long = "feature", value_name = "NAME[=VALUE]", value_parser = feature)]
     features: Vec<(String, Feature)>,
 }
@@ -413,16 +413,15 @@ fn feature(text: &str) -> Result<(String, Feature), String> {
     let (name, value) = text.split_once('=').unwrap_or((text, "true"));
     let is_name = |c: char| c.is_alphanumeric() || c == '_';
     if name.is_empty() || !name.chars().all(is_name) {
-        return Err("a feature's name contains only letters, digits and `_`".to_owned());
+        return Err("a feature's name may contain only letters, digits and `_`".to_owned());
     }
-    let value =
-        match value {
-            "true" => Feature::Flag(true),
-            "false" => Feature::Flag(false),
-            number => Feature::Number(number.parse().map_err(|_| {
-                "a feature's value is a whole number, `true` or `false`".to_owned()
-            })?),
-        };
+    let value = match value {
+        "true" => Feature::Flag(true),
+        "false" => Feature::Flag(false),
+        number => Feature::Number(number.parse().map_err(|_| {
+            "a feature's value must be a whole number, `true` or `false`".to_owned()
+        })?),
+    };
     Ok((name.to_owned(), value))
 }
 

@@ -600,8 +600,14 @@ fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
         assert!(error.contains(part), "no `{part}` in:\n{error}");
     }
     for (arguments, message) in [
-        (&["--size", "0x5"][..], "the image has a side of 0 pixels; use 1 to 16384 pixels"),
-        (&["--size", "16385x1"], "the image has a side of 16385 pixels; use 1 to 16384 pixels"),
+        (
+            &["--size", "0x5"][..],
+            "the image can't have a side of 0 pixels: write 1 to 16384 pixels",
+        ),
+        (
+            &["--size", "16385x1"],
+            "the image can't have a side of 16385 pixels: write 1 to 16384 pixels",
+        ),
         (&["--size", "640"], "`640` isn't a size: write width x height in pixels, as in 640x360"),
         (&["--size", "640X360"], "`640X360` isn't a size: write width x height in pixels"),
         (&["--samples", "0"], "invalid value '0' for '--samples <N>': 0 is not in 1.."),

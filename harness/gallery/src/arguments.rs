@@ -217,7 +217,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         match digits.parse() {
             Ok(side) if (1..=LONGEST_SIDE).contains(&side) => Ok(side),
             _ => Err(format!(
-                "the image has a side of {digits} pixels; use 1 to {LONGEST_SIDE} pixels"
+                "the image can't have a side of {digits} pixels: write 1 to {LONGEST_SIDE} pixels"
             )),
         }
     };
@@ -297,9 +297,12 @@ mod tests {
     #[test]
     fn bad_arguments_are_explained() {
         for (words, message) in [
-            (&["--size", "0x5"][..], "the image has a side of 0 pixels; use 1 to 16384 pixels"),
-            (&["--size", "5x16385"], "the image has a side of 16385 pixels; use"),
-            (&["--size", "5x99999999999"], "the image has a side of 99999999999 pixels"),
+            (
+                &["--size", "0x5"][..],
+                "the image can't have a side of 0 pixels: write 1 to 16384 pixels",
+            ),
+            (&["--size", "5x16385"], "the image can't have a side of 16385 pixels: write"),
+            (&["--size", "5x99999999999"], "the image can't have a side of 99999999999 pixels"),
             (
                 &["--size", "640"],
                 "`640` isn't a size: write width x height in pixels, as in 640x360",

@@ -95,7 +95,7 @@ impl Tappable for Frame<'_> {
         // A step with another number of components has only a part of the value.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
-                "the engine's step computes {} of the value's components: `karat trace` shows all steps",
+                "the engine's step computes only {} of the value's components: `karat trace` shows all steps",
                 step.single.len()
             ));
         }
@@ -181,7 +181,7 @@ pub fn tap(
             let driver = value(&tapped, *pixel);
             let engine = match tapped.told[index(&tapped, *pixel)] {
                 true => subject.engine(path, tap, &tapped, *pixel)?,
-                false => "so the engine shows no value".to_owned(),
+                false => "the engine shows no value there".to_owned(),
             };
             writeln!(out, "    at ({x}, {y}): {driver} on {path}; {engine}")?;
         }

@@ -231,18 +231,18 @@ fn notes(tapped: &Tapped) -> Vec<String> {
             parts.push(format!("{undrawn} aren't drawn or are discarded"));
         }
         if all - told - undrawn > 0 {
-            parts.push(format!("{} don't reach the value", all - told - undrawn));
+            parts.push(format!("{} don't reach the code of the value", all - told - undrawn));
         }
         notes.push(parts.join(", "));
     }
     let most = tapped.times.iter().flatten().max().copied().unwrap_or(0);
     if let Some(round) = tapped.round {
         notes.push(format!(
-            "the value is computed up to {most} times: the numbers above are from time {round}"
+            "the value is computed up to {most} times: the numbers above are from computation {round}"
         ));
     } else if most > 1 {
         notes.push(format!(
-            "the value is computed up to {most} times: the numbers above are from the last time, and --round selects another time"
+            "the value is computed up to {most} times: the numbers above are from the last computation, and --round selects another computation"
         ));
     }
     match tapped.changed {
@@ -308,7 +308,11 @@ impl Mapping {
                 format!("all values are {}", digits(*same))
             }
             Self::Range([least, most]) => {
-                format!("black is {}, light yellow is {} (magma)", digits(*least), digits(*most))
+                format!(
+                    "black is {}, light yellow is {} (colour map magma)",
+                    digits(*least),
+                    digits(*most)
+                )
             }
             Self::Signed(most) => format!("black is 0, red is {0}, blue is -{0}", digits(*most)),
             Self::Direction => {

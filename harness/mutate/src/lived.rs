@@ -80,12 +80,12 @@ pub enum Equality {
 impl fmt::Display for Equality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Operations => f.write_str("the mutant executes the same operations"),
+            Self::Operations => f.write_str("the mutant executes the same operations as the original"),
             Self::Intervals => f.write_str(
-                "the guard does nothing: interval arithmetic proves the guarded value within the bound",
+                "the guard does nothing: interval arithmetic proves that the guarded value is always within the bound",
             ),
-            Self::Inputs(0 | 1) => f.write_str("the mutant has no inputs, and returns the same value"),
-            Self::Inputs(count) => write!(f, "the mutant returns the same results for all {count} inputs"),
+            Self::Inputs(0 | 1) => f.write_str("the function has no inputs, and the mutant returns the same value as the original"),
+            Self::Inputs(count) => write!(f, "the mutant returns the same results as the original for all {count} inputs"),
         }
     }
 }

@@ -86,7 +86,7 @@ test("canvases are compared with goldens, and wait for a review", () => {
   assert.match(wrong.text, /frame `canvas` differs from its golden/);
   assert.match(karat("pending", "--goldens", "golden").stdout, /canvas +differs/);
   // Each of these fails, because there is nothing to compare.
-  assert.match(wrong.text, /all pixels of the image .* are equal/);
+  assert.match(wrong.text, /all pixels of the image .* have the same colour/);
   assert.match(wrong.text, /`short` returned 1 floats for 2 x 2 pixels, but each pixel needs four floats/);
   assert.match(wrong.text, /the page has no function `none`/);
   assert.match(wrong.text, /accept another golden/);

@@ -56,7 +56,7 @@ impl fmt::Display for Cause {
             Self::ShaderAndDriver => "the shader and the driver changed",
             Self::Driver => "only the driver changed",
             Self::Processor => "only the processor changed",
-            Self::Declared => "only the author's facts in the provenance changed",
+            Self::Declared => "in the provenance, only the facts that the test adds have changed",
             Self::Nothing => {
                 "shader and driver are the same: the frame isn't deterministic, or its inputs changed"
             }
@@ -203,7 +203,10 @@ mod tests {
             "the shader and the driver changed"
         );
         let seeded = |p: &mut Provenance| drop(p.facts.insert("seed".to_owned(), "8".to_owned()));
-        assert_eq!(said(seeded), "only the author's facts in the provenance changed");
+        assert_eq!(
+            said(seeded),
+            "in the provenance, only the facts that the test adds have changed"
+        );
         assert_eq!(
             said(|_| {}),
             "shader and driver are the same: the frame isn't deterministic, or its inputs changed"

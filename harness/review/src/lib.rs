@@ -366,7 +366,7 @@ impl Review {
             }
             Entry::Failure(at) => match self.run.failures.get(*at) {
                 Some(failure) => data::function(index, failure),
-                None => data::failure(index, "the last run has no such failure"),
+                None => data::failure(index, "the last run has no failure with this number"),
             },
             Entry::Pending(name) => data::failure(index, &format!("`{name}` isn't pending")),
         }

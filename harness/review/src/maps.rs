@@ -24,7 +24,7 @@ fn worst_exposures(pair: &Pair<'_>) -> Option<Map> {
     let (start, stop) = exposures.range()?.into_inner();
     Some(Map {
         name: "worst exposure in stops".to_owned(),
-        about: "the exposure at which HDR-FLIP sees the largest difference; black where it sees no difference"
+        about: "the exposure at which HDR-FLIP sees the largest difference; black where HDR-FLIP sees no difference"
             .to_owned(),
         image: scalars(pair, |x, y| exposures.at(x, y)),
         // With a single exposure, the whole map would have one colour.

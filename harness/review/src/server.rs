@@ -66,7 +66,7 @@ struct Decision {
 enum Refused {
     #[error(transparent)]
     Goldens(#[from] AcceptError),
-    #[error("frame `{0}` was rendered again since this page loaded it; reload to see it")]
+    #[error("frame `{0}` was rendered again after this page loaded the frame: reload the page")]
     Unseen(String),
 }
 
@@ -160,7 +160,9 @@ impl Desk {
             let numbered = locked(&self.numbered);
             numbered.get(number).cloned()
         };
-        let Some(entry) = entry else { return Answer::text(404, "the review has no such frame") };
+        let Some(entry) = entry else {
+            return Answer::text(404, "the review has no entry with this number");
+        };
         // The page can't read the status of a script, so a script reports the error.
         let pending = match &entry {
             Entry::Pending(name) => Some(self.find(name)),
@@ -171,7 +173,7 @@ impl Desk {
                 let pending = pending.and_then(Result::ok);
                 match self.review.golden_of(&entry, pending.as_ref()) {
                     Some((golden, now)) => version_script(number, &golden, &now, commit),
-                    None => return Answer::text(404, "the golden has no such version"),
+                    None => return Answer::text(404, "the golden has no version from this commit"),
                 }
             }
             (None, Some(Ok(pending))) => self.review.script(number, &pending, false),

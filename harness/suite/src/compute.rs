@@ -496,10 +496,10 @@ impl Assertion {
             let after = compute.clone().after(&variable);
             let named = |kind: &HazardKind| kind.name();
             let text = match kinds {
-                None => "inside the pass, each float is finite, and integers are divided and converted in their range".to_owned(),
+                None => "inside the pass, each float is finite, and no integer division or conversion goes out of range".to_owned(),
                 Some(kinds) => {
                     let named: Vec<&str> = kinds.iter().map(named).collect();
-                    format!("inside the pass, none of: {}", named.join(", "))
+                    format!("inside the pass, none of these hazards occurs: {}", named.join(", "))
                 }
             };
             return concluded(untyped::settled(&after, &text, broken));
@@ -554,9 +554,9 @@ impl Assertion {
                     return Err(Misdeclared::of("sorted")(one).into());
                 }
                 let text = if *descending {
-                    "its elements are in descending order"
+                    "the elements are in descending order"
                 } else {
-                    "its elements are in ascending order"
+                    "the elements are in ascending order"
                 };
                 let breaks = |lanes: &[u32]| {
                     let pair =
@@ -580,7 +580,7 @@ impl Assertion {
                     (values(&before(input)?).iter().sum::<f64>(), self.tolerance()?);
                 let content = self.content(compute)?;
                 let scalar = one_kind(&content, "sum_of")?;
-                let text = format!("its numbers have the same sum as `{input}`: {sum}, {within}");
+                let text = format!("the numbers have the same sum as `{input}`: {sum}, {within}");
                 let breaks = |lanes: &[u32]| {
                     let own = lanes.iter().map(|word| scalar.decode(*word)).sum::<f64>();
                     let passes = within.measure_sum(0, own, sum).passes();
@@ -593,13 +593,13 @@ impl Assertion {
                 let (content, input_content) = (self.content(compute)?, before(input)?);
                 if content.element() != input_content.element() {
                     return Err(format!(
-                        "`{}` is {}, and `{input}` is {}: elements of different types can't be a permutation",
+                        "`{}` is of type {}, and `{input}` is of type {}: elements of different types can't be a permutation",
                         self.variable, content.shape, input_content.shape
                     )
                     .into());
                 }
                 let element = content.element().clone();
-                let text = format!("its elements are the elements of `{input}`, in any order");
+                let text = format!("the buffer contains the elements of `{input}`, in any order");
                 let breaks = |lanes: &[u32]| not_permuted(&element, &input_content.lanes, lanes);
                 concluded(untyped::satisfies(&after, &text, false, &breaks))
             }
@@ -622,7 +622,7 @@ impl Assertion {
                 };
                 if content.shape.lanes().iter().all(all) {
                     return Err(format!(
-                        "every {} is in this range, so the assertion can't fail",
+                        "every value of type {} is in this range, so the assertion can't fail",
                         content.shape
                     )
                     .into());

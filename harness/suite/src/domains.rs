@@ -365,7 +365,7 @@ pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Pa
             )
         }
         (_, None) => {
-            return Err("`@over` takes numbers, or one name such as `unit_vector`".to_owned());
+            return Err("`@over` needs numbers, or one name such as `unit_vector`".to_owned());
         }
         ([_], Some(mut one)) => one.remove(0),
         ([least, most], Some(_)) => {

@@ -69,7 +69,7 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
     let example = if comparison { "\"linear less_equal\"" } else { "\"linear repeat\"" };
     let wrong = |what: &str| {
         format!(
-            "{what}; a sampler is \"linear\" or \"nearest\", then \"clamp\" (the default), \"repeat\" or \
+            "{what}; write a sampler as \"linear\" or \"nearest\", then \"clamp\" (the default), \"repeat\" or \
              \"mirror\"{}: {example}",
             match comparison {
                 true => {

@@ -94,7 +94,7 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
         && one.path != other.path
     {
         return Err(wrong(format!(
-            "`{name}` may mean `{}` or the parameter: write `{}`",
+            "the name `{name}` may mean `{}` or the parameter: write `{}`",
             one.path, one.path
         )));
     }

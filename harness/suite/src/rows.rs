@@ -45,7 +45,7 @@ impl Places {
         if let Some(foreign) = head.iter().find(is_part) {
             let wanted = wanted().collect::<Vec<_>>().join(",");
             return Err(format!(
-                "has a column `{foreign}`, which isn't a part of the function's parameters or result: {wanted}"
+                "has a column `{foreign}`, which isn't a part of the function's parameters or result; the table needs the columns {wanted}"
             ));
         }
         let expected = expected.iter().map(find).collect::<Result<Vec<_>, _>>()?;

@@ -333,15 +333,18 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
             let kind = kind.wgsl();
-            let wrong =
-                format!("`{name}` is of type {kind}, but {on} isn't a number: write a number");
+            let wrong = format!(
+                "the override `{name}` is of type {kind}, but {on} isn't a number: write a number"
+            );
             return Err(Misdeclared::of("override")(wrong));
         }
     }
     // With a constant argument, each derivative is 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
-            return Err("the function takes derivatives, which are all 0 in an integral".into());
+            return Err(
+                "the function uses derivatives, and all derivatives are 0 in an integral".into()
+            );
         }
         _ => probed.with_varying(),
     };
@@ -491,8 +494,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             place(&parameters, argument)?;
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
-                let wrong =
-                    format!("`{text}` names `{argument}`, but the limit sets this argument");
+                let wrong = format!(
+                    "the condition `{text}` names `{argument}`, but the limit sets this argument"
+                );
                 return Err(Misdeclared::of("where")(wrong));
             }
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]

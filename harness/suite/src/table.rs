@@ -106,7 +106,7 @@ pub(crate) fn elements(
     let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?;
     if head.iter().ne(wanted.iter().map(String::as_str)) {
         let (wanted, there) = (wanted.join(","), head.iter().collect::<Vec<_>>().join(","));
-        let message = format!("the first line of `{name}` must be `{wanted}`, but it is `{there}`");
+        let message = format!("the first line of `{name}` must be `{wanted}`, but is `{there}`");
         return Err(Misdeclared::at_line(file, 1, message));
     }
     let (scalars, mut all) = (element.lanes(), Vec::new());

@@ -87,9 +87,9 @@ fn bound(text: &str) -> Result<Tolerance, String> {
         |actual: f32, expected: f32| bound.measure(0, actual, f64::from(expected)).passes();
     let farthest = [(f32::MAX, f32::MIN), (f32::MIN, f32::from_bits(1))];
     match farthest.into_iter().all(|(actual, expected)| passes(actual, expected)) {
-        true => {
-            Err(format!("`{text}` accepts every result, because no two numbers are farther apart"))
-        }
+        true => Err(format!(
+            "`{text}` accepts every result, because no distance between two numbers is larger"
+        )),
         false => Ok(bound),
     }
 }

@@ -70,7 +70,7 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
         let wrong = members.into_iter().find(|((_, wanted), (_, made))| wanted != made);
         if let Some(((name, wanted), (_, made))) = wrong {
             return Some(format!(
-                "the compiler puts the member `{name}` at byte {made}, but naga's HLSL and Direct3D expect it at byte \
+                "the compiler puts the member `{name}` at byte {made}, but naga's HLSL and Direct3D expect the member at byte \
                  {wanted}"
             ));
         }

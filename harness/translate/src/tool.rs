@@ -363,7 +363,7 @@ impl Known {
                 let version = version.to_owned();
                 return Ok(Tool { known: self, program: Some(program), version });
             }
-            other = Some(format!("`{}` is another program of this name", program.display()));
+            other = Some(format!("`{}` has this name, but is another program", program.display()));
         }
         Err(missing(other.unwrap_or_else(|| "the program isn't in PATH".to_owned())))
     }
@@ -415,7 +415,7 @@ mod tests {
         let known = |name: &str| KNOWN.iter().find(|known| known.name == name).expect(name);
         let folders = [folder.path().to_owned()];
         let error = known("tint").find(&folders).expect_err("this `tint` is another program");
-        assert!(error.reason.contains("another program of this name"), "{}", error.reason);
+        assert!(error.reason.contains("has this name, but is another program"), "{}", error.reason);
         program("dxc", "'; kill -SEGV $$; echo '");
         let error = known("dxc").find(&folders).expect_err("this `dxc` crashes");
         assert!(error.reason.contains("crashes (signal: 11"), "{}", error.reason);

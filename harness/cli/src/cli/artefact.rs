@@ -116,10 +116,11 @@ impl Contents {
         if self.of_run {
             return Ok(());
         }
-        let inner = self.zip.as_ref().map(|zip| format!("; you may mean the zip `{zip}` inside"));
+        let inner =
+            self.zip.as_ref().map(|zip| format!("; you may mean the zip `{zip}` in this folder"));
         Err(NotThere(format!(
-            "`{}` isn't the artefact of a run: no file is a frame (`*.new.exr`), values (`*.new.csv`) \
-             or a record (`record/*.jsonl`, `run.json`); name the folder or zip that CI uploaded from \
+            "`{}` isn't the artefact of a run, because it contains no frame (`*.new.exr`), no values (`*.new.csv`) \
+             and no record (`record/*.jsonl`, `run.json`); name the folder or zip that CI uploaded from \
              `target/karat`{}",
             path.display(),
             inner.unwrap_or_default()
@@ -137,7 +138,11 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
     let (mut contents, mut frames, mut bytes) = (Contents::default(), 0, 0);
     for index in 0..entries {
         let entry = archive.by_index(index).context("an entry of the zip can't be read")?;
-        let name = entry.name().context("an entry's name is damaged")?.escape_debug().to_string();
+        let name = entry
+            .name()
+            .context("the name of an entry in the zip is damaged")?
+            .escape_debug()
+            .to_string();
         // The crate `zip` makes `/etc/x` relative. That is safe, but an honest zip has no such entry.
         let relative = entry.enclosed_name().filter(|_| !name.starts_with(['/', '\\']));
         let Some(relative) = relative else {

@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let relay = format!("{} browser --relay {}", program.display(), file.display());
     ensure!(
         relay.split_whitespace().count() == 4 && !relay.contains(';'),
-        "the paths `{}` and `{}` must not contain blanks or semicolons",
+        "the program `{}` or the file `{}` has a blank or a semicolon in its path: move the file to another folder",
         program.display(),
         file.display()
     );
@@ -118,7 +118,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 /// Runs as a program of `KARAT_EXECUTORS`: passes each job on, and prints the reply.
 fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     let told = std::fs::read_to_string(file).context("`karat browser` has ended")?;
-    let (port, token) = told.split_once(' ').context("the --relay file has no port and secret")?;
+    let (port, token) =
+        told.split_once(' ').context("the file of --relay doesn't contain a port and a secret")?;
     let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port.parse()?))
         .context("`karat browser` has ended")?;
     writeln!(stream, "{token}")?;
@@ -254,7 +255,7 @@ impl Desk {
             (false, None) => {
                 return Answer::text(
                     409,
-                    "Another page runs the tests, or has run them. Reload this page.",
+                    "Another page runs the tests, or has already run the tests. Reload this page.",
                 );
             }
         }

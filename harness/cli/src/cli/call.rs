@@ -42,7 +42,7 @@ pub(super) struct Args {
     #[arg(long = "bind", value_name = "NAME=VALUE")]
     bind: Vec<String>,
     /// Generates all arguments, and the variables that --bind doesn't set, as `karat hazards` does. Each CASE, a number
-    /// from 0, has other values; in the first cases, values are ends of ranges [default CASE: 0]
+    /// from 0, has different values; in the first cases, the values are ends of ranges [default CASE: 0]
     #[arg(long, alias = "made-up", value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,
@@ -82,7 +82,7 @@ pub(super) struct Args {
     /// Plots a sweep in the terminal, or writes the plot to FILE.SVG
     #[arg(long, value_name = "FILE.SVG", num_args = 0..=1, require_equals = true, conflicts_with = "table")]
     plot: Option<Option<PathBuf>>,
-    /// Shows each intermediate value in f32, in f64, and with the bounds that WGSL gives it
+    /// Shows each intermediate value in f32, in f64, and with the bounds of the errors that WGSL allows
     #[arg(long, conflicts_with = "table")]
     trace: bool,
     /// Writes the intermediate values of --trace beside the source, as an HTML page, to this file
@@ -161,7 +161,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     if let Some(Some(plot)) = &args.plot {
         let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
-        ensure!(svg, "--plot writes only SVG: --plot={}", plot.with_extension("svg").display());
+        ensure!(
+            svg,
+            "--plot writes only SVG files: write --plot={}",
+            plot.with_extension("svg").display()
+        );
     }
     let tolerance = match &args.tolerance {
         Some(text) => Some(karat_suite::tolerance(text).map_err(|error| anyhow!(error))?),
@@ -189,7 +193,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if given.varying.contains(&true) {
         ensure!(
             probed.takes_derivatives(),
-            "`{}` uses no derivatives: remove each `@` and the number after it",
+            "`{}` uses no derivatives: remove each `@` and the number after `@`",
             args.function
         );
         probed = probed.with_quads(&given.varying);
@@ -309,7 +313,10 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     let function = probed.function();
     writeln!(out, "{DIM}{function}{DIM:#}")?;
     if function.stage() == Some(Stage::Compute) {
-        writeln!(out, "{DIM}one invocation ran; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}only one invocation ran: to run workgroups, add --dispatch X,Y,Z{DIM:#}"
+        )?;
     }
     let given = cases::results(request, &[lanes.to_vec()])?;
     for (path, results) in &given.results {

@@ -110,7 +110,10 @@ fn validate_found(
                         write(&[(title, invalid)], out)?;
                     }
                     None if all => {
-                        writeln!(out, "{GOOD}{title}: valid{GOOD:#} with the tests' settings")?;
+                        writeln!(
+                            out,
+                            "{GOOD}{title}: valid{GOOD:#} with the features that the tests set"
+                        )?;
                     }
                     None => {}
                 }

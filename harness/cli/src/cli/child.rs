@@ -91,7 +91,7 @@ impl LastWords {
 /// Calls `line` with each line. A line may contain any bytes.
 fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> anyhow::Result<()> {
     for bytes in BufReader::new(from).split(b'\n') {
-        let text = bytes.context("can't read the output of a program to its end")?;
+        let text = bytes.context("can't read the whole output of a program")?;
         let text = String::from_utf8_lossy(&text);
         line(&with_colours(text.strip_suffix('\r').unwrap_or(&text)))?;
     }

@@ -33,7 +33,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "COUNT", default_value_t = 4096,
         value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     cases: u32,
-    /// Sets an `override` on both sides, by its name or its `@id`, in each function that uses it; may be repeated
+    /// Sets an `override` in both versions, by its name or its `@id`, in each function that uses it; may be repeated
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
     /// Also lists functions that weren't edited
@@ -183,7 +183,7 @@ fn write_one(
     }
     if one.cut > 0 {
         let left = counted(one.cut, "input");
-        writeln!(out, "    {DIM}{left} not run, because loops were too long{DIM:#}")?;
+        writeln!(out, "    {DIM}Karat didn't run {left}, because loops were too long{DIM:#}")?;
     }
     for Uncovered { place, text, missed } in &one.uncovered {
         let what = match missed {
@@ -232,7 +232,7 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
         0 => GOOD,
         _ => BAD,
     };
-    write!(out, "{style}{changed} changed{style:#}, ")?;
+    write!(out, "functions: {style}{changed} changed{style:#}, ")?;
     for (count, what) in [(added, "added"), (removed, "removed")] {
         if count > 0 {
             write!(out, "{count} {what}, ")?;
@@ -274,7 +274,7 @@ fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> any
         (Some(0), _) => ", only in the sign of a zero".to_owned(),
         (Some(ulp @ ..NEAR), Some(share)) => format!(", by up to {ulp} ulp (rel {share:.2e})"),
         (Some(ulp @ ..NEAR), None) => format!(", by up to {ulp} ulp"),
-        (Some(_), Some(share)) => format!(", by up to rel {share:.2e}"),
+        (Some(_), Some(share)) => format!(", by a relative difference of up to {share:.2e}"),
         // If integers, signs or NaN differ, Karat prints only the values.
         _ => String::new(),
     };

@@ -31,7 +31,7 @@ pub(super) struct Args {
     /// Runs only tests whose names contain this text
     #[arg(long, value_name = "FILTER")]
     tests: Option<String>,
-    /// Lists the lines and the sides of branches that no test runs
+    /// Lists the lines that no test runs, and the outcomes that a branch never had
     #[arg(long)]
     missing: bool,
     /// Counts only lines that changed since your branch left this revision of git, such as `main`

@@ -23,20 +23,20 @@ use super::{Ending, Outcome, spare, write_json};
 pub(super) const EXAMPLES: &str = "\
 Examples:
   karat diff golden/scene.exr golden/scene.new.exr
-  karat diff a.exr b.png --rel 0                        every channel is equal
+  karat diff a.exr b.png --rel 0                        requires that all channels are equal
   karat diff a.exr b.exr --flip-tile 0.03 --heatmap flip.png
   karat diff a.exr b.exr --mask sky.png --json
 
-The first image is the expected one. Karat converts a PNG to linear light before it compares the
+The first image is the expected image. Karat converts a PNG to linear light before it compares the
 images. The images agree if each channel is within 1e-3 (the gate), or else if HDR-FLIP is at most
 0.01 in every tile of 16 x 16 pixels, and at most 0.005 in the mean. If you give only --rel, Karat
 applies only the gate. FLIP uses the exposures that a golden stores, or else exposures that suit the
-first image. For two PNGs Karat also prints LDR-FLIP, the result of other FLIP tools; no bound
-applies to LDR-FLIP. Karat compares the stored values without converting primaries, and prints a
-note if the chromaticities differ. The data windows of EXR files may have different positions. If a
-file has several parts, Karat compares the first part with colours. Without --mask, Karat uses the
-second file's part `mask`; a frame has this part if its test declares a mask. Unlike a test, this
-command doesn't subtract the noise that a golden's variance explains.
+first image. For two PNGs Karat also prints LDR-FLIP, the number that other FLIP tools print;
+no bound applies to LDR-FLIP. Karat compares the stored values without converting primaries, and prints a
+note if the chromaticities differ. The data windows of EXR files may have different positions. If an
+EXR file has several parts, Karat compares only the first part that contains colours. Without --mask,
+Karat uses the second file's part `mask`; a frame has this part if its test declares a mask. A golden may store
+the variance of its noise. A test allows for this noise, but `karat diff` doesn't.
 Exit codes: 0 the images agree within the bounds; 1 the values or the sizes differ; 2 an image can't
 be read or compared; 3 an image is missing. NaN and infinities differ from every value.
 JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, chromaticities (CIE x and y
@@ -49,16 +49,16 @@ mean}, heatmap, heatmap_full (the error that has the heatmap's last colour).";
 pub(super) struct Args {
     /// The expected image: EXR or PNG
     a: PathBuf,
-    /// The actual image, which is compared with the expected one: EXR or PNG
+    /// The actual image, which Karat compares with the expected image: EXR or PNG
     b: PathBuf,
     /// Accepts this relative difference in each channel [default: 1e-3]
     #[arg(long, value_name = "R", value_parser = relative, allow_hyphen_values = true)]
     rel: Option<f64>,
-    /// Also accepts images of which each tile of 16 x 16 pixels has at most this mean HDR-FLIP, if a channel differs
-    /// too much [default: 0.01, or no such rule if you give --rel]
+    /// If a channel differs too much, accepts at most this mean HDR-FLIP in each tile of 16 x 16 pixels
+    /// [default: 0.01, or no such rule if you give --rel]
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_tile: Option<f64>,
-    /// Also accepts images with at most this mean HDR-FLIP, if a channel differs too much [default: 0.005, or no such
+    /// If a channel differs too much, accepts at most this mean HDR-FLIP of the whole image [default: 0.005, or no such
     /// rule if you give --rel]
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_mean: Option<f64>,
@@ -145,7 +145,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         message::write(&comparison, out)?;
     }
     if args.heatmap.is_some() && comparison.heatmap.is_none() {
-        super::complain("Karat writes no heatmap: it can't compare the images' pixels");
+        super::complain("Karat can't compare the images' pixels, so Karat writes no heatmap");
     }
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }

@@ -308,7 +308,7 @@ fn remedy(path: Path) -> &'static str {
             return "the engine's paths are `cpu`, `cpu:fma` and `cpu:ftz`";
         }
         _ if path.api() == Api::Process => {
-            return "read the guide's page on paths: it says how to write a program for this path";
+            return "to write a program for this path, read the guide's page on paths";
         }
         Via::Glsl | Via::Hlsl if path.api() == Api::Vulkan => {
             return "install glslang (Debian: glslang-tools; Fedora, Arch and Homebrew: glslang)";

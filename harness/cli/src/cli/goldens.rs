@@ -44,7 +44,9 @@ impl FolderArgs {
         let others: Vec<String> = others.map(|other| shown(other)).collect();
         anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
         for other in others.iter().filter(|other| has_pending(other)) {
-            tell(&format!("note: folder `{other}` has pending frames, too: use --goldens DIR"));
+            tell(&format!(
+                "note: the folder `{other}` also has pending frames: name this folder with --goldens DIR"
+            ));
         }
         Ok(folder)
     }
@@ -66,7 +68,9 @@ impl FolderArgs {
         }
         for other in all.iter().skip(1) {
             let other = shown(&other.folder());
-            tell(&format!("note: folder `{other}` has pending frames, too: use --goldens DIR"));
+            tell(&format!(
+                "note: the folder `{other}` also has pending frames: name this folder with --goldens DIR"
+            ));
         }
         Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }
@@ -372,7 +376,10 @@ impl Waiting {
                 && rest.iter().any(|other| other.goldens.folder() != first.goldens.folder())
             {
                 let names: Vec<&str> = exact.iter().map(|frame| &*frame.name).collect();
-                bail!("`{name}` is pending in several crates: choose `{}`", names.join("` or `"));
+                bail!(
+                    "several crates have a pending frame `{name}`: choose `{}`",
+                    names.join("` or `")
+                );
             }
             let of_files = broken.iter().enumerate().filter(|(_, broken)| {
                 self.places.iter().any(|place| wanted.names(&file_case(place, broken)))
@@ -491,7 +498,9 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
     if !own.is_empty() && !others.is_empty() {
         let folders: BTreeSet<String> = others.iter().map(folder_of).collect();
         let folders = folders.into_iter().collect::<Vec<_>>().join("`, `");
-        tell(&format!("note: the frames of `{folders}` stay pending"));
+        tell(&format!(
+            "note: Karat accepts frames of only one folder at a time: the frames of `{folders}` are still pending"
+        ));
     }
     let frames = if own.is_empty() { others } else { own };
     let acceptance = Acceptance {

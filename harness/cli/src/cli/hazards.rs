@@ -46,8 +46,8 @@ pub(super) struct Args {
     /// Also fails if there are findings of this class
     #[arg(long, value_name = "CLASS", value_parser = ["requirements"])]
     deny: Vec<String>,
-    /// Shows every finding, also those that no caller triggers and those whose value is dropped, and the functions
-    /// that weren't checked
+    /// Shows every finding, also findings that no caller triggers and findings that change no result, and lists the
+    /// functions that weren't checked
     #[arg(long)]
     all: bool,
     /// Also shows the hazards that karat.toml accepts
@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             if !args.only.is_empty() {
                 writeln!(
                     out,
-                    "{DIM}--only excludes callers: Karat also counts findings that no excluded caller triggers{DIM:#}"
+                    "{DIM}--only leaves out callers of these functions, so a finding may need arguments that no caller passes{DIM:#}"
                 )?;
             }
             all.iter()
@@ -186,7 +186,7 @@ fn look(
         if at.found > 0 && began.elapsed() > PATIENCE {
             let found = counted(at.found, "finding");
             let line = format!(
-                "{} of {} functions done: {found} in `{}`, before the check of callers",
+                "checked {} of {} functions: {found} in `{}`; Karat checks the callers later",
                 at.done, at.of, at.function
             );
             bar.suspend(|| tell(&line));
@@ -254,7 +254,11 @@ fn write_text(
         write!(out, ", {of} checked only with the initial values of large private variables")?;
     }
     if in_part > 0 {
-        write!(out, ", {} checked in part: too many operations", counted(in_part, "function"))?;
+        write!(
+            out,
+            ", {} checked only in part, because of too many operations",
+            counted(in_part, "function")
+        )?;
     }
     writeln!(out)?;
     Ok(())
@@ -333,7 +337,10 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
     if let [next, ..] = alike {
         let (count, place) = (alike.len(), &next.location);
         let like = if hazard.needs.is_empty() { "are similar" } else { "need the same inputs" };
-        writeln!(out, "{DIM}    {count} other findings {like}, the next at {place}{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}    {count} other findings {like}; the next finding is at {place}{DIM:#}"
+        )?;
     }
     writeln!(out)?;
     Ok(())

@@ -130,12 +130,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     match written {
         Some(file) => writeln!(
             out,
-            "  {}   add more assertions: agrees_with, table, monotone, limit, ...",
+            "  {}   can contain more assertions: agrees_with, table, monotone, limit, ...",
             file.display()
         )?,
         None => writeln!(
             out,
-            "  *.test.toml   add more assertions: agrees_with, table, monotone, limit, ..."
+            "  *.test.toml   can contain more assertions: agrees_with, table, monotone, limit, ..."
         )?,
     }
     if !args.github && !args.gitlab {
@@ -431,7 +431,7 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
         return Ok(());
     }
     std::fs::write(&file, text).context("`Cargo.toml`")?;
-    writeln!(out, "{GOOD}added{GOOD:#} profiles of {} to Cargo.toml", added.join(", "))?;
+    writeln!(out, "{GOOD}added{GOOD:#} build profiles for {} to Cargo.toml", added.join(", "))?;
     Ok(())
 }
 
@@ -458,7 +458,7 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let repository = here.ancestors().find(|folder| folder.join(".git").exists());
     if let Some(root) = repository.filter(|root| *root != here) {
         let root = root.display();
-        let hint = "run the steps of this file in this folder, but move the file to the root of the repository";
+        let hint = "let CI run the steps of this file in the current folder, but move the file to the root of the repository";
         writeln!(out, "  {KNOWN}{hint} ({root}){KNOWN:#}")?;
     }
     Ok(())

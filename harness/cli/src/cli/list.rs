@@ -148,7 +148,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     // A filtered run skips functions that may have tests.
     let selected = last_selection(&project)?;
-    let untested = if selected.is_some() { "not by the last run" } else { "no" };
+    let untested = if selected.is_some() { "not last time" } else { "no" };
     let mut table = Table::new(&["function", "tested", "at"], &[]);
     for entry in &entries {
         let (style, state) = match (entry.tested, &entry.error) {
@@ -161,7 +161,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     table.write(out)?;
     if let Some(selected) = selected {
-        writeln!(out, "{DIM}only `{selected}` ran last time: `karat test` runs all tests{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}the last run ran only the tests that `{selected}` selects: `karat test` runs all tests{DIM:#}"
+        )?;
     }
     for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
         writeln!(out, "\n{error}")?;

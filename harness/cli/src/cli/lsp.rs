@@ -36,7 +36,7 @@ const LOOK: Duration = Duration::from_millis(500);
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Runs the tests without Rust on these paths after each save, with one process per path
+    /// After each save, uses these paths to run the tests that aren't in Rust, with one process per path
     #[arg(long, value_name = "PATHS", default_value = "cpu", env = "KARAT_PATHS")]
     paths: String,
     /// Does nothing: editors pass it, and the server always uses standard input and output

@@ -48,7 +48,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let karat = karat
         .context("this project doesn't use karat: run `cargo add --dev karat` or `karat init`")?;
     let folder = target_directory.join("karat-manual");
-    let own = karat.manifest_path.parent().context("karat's Cargo.toml is in no folder")?;
+    let own = karat.manifest_path.parent().context("karat's Cargo.toml has no parent folder")?;
     write_package(&folder, own, &workspace_root)?;
     let mut document = Command::new(&cargo);
     document

@@ -18,7 +18,8 @@ pub(super) const EXAMPLES: &str = "\
 Examples:
   karat match menu screenshot.png
   karat match scene frame.exr --by \"Chrome 156\" --goldens e2e/golden
-The tolerance is the same as for frames: each channel is within 1e-3, or else HDR-FLIP is small. An image that differs
+The tolerance is the same as for frames: each channel is within 1e-3, or else HDR-FLIP is at most
+0.01 in every tile and at most 0.005 in the mean. An image that differs
 from its golden, or has no golden, becomes pending: see `karat review`, `karat accept` and `karat reject`.
 Exit codes: 0 the image matches; 1 the image differs or has no golden; 2 the image can't be read or compared.";
 
@@ -41,8 +42,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         image.pixels().windows(2).all(|two| two[0].map(f32::to_bits) == two[1].map(f32::to_bits));
     ensure!(
         !shows_nothing,
-        "all pixels of the image `{}` are equal. Without a GPU, a browser draws a WebGPU canvas only if you start the \
-         browser with the arguments that the guide names (`webgpu` of karat-playwright)",
+        "all pixels of the image `{}` have the same colour. A browser without a GPU draws no WebGPU canvas, unless you start \
+         the browser with the arguments that `karat-playwright` exports as `webgpu` (see the guide)",
         args.image.display()
     );
     let folder = match args.folder.named() {

@@ -250,15 +250,15 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     };
     if !wrong.is_empty() {
         karat::unstable::output::tell(&format!(
-            "{} wrong, and `karat.toml` doesn't declare this: {}",
-            counted(wrong.len(), "cell of the matrix is", "cells of the matrix are"),
+            "the matrix has {}, which `karat.toml` doesn't declare: {}",
+            counted(wrong.len(), "wrong cell", "wrong cells"),
             places(&wrong)
         ));
     }
     if !outdated.is_empty() {
         karat::unstable::output::tell(&format!(
-            "{}: delete the declarations in `karat.toml` for {}",
-            counted(outdated.len(), "declared failure is gone", "declared failures are gone"),
+            "`karat.toml` has {} of failures that are gone: delete the declarations for {}",
+            counted(outdated.len(), "declaration", "declarations"),
             few(outdated.iter().map(|finding| format!("{}: {}", place(finding), finding.why)))
         ));
     }
@@ -345,7 +345,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
             let (outside, first) = (allowed.outside, allowed.first.as_deref().unwrap_or_default());
             writeln!(
                 out,
-                "\n{head}: WGSL doesn't allow {outside} of the results: {first}\n{DIM}  {name}{DIM:#}"
+                "\ncolumn `{head}`: WGSL doesn't allow {outside} of the results: {first}\n{DIM}  {name}{DIM:#}"
             )?;
         }
     }

@@ -284,7 +284,7 @@ fn hunt(
     std::panic::set_hook(hook);
     hunted.unwrap_or_else(|panic| {
         let said = panic.downcast_ref::<String>().cloned();
-        panic!("{}", said.unwrap_or_else(|| "the run of the mutants panicked".to_owned()))
+        panic!("{}", said.unwrap_or_else(|| "Karat panicked while it tried the mutants".to_owned()))
     })
 }
 
@@ -433,15 +433,18 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
             let at = if arguments.is_empty() { String::new() } else { format!(" for {arguments}") };
             let does = if found.leaves { "writes" } else { "returns" };
             vec![format!(
-                "{tests}; `{}` {does} {} in place of {}{at}",
+                "{tests}; the function `{}` {does} {} in place of {}{at}",
                 found.function, found.mutant, found.original
             )]
         }
         Lived::Unseen { cases } => {
-            vec![format!("{tests}; no result differs for {}", counted(*cases, "input"))]
+            vec![format!(
+                "{tests}; the mutant has the same results as the original for {}",
+                counted(*cases, "input")
+            )]
         }
         Lived::Sampler => vec![format!(
-            "{tests}; sample between texels to test the filter, and beyond the edge to test the address mode"
+            "{tests}; to test the filter, sample between texels; to test the address mode, sample beyond the edge"
         )],
         Lived::Unknown { reason } => vec![format!("{tests}; {reason}")],
     }
@@ -503,7 +506,7 @@ fn parts(
         (score.equal, "equal to the original"),
         (score.accepted, "accepted in karat.toml"),
         (score.invalid, "invalid WGSL"),
-        (score.idle, "in functions that aren't linked"),
+        (score.idle, "in code that no test links"),
         (score.stopped, "without a verdict"),
     ] {
         if count > 0 {
@@ -512,7 +515,10 @@ fn parts(
     }
     let frames = sum(&|hunted| hunted.left_out);
     if frames > 0 {
-        parts.push(format!("{} left out: --paths vulkan draws frames", counted(frames, "frame")));
+        parts.push(format!(
+            "{} left out, because frames need a driver: add --paths vulkan",
+            counted(frames, "frame")
+        ));
     }
     let invalid: Vec<&str> =
         all.iter().flat_map(|(_, hunted)| &hunted.invalid).map(String::as_str).collect();
@@ -528,7 +534,7 @@ fn parts(
             let fail = if unfit.len() == 1 { "fails" } else { "fail" };
             let named = some(&unfit);
             parts.push(format!(
-                "{tests} in Rust {fail} without a mutant, and outside of Karat's checks: {named}"
+                "{tests} in Rust {fail} outside of Karat's checks, even without a mutant: {named}"
             ));
         }
         None if is_cargo => {

@@ -142,7 +142,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         short::write(&records, (&[], &Opinion::default()), &sum, project.root(), out)?;
     }
     if run.is_none() {
-        writeln!(out, "only `karat test` and `karat record` store the end of a run")?;
+        writeln!(
+            out,
+            "to store the end of a run, run the tests with `karat test` or `karat record`"
+        )?;
     }
     args.output.write(&records, run.as_ref(), &sum, held, &project, out)?;
     Ok(sum.ending())

@@ -21,8 +21,8 @@ use super::{Ending, Outcome, PackageArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Writes the page into this folder, and starts no server. Open the page from there; it shows the commands to
-    /// type
+    /// Writes the page into this folder, and starts no server. Open the page in this folder; the page shows the
+    /// commands to type
     #[arg(long = "static", value_name = "DIR", conflicts_with_all = ["port", "open"])]
     files: Option<PathBuf>,
     /// Serves the page on this port of 127.0.0.1 [default: any free port]

@@ -283,8 +283,11 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
     };
     if beside > 0 {
         let tests = counted(beside, "test");
-        let how =
-            if is_package { format!("to run them, name {}", some(&places)) } else { all.clone() };
+        let how = if is_package {
+            format!("to run these tests, name {}", some(&places))
+        } else {
+            all.clone()
+        };
         writeln!(out, "{KNOWN}Karat didn't run {tests} outside of `{SHADERS}`; {how}{KNOWN:#}")?;
     }
     if !files.is_empty() {

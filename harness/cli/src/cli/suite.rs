@@ -46,7 +46,8 @@ pub(super) struct Args {
     /// Prints the names, and runs nothing
     #[arg(long)]
     list: bool,
-    /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or gives it a value (`NAME=3`, `NAME=false`); may be repeated
+    /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or sets the feature's value (`NAME=3`, `NAME=false`); may be
+    /// repeated
     #[arg(long = "feature", value_name = "NAME[=VALUE]", value_parser = super::feature)]
     features: Vec<(String, Feature)>,
 }

@@ -22,7 +22,8 @@ Examples:
   karat tap scene karat:print              shows the values that the lines `//karat: print x` name
 FRAME is a name: of a `[[frame]]` in a `*.test.toml`, of a frame in the gallery (`karat render --list`), or of the last
 entry point of a `[[compute]]`. For a compute pass, Karat shows the value of each invocation.
-The driver computes each value while it draws. Pixels that don't compute the value are transparent, and are counted.
+The driver computes each value while it draws. Pixels that don't compute the value are transparent, and Karat counts
+these pixels.
 Exit codes: 0 every value is shown; 1 a value can't be shown; 2 the frame doesn't exist, or no driver opens.";
 
 #[derive(clap::Args)]
@@ -39,8 +40,8 @@ pub(super) struct Args {
     /// Also prints the value that Karat's engine computes at this pixel or invocation; may be repeated
     #[arg(long, value_name = "X,Y", value_parser = karat_gallery::pixel, requires = "values")]
     at: Vec<(u32, u32)>,
-    /// Draws the frame's colours and the value together, and compares these colours with the usual frame. They differ
-    /// if the driver computes the frame in another way while it shows a value
+    /// Draws the frame's colours and the value together, and compares these colours with the usual frame. The colours
+    /// differ if the driver computes the frame in another way while it shows a value
     #[arg(long)]
     beside: bool,
     #[command(flatten)]

@@ -182,7 +182,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         for Found { package, .. } in idle.iter().filter(|one| !suites.contains(&one.package.root()))
         {
             let folder = shown(&package.root());
-            writeln!(told, "{DIM}no test uses `{folder}`: `karat check` validates it{DIM:#}")?;
+            writeln!(
+                told,
+                "{DIM}no test uses the shaders in `{folder}`: `karat check` validates these shaders{DIM:#}"
+            )?;
         }
     }
     check::write(&invalid, told)?;
@@ -204,7 +207,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 /// Returns the remarks for the last line.
 fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
     let left_out = (left_out > 0)
-        .then(|| format!("{} left out because of conditions", counted(left_out, "test")));
+        .then(|| format!("{} left out because of false conditions", counted(left_out, "test")));
     left_out.into_iter().chain(opinion.remark()).collect()
 }
 
@@ -252,7 +255,10 @@ impl<'a> Asked<'a> {
         let is_path = |what: &str| what.contains(['/', '\\']) || what.ends_with(".wgsl");
         match (what, named) {
             (Some(what), None) if filter.is_some() || is_path(what) => {
-                let more = filter.map_or("", |_| ": of two arguments, the first must be a folder");
+                let more = filter.map_or(
+                    "",
+                    |_| ": if you write two arguments, the first argument must be a folder",
+                );
                 anyhow::bail!("there is no folder or file `{what}`{more}")
             }
             (_, Some(file)) if file.extension().is_some_and(|ending| ending == "toml") => {
@@ -317,7 +323,7 @@ impl<'a> Asked<'a> {
             let why = match passed {
                 true => "no test failed in the last run",
                 false => {
-                    "no check failed in the last run. A test failed outside of Karat's checks, but Karat doesn't know its name: run \
+                    "no check failed in the last run. A test failed outside of Karat's checks, but Karat doesn't know the test's name: run \
                      `karat test` without `--failed`"
                 }
             };

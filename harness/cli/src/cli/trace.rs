@@ -25,7 +25,8 @@ Examples:
 FRAME is a name: of a `[[frame]]` in a `*.test.toml`, or of a frame in the gallery (`karat render --list`).
 The driver computes the inputs of the pixel's fragment function. Then Karat's engine computes each step of the function
 in f32, in f64, and with the error bounds of WGSL.
-Exit codes: 0 no step differs; 1 the pixel can't be traced, or a step differs; 2 the frame doesn't exist, or no driver.";
+Exit codes: 0 no step differs; 1 the pixel can't be traced, or a step differs; 2 the frame doesn't exist, or no driver
+opens.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -37,7 +38,7 @@ pub(super) struct Args {
     /// Traces the Nth draw from the front that covers the pixel: 1 is the visible draw, 2 the draw behind it
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     layer: u32,
-    /// Compares the steps with those of the shaders at this revision of git
+    /// Compares the steps with the steps of the shaders at this revision of git
     #[arg(long, value_name = "REVISION")]
     against: Option<String>,
     /// Prints JSON
@@ -184,7 +185,9 @@ fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<b
                 open.push(path);
                 continue;
             }
-            let own = path.strip_prefix(before).context("the module isn't in its folder")?;
+            let own = path
+                .strip_prefix(before)
+                .context("the module isn't in the folder of its package")?;
             let is_module = path.extension().is_some_and(|end| end == "wgsl" || end == "wesl");
             // No module imports a module that doesn't exist today.
             let Ok(now) = std::fs::read(today.join(own)) else { continue };
@@ -265,9 +268,10 @@ fn write_parting(
         (None, None) if before.engine == after.engine => {
             writeln!(out, "{GOOD}no step differs from {revision}{GOOD:#}")?;
         }
-        (None, None) => {
-            writeln!(out, "no shown step differs from {revision}: a repeated step differs later")?
-        }
+        (None, None) => writeln!(
+            out,
+            "the shown steps are the same as at {revision}: a later repetition of a step differs"
+        )?,
         (was, is) => {
             let shown = |row: Option<&Row>| {
                 row.map_or_else(
@@ -276,7 +280,7 @@ fn write_parting(
                 )
             };
             let count = at + 1;
-            writeln!(out, "step {count} is the first that differs from {revision}:")?;
+            writeln!(out, "step {count} is the first step that differs from {revision}:")?;
             writeln!(out, "  {revision}:  {}", shown(was))?;
             writeln!(out, "  {HEAD}today{HEAD:#}:  {}", shown(is))?;
         }

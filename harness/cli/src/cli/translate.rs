@@ -21,13 +21,13 @@ pub(super) struct Args {
     /// Translates into this language
     #[arg(long, value_name = "LANGUAGE", value_parser = language())]
     to: String,
-    /// Translates only this entry point of the module [default: all; some languages need one text per entry point]
+    /// Translates only this entry point of the module [default: all, but a GLSL file can have only one]
     #[arg(long, value_name = "NAME")]
     entry_point: Option<String>,
     /// Writes the translation to this file [default: standard output]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Validates the translation with the installed validators; `karat doctor` lists them
+    /// Validates the translation with the installed validators, which `karat doctor` lists
     #[arg(long)]
     validate: bool,
     #[command(flatten)]

@@ -132,7 +132,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
         (json.replace('}', ""), "argument `m`: EOF while parsing an object"),
         (
             "1,2".to_owned(),
-            "has 2; as JSON, write {\"roughness\": 0, \"f0\": [0, 0, 0], \"layers\": [0, 0]}",
+            "has 2; write the struct as JSON: {\"roughness\": 0, \"f0\": [0, 0, 0], \"layers\": [0, 0]}",
         ),
     ] {
         let error = karat(folder.path(), &["call", "m::f", &argument, "1"]).error();
@@ -277,7 +277,7 @@ fn tables_have_derivatives_and_carry_their_columns() {
     error(&spec, "`spec` isn't a number");
     error(
         &["lit::cubic", "1", "true", "--override", "GAIN=1", "--override", "GAIN=2"],
-        "sets the same name",
+        "set the same override",
     );
 }
 
@@ -302,7 +302,7 @@ fn wrong_arguments_of_a_call_are_errors() {
     told(&["lit::cubic", "1", "true", "--override", "GAIM=1"], "no override `GAIM`");
     told(&["lit::cubic", "0..1", "true"], "number of points");
     told(&["lit::cubic", "x=1", "true"], "no parameter `x`");
-    told(&["lit::cubic", "t=1", "t=2"], "`t` has two arguments");
+    told(&["lit::cubic", "t=1", "t=2"], "two arguments for the parameter `t`");
     told(&["lit::cubic", "1@0@0", "true"], "uses no derivatives");
     told(&["lit::edge", "1@0"], "needs two derivatives");
     told(&["lit::cubic", "1", "true", "--plot"], "--plot needs a sweep");
@@ -348,8 +348,11 @@ fn a_path_that_is_required_is_not_left_out() {
     assert!(free.code == Some(0) && free.out.contains("vulkan   0.5"), "{free:?}");
     assert_eq!(required.code, Some(2), "{required:?}");
     let (told, refused) = match karat::unstable::path::adapter(karat::Path::GL) {
-        Ok(_) => ("note: path `gl` can't bind", "error: gl has no result: path `gl` can't bind"),
-        Err(_) => ("", "error: gl has no result: execution path `gl` is unavailable"),
+        Ok(_) => (
+            "note: path `gl` can't bind",
+            "error: path `gl` returned no result: path `gl` can't bind",
+        ),
+        Err(_) => ("", "error: path `gl` returned no result: execution path `gl` is unavailable"),
     };
     assert!(free.err.contains(told) && required.err.contains(refused), "{free:?}, {required:?}");
 }
@@ -455,7 +458,7 @@ fn a_panic_of_one_path_leaves_the_others_their_results() {
     let called = karat(path, &[&["call", "spin::spin"], &bound[..]].concat());
     assert_eq!(called.code, Some(2), "{called:?}");
     assert!(called.out.contains("lock = [1, 42]"), "{called:?}");
-    assert!(called.err.contains(&format!("gl has no result: {panics}")), "{called:?}");
+    assert!(called.err.contains(&format!("path `gl` returned no result: {panics}")), "{called:?}");
     assert!(
         !called.err.contains("RUST_BACKTRACE") && !called.err.contains("thread '"),
         "{called:?}"

@@ -49,15 +49,15 @@ fn uncovered_lines_branches_and_results_are_listed() {
     let out = ran.good();
     for part in [
         "calc.wgsl",
-        "9 no test runs this code, in `calc::lonely`",
-        "13 no test checks this code's value, in `calc::looked_at`",
-        "18 no test runs this code, in `calc::shade`",
+        "9 no test runs this code in `calc::lonely`",
+        "13 no test checks the value of this code in `calc::looked_at`",
+        "18 no test runs this code in `calc::shade`",
         "lines 71.4% (5 of 7), ways 100% (2 of 2), functions 50% (2 of 4) by 3 tests",
     ] {
         assert!(out.contains(part), "no `{part}` in:\n{out}");
     }
     // Only a test that discards the result runs `-x`.
-    assert!(out.contains("5 no test checks this code's value, in `calc::side`"), "{out}");
+    assert!(out.contains("5 no test checks the value of this code in `calc::side`"), "{out}");
     assert!(out.contains("no test checks the value of 2 lines"), "{out}");
     assert!(!out.contains("calc_test"), "tests aren't tested: {out}");
     assert_eq!(karat(folder.path(), &["coverage", "--fail-under-lines", "71"]).code, Some(0));
@@ -84,7 +84,7 @@ fn a_value_that_an_assertion_reads_is_covered() {
         write(&folder.path().join("shaders"), "watched.wgsl", &shader);
         write(&folder.path().join("shaders"), "watched.test.toml", test);
         let out = karat(folder.path(), &["coverage", "--missing"]).good();
-        let unseen = out.contains("2 no test checks this code's value, in `watched::watched`");
+        let unseen = out.contains("2 no test checks the value of this code in `watched::watched`");
         assert_eq!(unseen, !seen, "{line}:\n{out}");
     }
 }
@@ -191,7 +191,7 @@ fn functions_of_frames_are_not_measured() {
         out.contains("1 line not measured, because only frames or drivers ran this code"),
         "{out}"
     );
-    assert!(out.contains("9 no test runs this code, in `calc::lonely`"), "{out}");
+    assert!(out.contains("9 no test runs this code in `calc::lonely`"), "{out}");
 }
 
 /// If a command gets only one shader file, the tests in other files of the folder don't run, and the output names these

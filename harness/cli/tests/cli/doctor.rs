@@ -114,7 +114,8 @@ fn doctor_does_not_damage_karat_toml() {
         let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(
-            ran.out.contains("you must choose their place in") && ran.out.contains("ROWS = 64"),
+            ran.out.contains("you must choose where to write the lines in")
+                && ran.out.contains("ROWS = 64"),
             "{ran:?}"
         );
         assert_eq!(std::fs::read_to_string(&file).expect("there"), text, "nothing is written");
@@ -134,6 +135,9 @@ fn doctor_does_not_damage_karat_toml() {
     write(&shaders, "a.wgsl", "alias S = {SCALAR};\nfn s(x: S) -> S { return x; }\n");
     std::fs::remove_file(&file).expect("it is there");
     let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
-    assert!(ran.code == Some(1) && ran.out.contains("these lines aren't enough"), "{ran:?}");
+    assert!(
+        ran.code == Some(1) && ran.out.contains("with these lines no module becomes complete"),
+        "{ran:?}"
+    );
     assert!(!file.exists(), "{ran:?}");
 }

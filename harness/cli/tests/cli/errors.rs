@@ -77,13 +77,15 @@ fn a_folder_without_a_run_has_no_verdict() {
             let ran = karat(folder, &[command, &["--from", from]].concat());
             assert_eq!(ran.out, "", "{from}");
             let error = ran.failure(3);
-            let start = format!("error: `{from}` isn't the artefact of a run: no file is a frame");
+            let start = format!(
+                "error: `{from}` isn't the artefact of a run, because it contains no frame"
+            );
             assert!(error.starts_with(&start), "{error}");
             assert!(
                 error.contains("name the folder or zip that CI uploaded from `target/karat`"),
                 "{error}"
             );
-            let told = inner.map(|inner| format!("you may mean the zip `{inner}` inside"));
+            let told = inner.map(|inner| format!("you may mean the zip `{inner}` in this folder"));
             assert!(told.is_none_or(|told| error.contains(&told)), "{error}");
         }
     }

@@ -18,7 +18,7 @@ fn a_project_gets_the_profiles_that_tests_need() {
     write(folder.path(), "Cargo.lock", "[[package]]\nname = \"karat\"\n");
     let ran = karat(folder.path(), &["init", "shaders"]).good();
     assert!(
-        ran.contains("added profiles of karat-core, karat-engine, naga to Cargo.toml"),
+        ran.contains("added build profiles for karat-core, karat-engine, naga to Cargo.toml"),
         "{ran}"
     );
     // CI also runs the project's Rust tests, and keeps the files that they write.
@@ -386,7 +386,9 @@ fn a_project_for_the_web_gets_a_script() {
     let said = init().good();
     assert!(said.contains("added `npm run test:shaders`"), "{said}");
     assert!(
-        said.contains("because package.json doesn't list it: run `npm install --save-dev webgpu`"),
+        said.contains(
+            "because package.json doesn't list this compiler: run `npm install --save-dev webgpu`"
+        ),
         "{said}"
     );
     let manifest = std::fs::read_to_string(folder.path().join("package.json")).expect("there");

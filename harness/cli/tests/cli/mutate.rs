@@ -38,7 +38,7 @@ fn mutants_are_killed_or_listed() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
         "no test shaders/calc.wgsl:2:35 `x + 3.0` -> `x` in `calc::lonely` (operand)",
-        "no test uses this code; `calc::lonely` returns",
+        "no test uses this code; the function `calc::lonely` returns",
         "| function = \"lonely\"",
         " more mutants of `calc::lonely`",
         "calc    ",

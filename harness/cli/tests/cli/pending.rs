@@ -429,8 +429,7 @@ fn frames_of_one_name_are_named_by_their_crates() {
         }
         let because = [from, &["--because", "x"]].concat();
         let both = karat(folder, &[&["accept", "dusk"][..], &because].concat()).error();
-        let told =
-            "`dusk` is pending in several crates: choose `the-lamp::dusk` or `the-sky::dusk`";
+        let told = "several crates have a pending frame `dusk`: choose `the-lamp::dusk` or `the-sky::dusk`";
         assert!(both.contains(told), "{both}");
         let one = karat(folder, &[&["accept", "the-sky::dusk"][..], &because].concat()).good();
         assert!(one.contains("accepted the-sky::dusk\n"), "{one}");

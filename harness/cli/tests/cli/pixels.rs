@@ -63,9 +63,9 @@ fn tap_shows_values_of_a_frame_as_pictures_and_numbers() {
     for part in [
         // The smallest value is at the last column's centre: 1 - 15/16.
         "near  shaders/m.wgsl:2:16 in `m::falloff`: f32\n    from 0.0625 at (7, 0) to 0.9375 at (0, 0), mean 0.5\n",
-        "disc.m-falloff-near.png: black is 0.0625, light yellow is 0.9375 (magma)",
+        "disc.m-falloff-near.png: black is 0.0625, light yellow is 0.9375 (colour map magma)",
         "disc.m-shade-n.png: the value is a direction: red, green and blue are half of 1 + x, 1 + y and 1 + z",
-        "16 of 32 pixels compute the value, 16 don't reach the value",
+        "16 of 32 pixels compute the value, 16 don't reach the code of the value",
         "; NaN is magenta, and infinities are yellow",
         "red is 0.141406, blue is -0.141406",
         "NaN on 16 pixels, first at (0, 0)",

@@ -147,7 +147,12 @@ fn a_folder_that_no_test_uses_fails_no_run() {
         with("crates/engine/shaders", &manifests, &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
     write(folder.path(), "shaders/template.wgsl", "fn f() -> f32 { return {{ value }}; }\n");
     let ran = run(folder.path(), &["test", "--paths", "cpu"]).good();
-    assert!(ran.contains("no test uses `shaders`: `karat check` validates it"), "{ran}");
+    assert!(
+        ran.contains(
+            "no test uses the shaders in `shaders`: `karat check` validates these shaders"
+        ),
+        "{ran}"
+    );
     run(folder.path(), &["watch", "--once", "--paths", "cpu"]).good();
     assert_eq!(run(folder.path(), &["check"]).code, Some(1));
 }
@@ -206,7 +211,7 @@ fn tests_outside_of_shaders_are_reported() {
     write(folder.path(), "own/own.wgsl", test);
     let ran = run(folder.path(), &["test", "--paths", "cpu"]).good();
     assert!(
-        ran.contains("Karat didn't run 1 test outside of `shaders`; to run them, name own"),
+        ran.contains("Karat didn't run 1 test outside of `shaders`; to run these tests, name own"),
         "{ran}"
     );
 }

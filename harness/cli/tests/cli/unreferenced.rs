@@ -212,7 +212,10 @@ fn facts_that_are_not_those_of_their_golden_fail() {
         write(&golden, file, &other);
         fails(file, case, "differs from the provenance of `");
         let out = karat(folder, &["unreferenced"]).out;
-        assert!(out.contains("scene.exr` in `because`, `tolerance`; restore the image"), "{out}");
+        assert!(
+            out.contains("scene.exr` in the fields `because`, `tolerance`; restore the image"),
+            "{out}"
+        );
         write(&golden, file, &marked);
         fails(file, case, "has no readable provenance: ");
         write(&golden, file, "");
@@ -226,7 +229,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
     // A golden of another tool has no provenance.
     let room = golden.join("room.exr");
     Image::new(1, 1, vec![[1.0; 4]]).write_exr(&room, Precision::Half, None).expect("written");
-    fails("room.toml", "room", "has provenance, but `");
+    fails("room.toml", "room", "has provenance, but another tool wrote `");
     std::fs::remove_file(golden.join("room.toml")).expect("removed");
     karat(folder, &["unreferenced"]).good();
     // An unreadable file has no provenance.
@@ -289,9 +292,9 @@ fn stray_files_are_reported_and_only_ours_are_deleted() {
     let ran = karat(project.path(), &["unreferenced"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for reason in [
-        "this provenance has no golden",
+        "this file is the provenance of a golden that doesn't exist",
         "this file doesn't belong to a golden",
-        "this preview has no image",
+        "this file is the preview of an image that doesn't exist",
     ] {
         assert!(ran.out.contains(reason), "no `{reason}`: {ran:?}");
     }

@@ -212,13 +212,13 @@ fn failures_of_the_last_run_are_shown_while_they_are_true() {
     let code = shown[0]["code"].as_str().expect("a name");
     assert!(code.len() == 4 && code.bytes().all(|byte| byte.is_ascii_hexdigit()), "{code}");
     editor.open_file(FILE, CALC);
-    let title = "karat: 1 check fails, worst 8.5 ulp (4 ulp) on gl, 100 cases";
+    let title = "karat: 1 check fails, worst error 8.5 ulp (4 ulp) on gl, 100 cases";
     editor.wait_lens(FILE, 3, title);
     // After a full run, a function that the run didn't check has no test.
     assert!(editor.lenses(FILE).contains(&(1, "karat: no test".to_owned())));
     editor.edit(FILE, &CALC.replace("return x", "return 1.0 * x"));
     editor.wait(FILE, <[_]>::is_empty);
-    editor.wait_lens(FILE, 3, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 3, "karat: changed after the last test");
     editor.edit(FILE, CALC);
     editor.wait(FILE, |all| all.len() == 1);
     // Another program changes a file that no editor has open.
@@ -235,7 +235,7 @@ fn failures_of_other_files_are_not_shown() {
     let folder = recorded("0123");
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
-    editor.wait_lens(FILE, 3, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 3, "karat: changed after the last test");
     assert!(editor.shown(FILE).is_empty());
 }
 

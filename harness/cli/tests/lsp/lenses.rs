@@ -15,14 +15,18 @@ fn each_function_has_a_lens_with_its_test_results() {
     let folder = folder();
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
-    editor.wait_lens(FILE, 5, "karat: 2 checks pass, worst 0 ulp (0 ulp) on cpu, 131072 cases");
+    editor.wait_lens(
+        FILE,
+        5,
+        "karat: 2 checks pass, worst error 0 ulp (0 ulp) on cpu, 131072 cases",
+    );
     let lenses = editor.lenses(FILE);
     let expected = [
         (1, "karat: 1 check passes, 1 case".to_owned()),
         (1, "run".to_owned()),
         // Without a test, the lens runs nothing.
         (3, "karat: no test".to_owned()),
-        (5, "karat: 2 checks pass, worst 0 ulp (0 ulp) on cpu, 131072 cases".to_owned()),
+        (5, "karat: 2 checks pass, worst error 0 ulp (0 ulp) on cpu, 131072 cases".to_owned()),
         (5, "run".to_owned()),
     ];
     assert_eq!(lenses, expected);
@@ -32,7 +36,7 @@ fn each_function_has_a_lens_with_its_test_results() {
     );
     // Each lens has its line in the unsaved text. The verdicts belong to the saved text.
     editor.edit(FILE, &format!("// a line\n{CALC}"));
-    editor.wait_lens(FILE, 6, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 6, "karat: changed after the last test");
     editor.wait_heard("workspace/codeLens/refresh");
 }
 
@@ -173,19 +177,19 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
     );
     let ran = tested(folder.path(), &[]);
     assert!(ran.contains("2 checks"), "{ran}");
-    let passes = "karat: 1 check passes, worst 2 ulp (4 ulp) on cpu, 100 cases";
+    let passes = "karat: 1 check passes, worst error 2 ulp (4 ulp) on cpu, 100 cases";
     editor.wait_lens(FILE, 1, passes);
     editor.wait_lens(FILE, 1, "run");
     editor.wait_lens(FILE, 3, "karat: no test");
     // Only tests of this function run. The verdicts of other functions are those of the last run.
     editor.save(FILE, &wrong());
-    editor.wait_lens(FILE, 1, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 1, "karat: changed after the last test");
     let failed = format!("karat: `calc::half`: 1 check, 1 failed{UNASKED}");
     assert_eq!(run(&mut editor, "calc::half"), failed);
     let shown = editor.wait(FILE, |all| all.len() == 1 && all[0]["code"].is_string());
     assert_eq!(told(&shown[0]).0, 1);
     editor.wait_lens(FILE, 1, "karat: 1 check fails");
-    editor.wait_lens(FILE, 5, "karat: changed since it was tested");
+    editor.wait_lens(FILE, 5, "karat: changed after the last test");
     editor.save(FILE, CALC);
     editor.wait(FILE, <[_]>::is_empty);
     assert_eq!(

@@ -192,7 +192,7 @@ fn the_library_s_refusals_are_shown() {
     project.put_pending("tiny", &tiny(), |_| {});
     accept(&mut browser, &tab, "why");
     let text = problem(&mut browser, &tab);
-    assert!(text.contains("was rendered again since this page loaded it"), "{text}");
+    assert!(text.contains("was rendered again after this page loaded"), "{text}");
 
     let elsewhere = Project::new();
     elsewhere.put_pending("card", &tiny(), |facts| {

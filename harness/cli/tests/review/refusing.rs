@@ -113,7 +113,7 @@ fn refused_requests_and_file_paths_as_names_change_no_file() {
     let long = decision("tiny", &"x".repeat(100_000));
     assert_eq!(server.post("accept", &long).status, 413);
     let text = refused(&server, "accept", &decision("tiny", "another frame"));
-    assert!(text.contains("was rendered again since this page loaded it"), "{text}");
+    assert!(text.contains("was rendered again after this page loaded"), "{text}");
     assert_eq!(before, snapshot(&project));
     assert!(outside.is_file());
 }
@@ -153,7 +153,7 @@ fn the_exit_code_is_one_while_frames_are_pending() {
     let help = String::from_utf8_lossy(&help.stdout).into_owned();
     assert!(help.contains("karat review --static report") && help.contains("Exit codes"), "{help}");
     assert!(
-        help.contains("/ filters the frames") && help.contains("#name shows that frame"),
+        help.contains("/ filters the frames") && help.contains("the page opens at this frame"),
         "{help}"
     );
 }

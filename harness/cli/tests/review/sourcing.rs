@@ -404,7 +404,10 @@ fn declared_facts_that_changed_are_in_the_header() {
     actual.pixels_mut()[0][0] = 5.0;
     project.put_pending("tiny", &actual, |facts| facts["facts"]["seed"] = "<8>".into());
     let (_server, mut browser, tab) = open(&project, &[]);
-    assert_eq!(browser.text(&tab, "#cause"), "only the author's facts in the provenance changed");
+    assert_eq!(
+        browser.text(&tab, "#cause"),
+        "in the provenance, only the facts that the test adds have changed"
+    );
     assert_eq!(browser.text(&tab, "#declared"), "seed: none → <8>");
 }
 

@@ -50,7 +50,7 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
         entry_points: vec!["main".to_owned()],
         bindings,
         options: format!(
-            "{version}; naga {}, sets workgroup memory to zero and flips y",
+            "{version}; naga {}, sets workgroup memory to zero and flips the y axis",
             if is_es { "checks no indices" } else { "restricts only texel indices" }
         ),
     })

@@ -27,7 +27,7 @@ pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {
         entry_points: job.names(),
         bindings: Bindings::kept(job.module),
         options: format!(
-            "SPIR-V 1.3; naga {RESTRICTED}, sets workgroup memory to zero, bounds loops and flips y"
+            "SPIR-V 1.3; naga {RESTRICTED}, sets workgroup memory to zero, bounds loops and flips the y axis"
         ),
     })
 }

@@ -64,7 +64,7 @@ impl Given {
             counted(scalars.len(), "component"),
             words.len(),
             match shape {
-                Shape::Struct { .. } => format!("; as JSON, write {}", example(shape)),
+                Shape::Struct { .. } => format!("; write the struct as JSON: {}", example(shape)),
                 _ => String::new(),
             }
         );
@@ -106,7 +106,10 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
                     }
                     let near = nearest(name, parameters.iter().map(|(known, _)| known.as_str()));
                     let near = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
-                    bail!("`{}` has no parameter `{name}`{near}\n  {function}", function.name);
+                    bail!(
+                        "the function `{}` has no parameter `{name}`{near}\n  {function}",
+                        function.name
+                    );
                 };
                 (place, value)
             }
@@ -119,7 +122,10 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
         };
         match found.get_mut(place) {
             Some(slot @ None) => *slot = Some(value),
-            Some(Some(_)) => bail!("the parameter `{}` has two arguments", parameters[place].0),
+            Some(Some(_)) => bail!(
+                "the call has two arguments for the parameter `{}`: remove one argument",
+                parameters[place].0
+            ),
             None => break,
         }
     }
@@ -127,7 +133,7 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
     let expected = parameters.len();
     ensure!(
         count == expected && found.iter().all(Option::is_some),
-        "`{}` needs {}, but the call has {count}\n  {function}",
+        "the function `{}` needs {}, but the call has {count}\n  {function}",
         function.name,
         counted(expected, "argument"),
     );
@@ -157,7 +163,9 @@ fn example(shape: &Shape) -> String {
 /// Returns the lanes of the values in `least..most:count`.
 fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     let (most, count) = rest.split_once(':').with_context(|| {
-        format!("the sweep `{least}..{rest}` has no number of points: write, say, `0..1:100`")
+        format!(
+            "the sweep `{least}..{rest}` has no number of points: add a number, as in `0..1:100`"
+        )
     })?;
     ensure!(
         !most.starts_with('.'),

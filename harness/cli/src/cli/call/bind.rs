@@ -31,7 +31,7 @@ pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<Str
     for text in given {
         let (name, value) = one(text)?;
         if all.insert(name, value).is_some() {
-            bail!("an earlier --override sets the same name: remove --override {text}");
+            bail!("two --override options set the same override: remove --override {text}");
         }
     }
     Ok(all)
@@ -92,7 +92,7 @@ pub(super) fn fixtures(
         let Some(binding) = known else {
             let near = nearest(name, bindings.iter().map(|b| b.name()));
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            bail!("`{}` uses no variable `{name}`{near}", probed.function().name);
+            bail!("the function `{}` uses no variable `{name}`{near}", probed.function().name);
         };
         if all.iter().any(|(other, _): &(String, _)| {
             other == name || *other == binding.path || other == binding.name()

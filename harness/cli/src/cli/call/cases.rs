@@ -57,7 +57,7 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
     let columns = columns(function);
     ensure!(
         !columns.is_empty(),
-        "`{}` has no parameters, so a table can't set its arguments: remove --table",
+        "the function `{}` has no parameters, so a table can't set its arguments: remove --table",
         function.name
     );
     let table = read(input, &columns, function, request.expect.as_ref())?;
@@ -100,7 +100,7 @@ impl Given {
     pub(super) fn ending(&self) -> Outcome {
         let told = |(path, error): &(Path, ProbeError)| {
             let error = error.to_string();
-            format!("{path} has no result: {}", error.trim_start_matches("error: "))
+            format!("path `{path}` returned no result: {}", error.trim_start_matches("error: "))
         };
         let told: Vec<String> = self.stopped.iter().map(told).collect();
         ensure!(told.is_empty(), "{}", told.join("\n"));
@@ -254,10 +254,15 @@ fn compare(
         }
         let count = table.rows.len();
         match failing {
-            0 if count == 1 => writeln!(out, "{path}: the row agrees ({tolerance})")?,
+            0 if count == 1 => {
+                writeln!(out, "{path}: the row agrees with the shader ({tolerance})")?
+            }
             0 => writeln!(out, "{path}: all {count} rows agree with the shader ({tolerance})")?,
             _ => {
-                writeln!(out, "{path}: {failing} of {count} rows differ ({tolerance})")?;
+                writeln!(
+                    out,
+                    "{path}: {failing} of {count} rows differ from the shader ({tolerance})"
+                )?;
                 ending = Ending::Bad;
             }
         }
@@ -358,11 +363,11 @@ fn read(
         );
         ensure!(
             record.len() == width,
-            "`{shown}` line {} has {}, but {} {width}: {}",
+            "`{shown}` line {} has {own}, but {needs} {width}: {names}",
             line(),
-            counted(record.len(), "column"),
-            if width == columns.len() { "a case needs" } else { "the header has" },
-            names(columns)
+            own = counted(record.len(), "column"),
+            needs = if width == columns.len() { "a case needs" } else { "the header has" },
+            names = names(columns)
         );
         ensure!(
             table.rows.len() < MOST_CASES,
@@ -472,7 +477,9 @@ mod tests {
         };
         let error = given.ending().expect_err("a path has no result").to_string();
         assert!(
-            error.starts_with("vulkan has no result: path `vulkan` returned 0 u32 words"),
+            error.starts_with(
+                "path `vulkan` returned no result: path `vulkan` returned 0 u32 words"
+            ),
             "{error}"
         );
     }

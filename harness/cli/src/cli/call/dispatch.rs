@@ -49,8 +49,10 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
             Ok(all) => all,
             Err(error) => {
                 let error = error.to_string();
-                stopped
-                    .push(format!("{path} has no result: {}", error.trim_start_matches("error: ")));
+                stopped.push(format!(
+                    "path `{path}` returned no result: {}",
+                    error.trim_start_matches("error: ")
+                ));
                 continue;
             }
         };

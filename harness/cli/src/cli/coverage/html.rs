@@ -33,7 +33,7 @@ pub(super) fn page(union: &Union) -> anyhow::Result<String> {
                 (summary(union))
                 p.key {
                     span.run { "runs" } " " span.weak { "runs, but no test checks the value of this line" } " "
-                    span.never { "no test runs this line" } " " span.part { "one side of a branch never runs" } " "
+                    span.never { "no test runs this line" } " " span.part { "runs, but some branches of this line are never taken" } " "
                     span.unmeasured { "not measured, because only frames or drivers ran this line" }
                 }
                 @for (number, (file, own, text)) in files.iter().enumerate() {

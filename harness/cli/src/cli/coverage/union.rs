@@ -260,11 +260,15 @@ impl File {
         for (number, line) in &lines {
             let function = &line.seen[0].sum.function;
             if !line.measured {
-                add(*number, format!("this code isn't measured, in `{function}`"), false);
+                add(*number, format!("this code in `{function}` isn't measured"), false);
             } else if line.count == 0 {
-                add(*number, format!("no test runs this code, in `{function}`"), true);
+                add(*number, format!("no test runs this code in `{function}`"), true);
             } else if line.weak {
-                add(*number, format!("no test checks this code's value, in `{function}`"), false);
+                add(
+                    *number,
+                    format!("no test checks the value of this code in `{function}`"),
+                    false,
+                );
             }
         }
         for seen in self.branches().filter(|seen| seen.count() > 0) {

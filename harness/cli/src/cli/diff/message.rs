@@ -46,7 +46,10 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         (Ending::Within, _) => writeln!(out, "{GOOD}within {tolerance}{GOOD:#}"),
         (_, Some(Reason::Size)) => writeln!(out, "{BAD}the images differ in size{BAD:#}"),
         (_, Some(Reason::NonFinite)) => {
-            writeln!(out, "{BAD}the images differ: NaN and infinities agree with no value{BAD:#}")
+            writeln!(
+                out,
+                "{BAD}the images differ: NaN and infinities differ from every value{BAD:#}"
+            )
         }
         _ => writeln!(out, "{BAD}the images differ by more than {tolerance}{BAD:#}"),
     }

@@ -45,7 +45,7 @@ pub(super) fn run(name: &str, json: bool, out: &mut dyn Write) -> Outcome {
         let colour = if wrong == 0 { GOOD } else { BAD };
         writeln!(
             out,
-            "\n{colour}{right} jobs right, {wrong} wrong{colour:#}, {refused} refused, {unasked} of {} not sent",
+            "\n{colour}{right} jobs right, {wrong} wrong{colour:#}, {refused} refused; {unasked} of {} jobs weren't sent",
             report.answers.len()
         )?;
     }

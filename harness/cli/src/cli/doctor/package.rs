@@ -365,7 +365,10 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
         writeln!(out, "\nwith these lines, {then_whole} of {all} are complete{refused}")?;
     }
     if !not_enough.is_empty() {
-        writeln!(out, "\nthese lines aren't enough, or you must choose their place in {file}:\n")?;
+        writeln!(
+            out,
+            "\nwith these lines no module becomes complete, or you must choose where to write the lines in {file}:\n"
+        )?;
         write_lines(not_enough, out)?;
         writeln!(out)?;
     }

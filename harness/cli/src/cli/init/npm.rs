@@ -119,7 +119,7 @@ fn ask_for_tint(
     if !has(&manifest, TINT) {
         writeln!(
             out,
-            "{DIM}the tests don't require Chrome's compiler, because {FILE} doesn't list it: run `npm install --save-dev {TINT}`, and then `karat init`{DIM:#}"
+            "{DIM}the tests don't require Chrome's compiler, because {FILE} doesn't list this compiler: run `npm install --save-dev {TINT}`, and then `karat init`{DIM:#}"
         )?;
         return Ok(());
     }

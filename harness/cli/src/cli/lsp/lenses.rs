@@ -159,7 +159,7 @@ fn title(current: &[&Record], is_stale: bool, is_tested: bool, known: &Known<'_>
     if current.is_empty() {
         let why = match (is_stale, is_tested) {
             (_, true) if known.busy => "running",
-            (true, _) => "changed since it was tested",
+            (true, _) => "changed after the last test",
             (false, true) => "not run yet",
             (false, false) if known.whole => "no test",
             (false, false) => "no test is known: run `karat test`",
@@ -193,5 +193,5 @@ fn worst<'p>(paths: impl Iterator<Item = &'p PathRecord>) -> Option<String> {
     let measured = paths.filter(|path| path.worst.contains(|c: char| c.is_ascii_digit()));
     let worst = measured.max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
     let PathRecord { worst: error, asserted, adapter, .. } = worst;
-    Some(format!(", worst {error} ({asserted}) on {}", adapter.path))
+    Some(format!(", worst error {error} ({asserted}) on {}", adapter.path))
 }

@@ -50,7 +50,9 @@ fn status(
     match wanted {
         _ if cell.fails_as_declared().is_some() => TestCaseStatus::success(),
         Some(wanted) if cell.status >= Some(wanted) => TestCaseStatus::success(),
-        Some(wanted) => said(failure(), &format!("the row isn't `{wanted}`: {}", row.why(column))),
+        Some(wanted) => {
+            said(failure(), &format!("the row's status isn't `{wanted}`: {}", row.why(column)))
+        }
         None if cell.status == Some(Status::Agrees) => TestCaseStatus::success(),
         None => said(TestCaseStatus::skipped(), &format!("{}: {}", cell.word(), row.why(column))),
     }

@@ -41,7 +41,7 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
     let mut files = vec![(
         "shader.wgsl".to_owned(),
         if row.kind == "function" {
-            "the function with everything that it uses, and the kernel that calls it: `karat_in` contains \
+            "the function with everything that it uses, and the kernel that calls the function: `karat_in` contains \
              the arguments as 32-bit words, `karat_out` contains the results, with a canary after each case"
         } else {
             "the linked text of the entry point"
@@ -185,7 +185,11 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
                 first.name,
                 first.here,
                 first.there,
-                if first.in_loop { " The loop's last iteration has these values." } else { "" }
+                if first.in_loop {
+                    " These values are from the loop's last iteration."
+                } else {
+                    ""
+                }
             )?;
             if let Some(line) = first.text_line {
                 writeln!(text, "In the translation, this value is in line {line}.")?;

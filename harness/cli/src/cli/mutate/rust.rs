@@ -116,7 +116,7 @@ impl RustTests {
                 }
             }
             let all = Dependence::all(folder.path())
-                .context("can't read which shaders the tests linked")?;
+                .context("can't read the list of shaders that the tests linked")?;
             // A thread without a test's name may have linked the shaders for any test of its test program.
             for mut one in all {
                 let is_own = tests.contains(&&*one.test);

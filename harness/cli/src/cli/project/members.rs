@@ -27,11 +27,13 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
             false => format!("{}/{word}", glob::Pattern::escape(&root.to_string_lossy())),
         };
         let file = root.join("Cargo.toml");
-        let listed = glob::glob(&pattern)
-            .with_context(|| format!("can't read the member `{word}` in `{}`", file.display()))?;
+        let listed = glob::glob(&pattern).with_context(|| {
+            format!("can't read the workspace member `{word}` in `{}`", file.display())
+        })?;
         for folder in listed {
-            let folder =
-                folder.with_context(|| format!("can't read a member in `{}`", file.display()))?;
+            let folder = folder.with_context(|| {
+                format!("can't read a workspace member in `{}`", file.display())
+            })?;
             queue.push(clean(&folder));
         }
     }
@@ -102,7 +104,7 @@ mod tests {
         let invalid = of(root, &"[workspace]\nmembers = [\"a**\"]".parse().expect("TOML"));
         let error = format!("{:#}", invalid.expect_err("it is no pattern"));
         let manifest = root.join("Cargo.toml");
-        let told = format!("can't read the member `a**` in `{}`: ", manifest.display());
+        let told = format!("can't read the workspace member `a**` in `{}`: ", manifest.display());
         assert!(error.starts_with(&told), "{error}");
         let alone = of(root, &"[package]\nname = \"x\"".parse().expect("TOML"));
         assert!(alone.expect("it is read").is_empty(), "it is no workspace");

@@ -51,7 +51,7 @@ fn unwatched(records: &[Record]) -> Option<String> {
     let were = if count == 1 { "wasn't" } else { "weren't" };
     let checks = counted(count, "check");
     Some(format!(
-        "{checks} of passes or draws {were} checked completely by the sanitizer: {first}{others}"
+        "{checks} of passes or draws {were} completely covered by the sanitizer: {first}{others}"
     ))
 }
 
@@ -249,7 +249,7 @@ mod tests {
         assert_eq!(remarks(&[with(""), record(Verdict::Pass, 0, None)]), "");
         let told = remarks(&[with("too large"), with(""), with("no engine")]);
         let expected =
-            "; 2 checks of passes or draws weren't checked completely by the sanitizer: too large";
+            "; 2 checks of passes or draws weren't completely covered by the sanitizer: too large";
         assert_eq!(told, format!("{expected}, and 1 other reason"));
         assert_eq!(remarks(&[with("too large"), with("too large")]), expected);
         let in_orders = |orders, all_orders| {

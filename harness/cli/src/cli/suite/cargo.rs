@@ -250,7 +250,7 @@ impl Tests {
                 say(&Said::Test { name: program.show(test), wrong }, out)
             })?;
             let left_out =
-                record::left_out(folder.path()).context("can't read which tests were skipped")?;
+                record::left_out(folder.path()).context("can't read the list of skipped tests")?;
             for test in &own {
                 let name = program.show(test);
                 match left_out.contains(*test) {
@@ -282,7 +282,8 @@ impl Tests {
 /// Returns the programs and files of a run's tests, by the names of the tests in the test program.
 fn made(folder: &Path, records: &[Record]) -> anyhow::Result<HashMap<String, Made>> {
     let mut all: HashMap<String, Made> = HashMap::new();
-    let all_of = Dependence::all(folder).context("can't read which shaders the tests linked")?;
+    let all_of =
+        Dependence::all(folder).context("can't read the list of shaders that the tests linked")?;
     for dependence in all_of {
         all.entry(dependence.test.clone()).or_default().linked.push(dependence);
     }

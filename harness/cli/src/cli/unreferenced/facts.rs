@@ -42,7 +42,9 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     };
     let (image, shown) = (image.display(), beside.display());
     let Some(metadata) = metadata else {
-        let why = || format!("`{shown}` has provenance, but `{image}` of another tool has none");
+        let why = || {
+            format!("`{shown}` has provenance, but another tool wrote `{image}` without provenance")
+        };
         return is_facts(beside).then(why);
     };
     let held = match Provenance::parse(&metadata) {
@@ -53,7 +55,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
             return Some(format!(
-                "`{shown}` is missing: this file has the provenance of `{image}`"
+                "the file `{shown}`, with the provenance of `{image}`, is missing"
             ));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
@@ -62,7 +64,9 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
         Ok(told) if told == held => None,
         Ok(told) => {
             let others = differing(&told, &held).join("`, `");
-            Some(format!("`{shown}` differs from the provenance of `{image}` in `{others}`"))
+            Some(format!(
+                "`{shown}` differs from the provenance of `{image}` in the fields `{others}`"
+            ))
         }
         Err(error) => Some(format!("`{shown}` has no readable provenance: {}", error.message())),
     }

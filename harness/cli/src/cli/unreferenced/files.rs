@@ -83,8 +83,16 @@ impl Files {
                 ".new.exr" | ".new.csv" => {}
                 _ if all.contains(&golden) => {}
                 ".new.png" if all.contains(&file.with_file_name(format!("{stem}.new.exr"))) => {}
-                ".toml" => files.push(file, "this provenance has no golden", is_facts(file)),
-                _ => files.push(file, "this preview has no image", false),
+                ".toml" => files.push(
+                    file,
+                    "this file is the provenance of a golden that doesn't exist",
+                    is_facts(file),
+                ),
+                _ => files.push(
+                    file,
+                    "this file is the preview of an image that doesn't exist",
+                    false,
+                ),
             }
         }
         Ok(files)

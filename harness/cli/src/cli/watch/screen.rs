@@ -305,18 +305,21 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
         (true, ..) => (DIM, format!("{path}: running, {ran} done")),
         (_, Some(_), _) => (BAD, format!("{path}: no verdict  {took}")),
         (.., 0) if invalid.is_some() => {
-            (BAD, format!("{path}: WGSL error; {pass}; {ran} ran  {took}"))
+            (BAD, format!("{path}: WGSL error; {pass}; {ran} ran in {took}"))
         }
         (.., 0) if *count == 0 && *idle == 0 => match lane.alone {
             true => (BAD, format!("{path}: there are no tests: `karat init` writes a first test")),
             false => (DIM, format!("{path}: no tests found  {took}")),
         },
         (.., 0) if *ran == 0 => (good, format!("{path}: {pass}; no code changed  {took}")),
-        (.., 0) => (good, format!("{path}: {pass}; {ran} ran  {took}")),
-        (.., failed) if invalid.is_some() => {
-            (BAD, format!("{path}: WGSL error; {failed} of {count} tests fail; {ran} ran  {took}"))
+        (.., 0) => (good, format!("{path}: {pass}; {ran} ran in {took}")),
+        (.., failed) if invalid.is_some() => (
+            BAD,
+            format!("{path}: WGSL error; {failed} of {count} tests fail; {ran} ran in {took}"),
+        ),
+        (.., failed) => {
+            (BAD, format!("{path}: {failed} of {count} tests fail; {ran} ran in {took}"))
         }
-        (.., failed) => (BAD, format!("{path}: {failed} of {count} tests fail; {ran} ran  {took}")),
     }
 }
 

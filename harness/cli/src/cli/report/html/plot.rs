@@ -156,7 +156,7 @@ fn map(plot: &Plot, across: usize, up: usize) -> Option<String> {
     svg((360, 260), |area| {
         let text = ("sans-serif", 12).into_font().color(&INK);
         let title = format!(
-            "largest error: {} to the right, {} upwards (yellow: {:.0e})",
+            "x: {}, y: {}, colour: largest error (yellow: {:.0e} x bound)",
             plot.arguments[across],
             plot.arguments[up],
             most.exp()

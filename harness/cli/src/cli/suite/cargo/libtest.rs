@@ -81,7 +81,7 @@ fn run_some(
     *RUNNING.lock().unwrap_or_else(PoisonError::into_inner) = Some(child);
     let mut parser = Parser::default();
     for line in BufReader::new(stdout).split(b'\n') {
-        let line = line.context("can't read the output of a test program to its end")?;
+        let line = line.context("can't read the whole output of a test program")?;
         let line = String::from_utf8_lossy(&line);
         match parser.line(line.trim_end_matches('\r')) {
             Some((passed, true)) => heard(&passed, None)?,
@@ -100,7 +100,8 @@ fn run_some(
             heard(test, Some(message))?;
         } else if !parser.has_passed(test) {
             let status = status.map_or_else(String::new, |status| status.to_string());
-            let message = format!("the test program ended before this test ({status})\n{words}");
+            let message =
+                format!("the test program ended before the end of this test ({status})\n{words}");
             heard(test, Some(message))?;
         }
     }
