@@ -71,7 +71,7 @@ pub struct Interpreted {
     function: Box<Function>,
     /// The program, which maps expressions to positions in source files.
     program: Arc<Program>,
-    /// The largest number of loop rounds that a case may take.
+    /// The largest number of loop iterations that a case may take.
     fuel: u64,
     /// `true` if the arithmetic treats subnormals as zero.
     flush: bool,
@@ -85,11 +85,12 @@ fn lowering(via: Via) -> Settings {
     Settings { contract, statements, named, ..Settings::default() }
 }
 
-/// The largest number of rounds for a case whose loops have a bound. A case with more rounds would take minutes.
+/// The largest number of iterations for a case whose loops have a bound. A case with more iterations would take
+/// minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
-/// The largest numbers of loop rounds in a proof about many arguments at once. `FEW_ROUNDS` counts the rounds in which
-/// the loop may or may not end, and `MANY_ROUNDS` counts all rounds.
+/// The largest numbers of loop iterations in a proof about many arguments at once. `FEW_ROUNDS` counts the iterations
+/// in which the loop may or may not end, and `MANY_ROUNDS` counts all iterations.
 const FEW_ROUNDS: u64 = 16;
 const MANY_ROUNDS: u64 = 4096;
 
@@ -136,8 +137,8 @@ impl Interpreted {
             function: Box::new(function.clone()),
             flush: false,
             program: Arc::clone(program),
-            // A loop with a bound ends. The last check of a loop's condition counts as a round, too. There is at most
-            // one such check for each round of the surrounding loop.
+            // A loop with a bound ends. The last check of a loop's condition counts as an iteration, too. There is at
+            // most one such check for each iteration of the surrounding loop.
             fuel: match program.most_rounds() {
                 Some(rounds) => rounds.saturating_mul(2).min(MOST_FUEL).max(settings::fuel()),
                 None => settings::fuel(),
@@ -145,7 +146,7 @@ impl Interpreted {
         })
     }
 
-    /// Sets the largest number of loop rounds.
+    /// Sets the largest number of loop iterations.
     pub(crate) fn with_fuel(self, fuel: u64) -> Self {
         Self { fuel, ..self }
     }
@@ -266,7 +267,7 @@ impl Interpreted {
         if self.quads.is_some() || self.arguments.contains(&Scalar::F16) {
             return Ok(None);
         }
-        // Limits the rounds of loops, because a proof must be quick.
+        // Limits the iterations of loops, because a proof must be quick.
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let results = self.lowered.call_between(cases, rows, &self.resources, &options, &());
         let results = results.map_err(|stop| stopped(&self.program, &self.function.name, &stop))?;
@@ -527,8 +528,8 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
                 false => "this loop",
             };
             let message =
-                format!("on path `cpu` `{name}` was stopped: {which} had run {rounds} rounds");
-            let note = "if the loop needs more rounds, set KARAT_FUEL to a larger number";
+                format!("on path `cpu` `{name}` was stopped: {which} had run {rounds} iterations");
+            let note = "if the loop needs more iterations, set KARAT_FUEL to a larger number";
             (span, case, message, note)
         }
         Stop::Late { span, case } => {
@@ -559,9 +560,9 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if nested loops used up the limit of rounds only together: the inner loops ran many rounds, but no single
-/// loop reached the limit. Then each of these loops may end. The check still reports an endless loop with up to 15
-/// rounds of inner loops in each of its rounds.
+/// Checks if nested loops used up the limit of iterations only together: the inner loops ran many iterations, but no
+/// single loop reached the limit. Then each of these loops may end. The check still reports an endless loop with up to
+/// 15 iterations of inner loops in each of its iterations.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

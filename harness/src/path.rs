@@ -12,7 +12,7 @@
 //!   `process@mine`. See [`job`](crate::unstable::job).
 //! - `KARAT_ADAPTER`: a part of an adapter's name, to choose one of several adapters.
 //! - `KARAT_TIMEOUT`: the number of seconds that a shader may take before the process ends (default 60).
-//! - `KARAT_FUEL`: the number of loop rounds that a case may take on `cpu`, for loops without a bound (default
+//! - `KARAT_FUEL`: the number of loop iterations that a case may take on `cpu`, for loops without a bound (default
 //!   1048576). For a loop that might hang a driver, the engine runs the loop before the driver does.
 
 pub(crate) mod cpu;

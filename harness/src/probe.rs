@@ -309,7 +309,7 @@ pub enum ProbeError {
         /// The number of cases in the dispatch.
         cases: usize,
     },
-    /// The loops of a case take more rounds than the driver allows.
+    /// The loops of a case take more iterations than the driver allows.
     #[error("{diagnostic}")]
     Rounds {
         /// The index of the case in its dispatch.

@@ -45,7 +45,7 @@ fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
             }
             Err(error @ ProbeError::Rounds { case: 1, .. }) => {
                 let text = error.to_string();
-                for part in ["<spin>:3:5", "for (var i = 0u; i < n; i++)", "65535 rounds"] {
+                for part in ["<spin>:3:5", "for (var i = 0u; i < n; i++)", "65535 iterations"] {
                     assert!(text.contains(part), "{text}");
                 }
             }
@@ -54,7 +54,7 @@ fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
     }
 }
 
-/// Karat adds up the rounds (iterations) of all loops of an invocation, including loops in called functions.
+/// Karat adds up the iterations of all loops of an invocation, including loops in called functions.
 // Lesson 55
 #[test]
 fn rounds_of_all_loops_of_an_invocation_are_added() {
@@ -74,8 +74,8 @@ fn rounds_of_all_loops_of_an_invocation_are_added() {
     }
 }
 
-/// Each time when the code around a loop runs, the driver counts a round for this loop, even if no case enters the
-/// loop. So the driver leaves other loops after fewer rounds.
+/// Each time when the code around a loop runs, the driver counts an iteration for this loop, even if no case enters the
+/// loop. So the driver leaves other loops after fewer iterations.
 // Lesson 55
 #[test]
 fn loops_that_are_never_entered_count() {
@@ -106,8 +106,8 @@ fn loops_that_are_never_entered_count() {
     counts("before", 65_000, &[65_535, 131_072]);
 }
 
-/// The invocations of one vector share the driver's counter of rounds. Each of these cases would have few enough rounds
-/// in a vector without the other cases.
+/// The invocations of one vector share the driver's counter of iterations. Each of these cases would have few enough
+/// iterations in a vector without the other cases.
 // Lesson 55
 #[test]
 fn a_loop_is_not_stopped_by_the_rounds_of_other_invocations() {
@@ -127,7 +127,7 @@ fn a_loop_is_not_stopped_by_the_rounds_of_other_invocations() {
             call(&probed(&source, "either"), path, &cases, &Vec::new()).expect("each ends");
         assert_eq!(results, expected, "on {path}");
 
-        // Each invocation runs another loop, so the driver counts 16 times as many rounds.
+        // Each invocation runs another loop, so the driver counts 16 times as many iterations.
         let cases: Vec<Vec<u32>> = (0..64).map(|i| vec![9_000 + i, i % 16]).collect();
         let expected: Vec<Vec<u32>> = (0..64).map(|i| vec![spun(9_000 + i)]).collect();
         let results =
@@ -146,7 +146,7 @@ fn bounded_loops_have_the_plain_kernel() {
     assert!(probed(SPIN, "spin").kernel().contains("karat_index"));
 }
 
-/// Rounds are also counted in frames: in fragment and vertex shaders, and in the functions that these call.
+/// Iterations are also counted in frames: in fragment and vertex shaders, and in the functions that these call.
 // Lesson 55
 #[test]
 fn loops_of_frames_are_watched() {

@@ -180,7 +180,7 @@ fn a_pixel_that_skips_a_line_has_no_value() {
 #[test]
 fn each_round_of_a_loop_has_its_value() {
     let term = |round| Tap::new("term").round(round);
-    // In columns 2 and 3, uv.x is 0.625 and 0.875, and the loop has 2 and 3 rounds.
+    // In columns 2 and 3, uv.x is 0.625 and 0.875, and the loop has 2 and 3 iterations.
     each(plain, &term(None), |tapped| {
         assert_eq!(floats(tapped)[6..], [1.25, 2.625]);
         assert_eq!(tapped.times[6..], [Some(2), Some(3)]);

@@ -33,7 +33,7 @@ var<workgroup> shared_count: atomic<u32>;
 fn results_of_an_order() {
     for (name, body, size, groups, expected) in [
         (
-            "a lost update, where one invocation has more rounds",
+            "a lost update, where one invocation has more iterations",
             "for (var k = 1u; k <= select(1u, 6u, i == 0u); k++) { let old = atomicLoad(&out[0]); atomicStore(&out[0], max(old, k)); }",
             2,
             1,

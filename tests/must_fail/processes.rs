@@ -245,7 +245,7 @@ fn an_endless_loop() {
         let environment = [("KARAT_TIMEOUT", "1.5"), ("KARAT_PATHS", path.name())];
         let (output, text) = planted(&["endless_loop"], &environment);
         assert!(!output.status.success(), "{text}");
-        // On a fast driver the limit on loop rounds ends the loop, and then the engine reports the loop.
+        // On a fast driver the limit on loop iterations ends the loop, and then the engine reports the loop.
         let driver = format!("`endless` (<planted>:1:1) on path {path}");
         let by_driver = text.contains(&driver) && text.contains("did not finish within 1.5 s");
         let engine =

@@ -78,7 +78,7 @@ data[id.x] = tile[i];"
     assert_eq!((kind, &*element), (HazardKind::Race, "tile[0]"));
     assert_eq!(one, "4 local (1) of workgroup (0) reads 1");
     assert!(other.starts_with("6 local (0) of workgroup (0) writes "), "{other}");
-    // Only the barrier at the end of the round is missing. There is still a barrier between both lines.
+    // Only the barrier at the end of the iteration is missing. There is still a barrier between both lines.
     let late = scan("workgroupBarrier();").replace("left;\n    workgroupBarrier();", "left;");
     let package = Package::from_source("races", format!("{HEAD}{late}\n}}\n"));
     let compute = package.compute().with("data", Storage::new((0..64_u32).map(|i| i + 1)));
@@ -252,7 +252,7 @@ fn barriers_that_some_invocations_miss() {
         "for (var k = 0u; k < data[id.x]; k++) { workgroupBarrier(); }\ndata[id.x] += 100u;";
     let (kind, _, [one, other]) = first(rounds, 1);
     assert_eq!(kind, HazardKind::Barrier);
-    assert_eq!(one, "1 local (1) of workgroup (0) reaches it", "the first has one round");
+    assert_eq!(one, "1 local (1) of workgroup (0) reaches it", "the first has one iteration");
     assert_eq!(other, "1 local (0) of workgroup (0) takes another branch here");
     let behind = |parts: &str| format!("{parts}\n\nworkgroupBarrier();\ndata[id.x] += 1u;");
     let inside = |parts: &str| format!("{parts}\ndata[id.x] += 1u;");

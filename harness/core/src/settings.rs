@@ -29,7 +29,7 @@ const VARIABLES: [(&str, &str); 17] = [
     (DEADLINE, "seconds that a shader may take before the process gives up (60; 10 in `watch`)"),
     (
         FUEL,
-        "largest number of loop rounds in a case on `cpu`; loops with a known bound don't count (1048576)",
+        "largest number of loop iterations in a case on `cpu`; loops with a known bound don't count (1048576)",
     ),
     (
         SCHEDULES,
@@ -327,7 +327,7 @@ impl Settings {
         }
         let seconds = "a number of seconds above 0";
         let deadline = text(DEADLINE).map(parsed(DEADLINE, seconds))?.by(duration)?;
-        let rounds = "a number of loop rounds above 0";
+        let rounds = "a number of loop iterations above 0";
         let above_zero = |text: &str| integer(text).filter(|rounds| *rounds > 0);
         let fuel = text(FUEL).map(parsed(FUEL, rounds))?.by(above_zero)?;
         let count = "a number of orders from 0 to 65536";
@@ -520,7 +520,7 @@ mod tests {
             ("KARAT_TIMEOUT", "NaN", "KARAT_TIMEOUT=NaN isn't a number of seconds above 0"),
             ("KARAT_SCHEDULES", "few", "KARAT_SCHEDULES=few isn't a number of orders from 0 to"),
             ("KARAT_SCHEDULES", "65537", "KARAT_SCHEDULES=65537 isn't a number of orders"),
-            ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of loop rounds above 0"),
+            ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of loop iterations above 0"),
             (
                 "KARAT_CASE",
                 "fresnel::schlick",

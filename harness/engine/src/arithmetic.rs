@@ -105,7 +105,7 @@ pub(crate) mod sealed {
 
         fn float(x: f32) -> Self::Float;
         /// A literal's value. If the author probably wrote a decimal, the interval of the literal contains all numbers
-        /// that round to `x`.
+        /// that iteration to `x`.
         fn decimal(x: f32, half: bool) -> Self::Float {
             let _ = half;
             Self::float(x)

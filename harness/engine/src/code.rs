@@ -108,7 +108,7 @@ pub(crate) enum Op {
     Case(bool),
     EndSwitch,
     Loop,
-    /// Begins a round (an iteration) of a loop, and reduces the number of rounds that the lanes may still run.
+    /// Begins an iteration of a loop, and reduces the number of iterations that the lanes may still run.
     Round,
     Continuing,
     /// Register: the condition.

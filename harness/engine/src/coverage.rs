@@ -47,8 +47,8 @@ pub enum StatementKind {
     Select,
     /// A clause of a `switch`, with its index. It has one way.
     Clause(usize),
-    /// A loop. Lanes can go three ways: a lane leaves the loop in the first round, in the second round, or in a later
-    /// round.
+    /// A loop. Lanes can go three ways: a lane leaves the loop in the first iteration, in the second iteration, or in a
+    /// later round.
     Loop,
     /// The condition of a `for` or `while`. Lanes can go the same three ways as for [`Loop`](Self::Loop).
     Exit,
@@ -101,8 +101,8 @@ impl Counts {
         self.0[at].ways[way].fetch_add(lanes, Ordering::Relaxed);
     }
 
-    /// Counts the lanes that begin a round of a loop. Rounds count from 1. A lane leaves the loop in the last round
-    /// that it begins.
+    /// Counts the lanes that begin an iteration of a loop. Iterations count from 1. A lane leaves the loop in the last
+    /// iteration that it begins.
     pub(crate) fn round<A: Rules>(&self, at: usize, round: u64, lanes: &[A::Bool]) {
         let ways = &self.0[at].ways;
         let Ok(way) = usize::try_from(round - 1) else { return };

@@ -320,7 +320,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// If a resource is missing, or if an invocation runs too many loop rounds. Then the case of the error is the
+    /// If a resource is missing, or if an invocation runs too many loop iterations. Then the case of the error is the
     /// number of the invocation in the dispatch, workgroup after workgroup.
     pub fn dispatch<A: Runs>(
         &self,

@@ -38,7 +38,7 @@ pub(crate) struct Spent {
     pub(crate) span: Span,
     pub(crate) lane: usize,
     pub(crate) by: Limit,
-    /// The number of rounds (iterations) of the open loop that has run the most rounds.
+    /// The number of iterations of the open loop that has run the most iterations.
     pub(crate) own: u64,
 }
 
@@ -70,22 +70,22 @@ pub(crate) struct Machine<'p, A: Rules> {
     masks: Masks<A>,
     /// The masks for arithmetics in which conditions may be undecided.
     worlds: Worlds<'p, A>,
-    /// The number of loop rounds that each lane may still run.
+    /// The number of loop iterations that each lane may still run.
     fuel: Vec<u64>,
-    /// The number of loop rounds that all lanes together may still run.
+    /// The number of loop iterations that all lanes together may still run.
     pub(crate) work: u64,
-    /// The number of loop rounds since the clock was last read.
+    /// The number of loop iterations since the clock was last read.
     rounds: u64,
-    /// For each lane, the number of rounds for which the exit of a loop has been undecided.
+    /// For each lane, the number of iterations for which the exit of a loop has been undecided.
     undecided: Vec<u64>,
     /// For each lane, the site at which its results became unbounded: a loop whose exit stayed undecided, or an index
     /// outside of its array.
     lost: Vec<Option<u32>>,
     /// The lanes in which the current operation's index is outside of its array.
     strayed: Vec<usize>,
-    /// The lanes that were removed because they ran too many rounds, each with its loop.
+    /// The lanes that were removed because they ran too many iterations, each with its loop.
     pub(crate) long: Vec<(usize, Span)>,
-    /// The number of rounds of each open loop, the outermost loop first.
+    /// The number of iterations of each open loop, the outermost loop first.
     open: Vec<u64>,
     /// The value that a wrapping index would have without wrapping, in the first lane in which the index wraps.
     meant: i64,

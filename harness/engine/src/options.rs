@@ -46,17 +46,17 @@ pub struct Choice {
 /// Options of a run.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// The number of rounds that all loops of a case may run in total. The default is 2^20, which is far more than a
-    /// fast shader runs for a pixel. An endless loop reaches this number within seconds.
+    /// The number of iterations that all loops of a case may run in total. The default is 2^20, which is far more than
+    /// a fast shader runs for a pixel. An endless loop reaches this number within seconds.
     pub fuel: u64,
-    /// `true` if a call removes a case that runs too many rounds, and the results list this case. Otherwise the call
-    /// stops. In intervals a call always stops.
+    /// `true` if a call removes a case that runs too many iterations, and the results list this case. Otherwise the
+    /// call stops. In intervals a call always stops.
     pub leaves: bool,
-    /// The number of rounds that all loops of all cases of a dispatch may run in total. Unlimited by default.
+    /// The number of iterations that all loops of all cases of a dispatch may run in total. Unlimited by default.
     pub work: u64,
     /// The time at which a run ends if it is still in a loop. `None` if there is no limit.
     pub deadline: Option<Instant>,
-    /// In intervals, the number of rounds for which the exit of a loop may stay undecided before the results become
+    /// In intervals, the number of iterations for which the exit of a loop may stay undecided before the results become
     /// unbounded. The default is 256. Bounds that haven't converged by then rarely converge later.
     pub undecided: u64,
     /// In `f32`, `true` to flush subnormals to zero: the operands and results of each operation for which WGSL allows

@@ -180,7 +180,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// If the rows are incomplete, if a resource is missing, or if a case runs too many loop rounds.
+    /// If the rows are incomplete, if a resource is missing, or if a case runs too many loop iterations.
     pub fn call<A: Runs>(
         &self,
         cases: usize,

@@ -193,7 +193,7 @@ pub struct Observed {
     pub stopped: Option<Stop>,
     /// The number of invocations that ran.
     pub invocations: usize,
-    /// The number of rounds of all loops in all invocations.
+    /// The number of iterations of all loops in all invocations.
     pub rounds: u64,
     /// The number of turns of all invocations.
     pub turns: u64,

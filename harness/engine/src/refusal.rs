@@ -22,17 +22,17 @@ impl Refusal {
 /// The reason why a run ended before all its results were computed.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Stop {
-    /// A loop ran for more rounds than the options allow.
-    #[error("case {case} ran more than {rounds} loop rounds")]
+    /// A loop ran for more iterations than the options allow.
+    #[error("case {case} ran more than {rounds} loop iterations")]
     Fuel {
         /// The loop.
         span: Span,
-        /// The first case that ran too many rounds.
+        /// The first case that ran too many iterations.
         case: usize,
-        /// The number of rounds that were allowed.
+        /// The number of iterations that were allowed.
         rounds: u64,
-        /// The number of rounds of the open loop that ran the most rounds. If this number is small, there are many
-        /// loops, but none is endless.
+        /// The number of iterations of the open loop that ran the most iterations. If this number is small, there are
+        /// many loops, but none is endless.
         own: u64,
     },
     /// A loop was still running at the deadline.
@@ -52,12 +52,12 @@ pub enum Stop {
         /// A case that is in the loop.
         case: usize,
     },
-    /// The loops of all cases ran more rounds in total than the options allow.
-    #[error("the loops of all cases run more than {rounds} rounds in total")]
+    /// The loops of all cases ran more iterations in total than the options allow.
+    #[error("the loops of all cases run more than {rounds} iterations in total")]
     Work {
         /// A loop that was running.
         span: Span,
-        /// The number of rounds that the options allow.
+        /// The number of iterations that the options allow.
         rounds: u64,
     },
     /// The number of argument words isn't the number of cases times the width of a row.

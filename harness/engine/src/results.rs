@@ -33,7 +33,7 @@ pub struct Results<A: Arithmetic> {
 
 impl<A: Arithmetic> Results<A> {
     /// The cases that were removed because of [`Options::leaves`](crate::Options::leaves), each with the loop that ran
-    /// too many rounds. The rows of these cases have no meaning.
+    /// too many iterations. The rows of these cases have no meaning.
     #[must_use]
     pub fn long(&self) -> &[(usize, Span)] {
         &self.long

@@ -35,7 +35,7 @@ pub struct RenderArguments {
     /// Values to print in place of the frame: see `karat tap`
     #[arg(long, hide = true, value_name = "VALUE", num_args = 0..=1)]
     pub(super) tap: Option<Vec<String>>,
-    /// The number of the round in which a pixel computes them
+    /// Prints the values that a pixel computes the Nth time, from 1
     #[arg(long, hide = true, value_name = "N", requires = "tap")]
     pub(super) round: Option<u32>,
     /// Also draw the frame's colours

@@ -1497,7 +1497,7 @@ mod tests {
                 }}"
             )
         };
-        // The edit doesn't change the loops' numbers of rounds.
+        // The edit doesn't change the loops' numbers of iterations.
         let one = compared(&text("64u", "x * f32(j)"), &text("64u", "f32(j) * x"));
         assert!(
             matches!(one.change, Change::Same { cases } if (64..1024).contains(&cases)),

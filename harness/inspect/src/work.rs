@@ -105,7 +105,8 @@ pub(crate) fn rows(
     let (count, rows) = arguments.rows(SEED, cases);
     let side = Side { probed, fixtures, own: None };
     let Chosen { rows: ending, .. } = Chosen::ending(&side, &arguments, (count, &rows));
-    // If no loop ends, the number of rounds probably doesn't depend on the arguments. Drivers may run more rounds.
+    // If no loop ends, the number of iterations probably doesn't depend on the arguments. Drivers may run more
+    // iterations.
     let rows = if ending.is_empty() { rows } else { ending };
     Ok(rows.iter().copied().cycle().take(cases * width).collect())
 }

@@ -828,7 +828,7 @@ fn compute_passes_are_looked_through() {
         assert!(found.location.contains(":10:"), "{}", found.location);
         assert!(found.arguments[0].1.starts_with("local ("), "{found:#?}");
     }
-    // The barrier at the end of this loop over tiles may be missing. The loop has two rounds only for some sizes.
+    // The barrier at the end of this loop over tiles may be missing. The loop has two iterations only for some sizes.
     let tiles = |barrier: &str| {
         look(&format!(
             "struct Dims {{ m: u32, n: u32, k: u32 }}\n\
@@ -850,8 +850,8 @@ fn compute_passes_are_looked_through() {
     assert!(of_kind(&tiles(""), Kind::Race).location.contains(":12:"));
     let right = tiles("workgroupBarrier();");
     assert!(right.found.iter().all(|one| one.kind != Kind::Race), "{right:#?}");
-    // In a workgroup with many invocations, the total of all rounds reaches a million before one invocation reaches its
-    // own limit.
+    // In a workgroup with many invocations, the total of all iterations reaches a million before one invocation reaches
+    // its own limit.
     let endless = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;\n\
                    @compute @workgroup_size(256) fn spin(@builtin(local_invocation_index) i: u32) {\n\
                    loop { data[i] += 1.0; if data[i] < 0.0 && data[i] > 0.0 { break; } }\n}";

@@ -218,7 +218,7 @@ mod tests {
     fn an_endless_loop_is_reported_with_its_line() {
         let text = "fn f(x: f32) -> f32 {\n    var y = x;\n    while y >= x { y += 0.0; }\n    return y;\n}\n";
         let error = call(text, "f", Fixtures::new(), &[1.0_f32.to_bits()]).expect_err("endless");
-        assert!(error.contains("was stopped: this loop had run 1048576 rounds"), "{error}");
+        assert!(error.contains("was stopped: this loop had run 1048576 iterations"), "{error}");
         assert!(error.contains(":3:5"), "{error}");
     }
 }

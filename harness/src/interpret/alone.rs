@@ -28,7 +28,7 @@ pub struct Alone {
     least: usize,
     /// The layout of a quad's four pixels. `Some` if the function takes derivatives between these pixels.
     quads: Option<Quads>,
-    /// The largest number of loop rounds that a case may take.
+    /// The largest number of loop iterations that a case may take.
     fuel: u64,
     /// `true` if the arithmetic treats subnormals as zero.
     flush: bool,
@@ -82,7 +82,7 @@ impl Alone {
         })
     }
 
-    /// Sets the largest number of loop rounds.
+    /// Sets the largest number of loop iterations.
     pub(crate) fn with_fuel(self, fuel: u64) -> Self {
         Self { fuel, ..self }
     }

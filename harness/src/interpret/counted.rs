@@ -69,7 +69,7 @@ pub enum CountedKind {
     Clause(usize),
     /// `for` or `while`
     For,
-    /// A `for`, `while` or `loop` that takes the same number of rounds in each call.
+    /// A `for`, `while` or `loop` that takes the same number of iterations in each call.
     Fixed,
     /// `loop`
     Loop,
@@ -84,8 +84,8 @@ impl Counted {
             CountedKind::If | CountedKind::Select => &["true", "false"],
             CountedKind::Logical => &["decided on the right", "decided on the left"],
             CountedKind::Clause(_) => &["taken"],
-            CountedKind::For => &["no round", "one round", "many rounds"],
-            CountedKind::Loop => &["one round", "two rounds", "more rounds"],
+            CountedKind::For => &["no iteration", "one iteration", "many iterations"],
+            CountedKind::Loop => &["one iteration", "two iterations", "more iterations"],
         };
         names.iter().copied().zip(self.taken.iter().copied())
     }

@@ -89,11 +89,11 @@ pub struct Hazards {
 const TOGETHER: usize = 256;
 
 /// The largest number of operations to record in a run. A loop repeats its operations, so a hazard in its thousandth
-/// round usually occurs in earlier rounds, too.
+/// iteration usually occurs in earlier iterations, too.
 const MOST_EVENTS: usize = 4096;
 
-/// The largest number of loop rounds for the run with intervals, in each case, if the recorder reached its limit of
-/// operations. With sixteen operations in a round, this is as many operations as the recorder keeps.
+/// The largest number of loop iterations for the run with intervals, in each case, if the recorder reached its limit of
+/// operations. With sixteen operations in an iteration, this is as many operations as the recorder keeps.
 const ROUNDS_SEEN: u64 = 256;
 
 /// Thresholds for the errors of a float format: `f32`, or 16-bit floats.
@@ -129,18 +129,18 @@ impl Precision {
     }
 }
 
-/// The largest number of loop rounds for generated arguments.
+/// The largest number of loop iterations for generated arguments.
 pub(super) const PATIENCE: u64 = 4096;
 
-/// If a loop with generated arguments runs this number of rounds, it is reported as endless. A case then takes tenths
-/// of a second.
+/// If a loop with generated arguments runs this number of iterations, it is reported as endless. A case then takes
+/// tenths of a second.
 pub const LONG: u64 = 1 << 18;
 
-/// The largest number of rounds for loops with a bound.
+/// The largest number of iterations for loops with a bound.
 const MOST_ROUNDS: u64 = 65_536;
 
-/// The number of rounds after which the run with intervals stops, if the intervals don't decide whether a loop ends. In
-/// each of these rounds, the engine runs both branches.
+/// The number of iterations after which the run with intervals stops, if the intervals don't decide whether a loop
+/// ends. In each of these iterations, the engine runs both branches.
 const UNDECIDED: u64 = 16;
 
 /// Double precision rounds a number by up to 2^-53 of the number. So a difference that is less than this share (2^-41)
@@ -450,7 +450,7 @@ impl Interpreted {
         left_out: LeftOut<'_>,
     ) -> Result<Hazards, ProbeError> {
         let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
-        // Loops with a bound certainly end, so they may run for more rounds than other loops.
+        // Loops with a bound certainly end, so they may run for more iterations than other loops.
         let fuel = match self.program.most_rounds() {
             Some(rounds) => rounds.saturating_mul(2).clamp(PATIENCE, MOST_ROUNDS),
             None => PATIENCE,

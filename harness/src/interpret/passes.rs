@@ -37,7 +37,7 @@ impl Recorder {
 
 impl Observer<F32> for Recorder {
     fn floats(&self, lanes: &Lanes<'_, F32>) {
-        // Checks the values of all lanes at once, because this code runs for each operation in each round.
+        // Checks the values of all lanes at once, because this code runs for each operation in each iteration.
         let is_bad = |values: &&[f32]| !values.iter().fold(true, |good, x| good & x.is_finite());
         if !lanes.floats.iter().any(|values| is_bad(&&**values)) {
             return;

@@ -27,8 +27,8 @@ const WHOLE: u64 = 1 << 16;
 /// the pass's name.
 const SOME: usize = 64;
 
-/// The engine's options for passes over generated resources, which limit the rounds of loops: a loop may read any
-/// number as its limit. Useful limits are some hundreds. A million rounds in all invocations together take seconds.
+/// The engine's options for passes over generated resources, which limit the iterations of loops: a loop may read any
+/// number as its limit. Useful limits are some hundreds. A million iterations in all invocations together take seconds.
 pub(super) fn made_up_options() -> Options {
     Options { fuel: 1 << 14, work: 1 << 20, ..options() }
 }
@@ -207,8 +207,8 @@ fn run(
         }
         if let Some(stop) = &observed.stopped {
             *too_long |= matches!(stop, Stop::Work { .. });
-            // Many invocations together may use up all rounds. An endless loop also uses up the rounds if a workgroup
-            // runs alone.
+            // Many invocations together may use up all iterations. An endless loop also uses up the iterations if a
+            // workgroup runs alone.
             let alone = match stop {
                 Stop::Work { .. } => {
                     let whole = Options { work: u64::MAX, ..options.clone() };
@@ -441,7 +441,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         }
     } else if examining.together && is_behind(&race.first, &race.second) {
         format!(
-            "the second access is in a later round of the loop or in a later call. A barrier between the two lines orders \
+            "the second access is in a later iteration of the loop or in a later call. A barrier between the two lines orders \
              the accesses of one round or call: put a `{barrier}()` at the end of the loop or of the function, too"
         )
     } else {

@@ -140,7 +140,7 @@ impl Values {
         let mut groups: Vec<((usize, usize), Vec<Seen>)> = Vec::new();
         for (site, value) in self.all.into_inner().unwrap_or_else(PoisonError::into_inner) {
             match groups.last_mut() {
-                // In a loop with only one operation, this operation's values of several rounds follow each other.
+                // In a loop with only one operation, this operation's values of several iterations follow each other.
                 Some(((last, _), values)) if *last == site && values.len() < components(site) => {
                     values.push(value);
                 }
@@ -267,7 +267,7 @@ fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     row
 }
 
-/// The number of runs of an operation that a reader sees. The first three rounds of a loop show how it continues.
+/// The number of runs of an operation that a reader sees. The first three iterations of a loop show how it continues.
 pub(crate) const BRIEFLY: usize = 3;
 
 /// Traces one invocation of the last pass, by its `global_invocation_id`. There are no bounds, because other

@@ -1,4 +1,4 @@
-//! Measures the work of calls: the number of operations, and loops that take too many rounds.
+//! Measures the work of calls: the number of operations, and loops that take too many iterations.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -22,13 +22,13 @@ impl Observer<F32> for Evaluations {
 }
 
 /// The number of operations in the longest of a few calls. The calls run together. In a quad, each pixel is counted
-/// separately. Returns `None` if the loops take too many rounds.
+/// separately. Returns `None` if the loops take too many iterations.
 pub fn evaluations(
     probed: &Probed,
     fixtures: &Fixtures,
     (count, rows): (usize, &[u32]),
 ) -> Result<Option<u64>, ProbeError> {
-    /// The largest number of loop rounds in all calls together.
+    /// The largest number of loop iterations in all calls together.
     const ROUNDS: u64 = 1 << 20;
     let seen = Evaluations::default();
     if !probed.function().form.alone {
@@ -51,7 +51,7 @@ pub fn evaluations(
     }
 }
 
-/// The calls in which a loop takes more than 4,096 rounds, in single or in double precision, each with its loop. If
+/// The calls in which a loop takes more than 4,096 iterations, in single or in double precision, each with its loop. If
 /// every loop has a bound, the list is empty, because such loops end.
 pub fn long_cases(
     probed: &Probed,

@@ -9,7 +9,7 @@ pub(crate) struct LetStatement {
     pub(crate) name: Range<usize>,
     /// The offset behind the semicolon; `None` in the head of a `for`, where no statement can follow.
     pub(crate) end: Option<usize>,
-    /// Reports if the `let` is in a loop, and has one value in each round.
+    /// Reports if the `let` is in a loop, and has one value in each iteration.
     pub(crate) repeats: bool,
 }
 

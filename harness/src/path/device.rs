@@ -15,8 +15,8 @@ use super::route::{self, Foreign, Routed};
 use super::{Adapter, Api, Path, PathError, driver, guard_opening};
 use crate::settings;
 
-/// The number of loop rounds after which Mesa's llvmpipe stops all loops of an invocation, on Vulkan and on GL. Mesa's
-/// sources call this number `LP_MAX_TGSI_LOOP_ITERATIONS`.
+/// The number of loop iterations after which Mesa's llvmpipe stops all loops of an invocation, on Vulkan and on GL.
+/// Mesa's sources call this number `LP_MAX_TGSI_LOOP_ITERATIONS`.
 pub(crate) const MOST_ROUNDS: u64 = 65_535;
 
 /// A shader that Karat compiles to test a driver's compute support. On OpenGL 3.3, wgpu reports compute shaders if the
@@ -132,7 +132,7 @@ impl Device {
         let optional = wgpu::Features::SHADER_F16
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
-            // Karat counts loop rounds in vertex shaders with this feature.
+            // Karat counts loop iterations in vertex shaders with this feature.
             | wgpu::Features::VERTEX_WRITABLE_STORAGE
             // Fixtures need these features.
             | wgpu::Features::IMMEDIATES
@@ -217,7 +217,7 @@ impl Device {
         &self.adapter
     }
 
-    /// Checks if the driver stops loops after [`MOST_ROUNDS`] rounds and continues with the current values.
+    /// Checks if the driver stops loops after [`MOST_ROUNDS`] iterations and continues with the current values.
     pub(crate) fn leaves_loops(&self) -> bool {
         self.adapter.is_llvmpipe()
     }
@@ -232,7 +232,7 @@ impl Device {
     pub(crate) fn left_loop(&self, of: &str, rounds: u32, place: Option<&Span>) -> Diagnostic {
         let path = self.path;
         let diagnostic = Diagnostic::new(format!(
-            "on path `{path}` the driver doesn't finish {of}: this loop runs {rounds} rounds \
+            "on path `{path}` the driver doesn't finish {of}: this loop runs {rounds} iterations \
              or more"
         ));
         let diagnostic = match place {
@@ -242,10 +242,10 @@ impl Device {
         let driver = &self.adapter.name;
         diagnostic
             .note(format!(
-                "{driver} stops the loops of an invocation after {MOST_ROUNDS} rounds in total, and continues with \
+                "{driver} stops the loops of an invocation after {MOST_ROUNDS} iterations in total, and continues with \
                  the current values"
             ))
-            .note("use fewer rounds, or run on a driver without this limit")
+            .note("use fewer iterations, or run on a driver without this limit")
     }
 
     /// The smallest and the largest subgroup size. `None` if the device has no subgroups.

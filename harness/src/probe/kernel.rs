@@ -86,8 +86,8 @@ impl Kernel {
         kernel
     }
 
-    /// A kernel for the same calls that returns how many rounds each of the function's `loops` loops takes. Karat adds
-    /// the counters to the loops in naga's IR of this text.
+    /// A kernel for the same calls that returns how many iterations each of the function's `loops` loops takes. Karat
+    /// adds the counters to the loops in naga's IR of this text.
     pub(super) fn counting(&self, loops: usize) -> Self {
         let mut kernel = Self {
             words_out: loops,

@@ -1,12 +1,13 @@
-//! Counts the rounds of loops, for drivers that stop long loops without an error.
+//! Counts the iterations of loops, for drivers that stop long loops without an error.
 //!
-//! Mesa's llvmpipe runs several invocations as the lanes of one vector. llvmpipe counts the rounds of all loops in a
-//! vector together, because all lanes run the same round. llvmpipe counts one round even for a loop that no lane
-//! enters. After [`MOST_ROUNDS`] rounds, llvmpipe stops every loop without a message, and the results are wrong.
+//! Mesa's llvmpipe runs several invocations as the lanes of one vector. llvmpipe counts the iterations of all loops in
+//! a vector together, because all lanes run the same iteration. llvmpipe counts one iteration even for a loop that no
+//! lane enters. After [`MOST_ROUNDS`] iterations, llvmpipe stops every loop without a message, and the results are
+//! wrong.
 //!
-//! If naga's IR shows no bound for a loop, Karat first runs a copy of the kernel that counts the rounds. No single case
-//! may exceed the limit. If several cases in one vector might exceed it together, the kernel runs with one case in each
-//! vector.
+//! If naga's IR shows no bound for a loop, Karat first runs a copy of the kernel that counts the iterations. No single
+//! case may exceed the limit. If several cases in one vector might exceed it together, the kernel runs with one case in
+//! each vector.
 
 use super::bound::Compiled;
 use super::dispatcher::Dispatcher;
@@ -18,7 +19,7 @@ use crate::reflect::{CountedLoop, Nesting, count_rounds};
 /// The number of invocations that may share a vector. llvmpipe's widest vectors have 512 bits.
 pub(crate) const VECTOR: u32 = 16;
 
-/// A kernel that counts the rounds of each loop for each case.
+/// A kernel that counts the iterations of each loop for each case.
 pub(super) struct Rounds<'d> {
     dispatcher: Dispatcher<'d>,
     loops: Vec<CountedLoop>,
@@ -51,7 +52,7 @@ impl<'d> Rounds<'d> {
     }
 
     /// Checks if each case needs its own vector, because the driver might otherwise stop a loop. Returns an error if
-    /// one case takes too many rounds.
+    /// one case takes too many iterations.
     pub(super) fn apart(
         &self,
         cases: usize,
@@ -60,8 +61,8 @@ impl<'d> Rounds<'d> {
     ) -> Result<bool, ProbeError> {
         let rounds = self.count(cases, arguments, canary, 1)?;
         let stride = self.loops.len();
-        // In each round of a vector, at least one lane runs a round. So a vector never runs more rounds than its lanes
-        // together.
+        // In each iteration of a vector, at least one lane runs an iteration. So a vector never runs more iterations
+        // than its lanes together.
         let together = |rounds: &[u64]| rounds.iter().sum::<u64>();
         let vector = stride * VECTOR as usize;
         if rounds.chunks(vector).all(|lanes| together(lanes) < MOST_ROUNDS) {

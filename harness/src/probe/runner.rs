@@ -14,7 +14,7 @@ pub(crate) const BATCH: usize = 65_536;
 
 pub(crate) struct Runner<'d> {
     dispatcher: Dispatcher<'d>,
-    /// The counter of loop rounds, if the driver stops long loops.
+    /// The counter of loop iterations, if the driver stops long loops.
     rounds: Option<Rounds<'d>>,
 }
 

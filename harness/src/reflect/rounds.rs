@@ -1,8 +1,8 @@
-//! Counts the rounds of loops.
+//! Counts the iterations of loops.
 //!
-//! Some drivers stop all loops of an invocation after a number of rounds, and go on with the values of that
+//! Some drivers stop all loops of an invocation after a number of iterations, and go on with the values of that
 //! moment. If naga's IR shows that the loops end sooner, Karat doesn't count. Otherwise a copy of the kernel
-//! counts the rounds of its loops. The verdict uses the results of the original kernel.
+//! counts the iterations of its loops. The verdict uses the results of the original kernel.
 
 mod bounds;
 mod watched;
@@ -62,14 +62,14 @@ impl Program {
     }
 
     /// The number of loops. [`count_rounds`] numbers the loops in their order. Each loop has two counters: one
-    /// counts its rounds, and the other one counts how often an invocation enters the loop.
+    /// counts its iterations, and the other one counts how often an invocation enters the loop.
     pub(crate) fn loops(&self) -> usize {
         let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
         functions.map(|body| loops_of(body).len()).sum()
     }
 }
 
-/// A module that counts the rounds of its loops, and the location of each loop in the author's files.
+/// A module that counts the iterations of its loops, and the location of each loop in the author's files.
 pub(crate) struct Counting {
     pub(crate) module: Module,
     pub(crate) loops: Vec<CountedLoop>,
@@ -133,8 +133,8 @@ impl Nesting {
         }
     }
 
-    /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is 1, plus
-    /// 1 for each inner loop. It doesn't contain the rounds of inner loops that a case enters.
+    /// For each loop, the largest number of iterations that a driver counts in one iteration of the loop. The number is
+    /// 1, plus 1 for each inner loop. It doesn't contain the iterations of inner loops that a case enters.
     fn weights(&self) -> Vec<u32> {
         // For each function, the number of its loops that are in no other loop of the function, plus the numbers
         // of the functions that it calls outside of loops.
@@ -155,7 +155,7 @@ impl Nesting {
         (0..self.loops.len()).map(weight).collect()
     }
 
-    /// The rounds that a driver counts for each loop in one case. `counters` has the rounds of each loop, and
+    /// The iterations that a driver counts for each loop in one case. `counters` has the iterations of each loop, and
     /// then the number of times that a case entered each loop.
     pub(crate) fn rounds(&self, counters: &[u32]) -> Vec<u64> {
         let (rounds, entered) = counters.split_at(self.loops.len().min(counters.len()));
@@ -187,7 +187,7 @@ pub(crate) struct CountedLoop {
     pub(crate) nested: bool,
 }
 
-/// Makes each loop of a kernel's functions add 1 to one of the [`COUNTERS`] in each round, and 1 to another
+/// Makes each loop of a kernel's functions add 1 to one of the [`COUNTERS`] in each iteration, and 1 to another
 /// counter when an invocation enters the loop. `text` is the program's text with the kernel, which declares the
 /// counters.
 ///

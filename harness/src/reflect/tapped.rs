@@ -39,8 +39,8 @@ pub(crate) struct Valued {
 }
 
 impl Valued {
-    /// The number of `u32` words that return the value: one for each scalar, and one for the number of rounds plus 1.
-    /// `None` if Karat can't read the value.
+    /// The number of `u32` words that return the value: one for each scalar, and one for the number of iterations plus
+    /// 1. `None` if Karat can't read the value.
     pub(crate) fn words(&self) -> Option<usize> {
         Some(self.shape.as_ref().ok()?.lanes().len() + 1)
     }
@@ -52,7 +52,7 @@ pub(crate) enum When {
     /// The last value.
     #[default]
     Last,
-    /// The value in this round. The first round is 1.
+    /// The value in this iteration. The first iteration is 1.
     Round(u32),
     /// The last value of a condition that is false. Only rounds with false values count.
     False,
@@ -253,8 +253,8 @@ impl Program {
     }
 
     /// A program whose compute entry point writes a value of each invocation into a buffer. For each invocation, the
-    /// buffer has the words of the value, and then the number of rounds plus 1. The buffer's path is [`TOLD`]. `counts`
-    /// has the number of invocations in each direction.
+    /// buffer has the words of the value, and then the number of iterations plus 1. The buffer's path is [`TOLD`].
+    /// `counts` has the number of invocations in each direction.
     ///
     /// # Errors
     /// If naga rejects the program, or if the entry point has `global_invocation_id` in a structure.
@@ -409,7 +409,7 @@ fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<Way> {
     all
 }
 
-/// The private variables that store a value, and count its rounds, until the entry point returns.
+/// The private variables that store a value, and count its iterations, until the entry point returns.
 #[derive(Clone, Copy)]
 struct Kept {
     value: Handle<GlobalVariable>,
@@ -417,7 +417,7 @@ struct Kept {
 }
 
 impl Kept {
-    /// Stores a value after the statement that computes the value, and counts the rounds.
+    /// Stores a value after the statement that computes the value, and counts the iterations.
     fn keep(self, function: &mut Function, value: Handle<Expression>, when: When) {
         let mut body = std::mem::take(&mut function.body);
         let store = |function: &mut Function| {
@@ -648,7 +648,7 @@ fn tell(
             first.get_or_insert(handle);
             handle
         };
-        // The scalars of each value, and then the rounds of the value.
+        // The scalars of each value, and then the iterations of the value.
         let mut places: Vec<(usize, Option<&Way>)> = Vec::new();
         for (index, (_, ways)) in values.iter().enumerate() {
             places.extend(ways.iter().map(|way| (index, Some(way))));

@@ -194,7 +194,7 @@ impl<'m> Lower<'m> {
                 self.site = site;
                 self.span = span;
                 let end = self.close(Op::EndLoop)?;
-                // The loop's end jumps back to the beginning of a round. The loop's exit comes after this jump.
+                // The loop's end jumps back to the beginning of an iteration. The loop's exit comes after this jump.
                 self.code.instructions[end].target = round as u32;
                 if let Some(outer) = self.open.last_mut() {
                     outer.skips.pop();

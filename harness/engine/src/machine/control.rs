@@ -1,4 +1,4 @@
-//! Control flow: operations that change the mask, and the rounds of loops.
+//! Control flow: operations that change the mask, and the iterations of loops.
 
 use std::time::Instant;
 
@@ -7,7 +7,7 @@ use super::{Limit, Machine, Spent};
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Instruction, Op};
 
-/// The number of rounds after which the clock is read again.
+/// The number of iterations after which the clock is read again.
 const ROUNDS: u64 = 1024;
 
 macro_rules! files {
@@ -112,7 +112,8 @@ impl<A: Rules> Machine<'_, A> {
             let cost = u64::from(A::possible(mask));
             spent |= *fuel < cost;
             all += cost;
-            // `u64::MAX` marks a lane that ran too many rounds. A lane with 0 has none left, but didn't run too many.
+            // `u64::MAX` marks a lane that ran too many iterations. A lane with 0 has none left, but didn't run too
+            // many.
             *fuel = if *fuel < cost { u64::MAX } else { *fuel - cost };
         }
         if spent && self.options.leaves && !A::UNDECIDED {
@@ -129,7 +130,7 @@ impl<A: Rules> Machine<'_, A> {
             return Err(Spent { span, lane: 0, by: Limit::Work, own });
         };
         self.work = left;
-        // Reading the clock takes more time than a round, so it isn't read in each round.
+        // Reading the clock takes more time than an iteration, so it isn't read in each iteration.
         self.rounds += 1;
         if self.rounds.is_multiple_of(ROUNDS)
             && self.options.deadline.is_some_and(|deadline| Instant::now() >= deadline)

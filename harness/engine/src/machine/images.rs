@@ -230,7 +230,7 @@ impl<A: Rules> Machine<'_, A> {
             return;
         }
         for lane in 0..self.width {
-            // In the last rounds of a loop, few lanes are active. A sample takes much time, so inactive lanes are
+            // In the last iterations of a loop, few lanes are active. A sample takes much time, so inactive lanes are
             // skipped.
             if !A::possible(self.active()[lane]) {
                 continue;
@@ -324,7 +324,7 @@ impl<A: Rules> Machine<'_, A> {
             for (wanted, mask) in wanted.iter_mut().zip(&self.active()[lanes.clone()]) {
                 *wanted = A::possible(*mask);
             }
-            // In the last rounds of a loop, few lanes are active.
+            // In the last iterations of a loop, few lanes are active.
             if !wanted.contains(&true) {
                 continue;
             }

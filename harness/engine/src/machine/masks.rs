@@ -155,7 +155,7 @@ impl<A: Rules> Masks<A> {
         self.any
     }
 
-    /// Makes the lanes active again that left the round by `continue`.
+    /// Makes the lanes active again that left the iteration by `continue`.
     pub(crate) fn continuing(&mut self) {
         if let Some(frame) = self.frames.last() {
             let gone = frame.broken.iter().zip(&frame.left);

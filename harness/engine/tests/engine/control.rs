@@ -184,7 +184,7 @@ fn a_call_in_a_loop_starts_anew_each_time() {
     assert_eq!(words(source, &(0..9).collect::<Vec<_>>()), expected);
 }
 
-/// A case that runs too many rounds is removed, whatever construct the loop is in. The other cases have the same
+/// A case that runs too many iterations is removed, whatever construct the loop is in. The other cases have the same
 /// results as without this case.
 #[test]
 fn cases_with_long_loops_are_left_out() {
@@ -250,7 +250,7 @@ fn pointers_to_variables_are_parameters() {
     );
 }
 
-/// A program may begin with a loop. Then its arguments must stay alive through all rounds, and not only until their
+/// A program may begin with a loop. Then its arguments must stay alive through all iterations, and not only until their
 /// last use.
 #[test]
 fn a_program_may_begin_with_a_loop() {

@@ -71,10 +71,10 @@ fn rounds_of_loops_are_counted_separately() {
     let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    for (var i = 0.0; i < x; i += 1.0) {\n        \
                 if (i > 5.0) { break; }\n        y += 2.0;\n    }\n    loop {\n        y += 1.0;\n        continuing { break if y > 3.0; }\n    }\n    return y;\n}\n";
     let all = counted(text, &[0.0, 0.0, 0.0, 1.0, 9.0, 2.0]);
-    // A loop ends in its first round if its condition doesn't hold. The three calls run 0, 1 and more rounds of the
-    // body.
+    // A loop ends in its first iteration if its condition doesn't hold. The three calls run 0, 1 and more iterations of
+    // the body.
     assert_eq!(of(&all, StatementKind::Loop, "for (").ways, [3, 1, 2]);
-    // The argument 0 needs 4 rounds, 2 needs 2 rounds, and 12 and 4 need 1 round.
+    // The argument 0 needs 4 iterations, 2 needs 2 iterations, and 12 and 4 need 1 iteration.
     assert_eq!(of(&all, StatementKind::Loop, "loop {").ways, [2, 1, 3]);
     assert_eq!(of(&all, StatementKind::Plain, "y += 2.0").lanes, 1 + 6 + 2);
     assert_eq!(of(&all, StatementKind::If, "if (i > 5.0)").ways[..2], [1, 9]);

@@ -31,7 +31,7 @@ fn a_loop_without_end_spends_its_fuel() {
     let Stop::Fuel { span, case, rounds, own } = stop else { panic!("{stop:?}") };
     assert_eq!((line(source, span), case, rounds), (3, 300, 5000));
     assert!(own > rounds, "one loop went round {own} times");
-    // Nested loops use up rounds, too, although each of them ends.
+    // Nested loops use up iterations, too, although each of them ends.
     let nested = "fn f(x: u32) -> u32 {
         var n = 0u;
         for (var i = 0u; i < x; i++) { for (var k = 0u; k < x; k++) { n += 1u; } }
@@ -40,7 +40,7 @@ fn a_loop_without_end_spends_its_fuel() {
     let nested = crate::common::program(nested, "f");
     let stop = nested.call::<F32>(1, &[100], &Resources::new(), &options, &()).unwrap_err();
     assert!(matches!(stop, Stop::Fuel { own: 40..=101, .. }), "{stop:?}");
-    // The other cases need fewer rounds.
+    // The other cases need fewer iterations.
     let rows: Vec<u32> = (0..300).collect();
     let found = program.call::<F32>(300, &rows, &Resources::new(), &options, &()).unwrap();
     assert_eq!(found.words()[299], 300);

@@ -419,7 +419,7 @@ const OUTSIDE: [(&str, &str, &str); 16] = [
     ("below 0", "c[i] = b[i32(i) - 1];", "c[i] = b[max(i32(i) - 1, 0)];"),
     ("unsigned below 0", "c[i] = b[i - 1u];", "c[i] = b[max(i, 1u) - 1u];"),
     (
-        "one round too many",
+        "one iteration too many",
         "for (var k = 0u; k <= n; k++) { c[i] += b[k]; }",
         "for (var k = 0u; k < n; k++) { c[i] += b[k]; }",
     ),

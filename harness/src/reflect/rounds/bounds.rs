@@ -1,4 +1,4 @@
-//! Finds the largest numbers of rounds of loops in naga's IR.
+//! Finds the largest numbers of iterations of loops in naga's IR.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use super::{blocks, walk};
 use crate::reflect::Program;
 
 impl Program {
-    /// The largest number of rounds that all loops of a call can have together, for any function. `None` if the
+    /// The largest number of iterations that all loops of a call can have together, for any function. `None` if the
     /// IR shows no such bound.
     pub fn most_rounds(&self) -> Option<u64> {
         let entry_points = self.checked.module.entry_points.iter().map(|entry| &entry.function);
@@ -30,7 +30,7 @@ impl Program {
 }
 
 impl Program {
-    /// The ranges in the text of all loops that run a constant number of rounds in each call, and that nothing else
+    /// The ranges in the text of all loops that run a constant number of iterations in each call, and that nothing else
     /// ends early.
     pub(crate) fn fixed_loops(&self) -> Vec<Range<usize>> {
         let module = &self.checked.module;
@@ -79,7 +79,7 @@ impl Rounds<'_> {
         Some(sum)
     }
 
-    /// The rounds of the loop at `index` of `block`. `None` unless the loop counts one variable between two
+    /// The iterations of the loop at `index` of `block`. `None` unless the loop counts one variable between two
     /// constants in constant steps.
     fn rounds(&self, block: &Block, index: usize, in_loop: bool) -> Option<u64> {
         let Statement::Loop { body, continuing, .. } = &block[index] else { return None };

@@ -13,7 +13,7 @@ fn rounds(body: &str) -> Option<u64> {
 // Lesson 55: loops that need no counter
 #[test]
 fn constant_loops_are_bounded() {
-    // `g` takes 3 rounds. Karat links `g` only if `body` calls it.
+    // `g` takes 3 iterations. Karat links `g` only if `body` calls it.
     let bound = |body, most: u64| assert_eq!(rounds(body), Some(most), "{body}");
     bound("", 0);
     bound("for (var i = 0u; i < 64u; i++) { s += i; }", 64);

@@ -1,4 +1,4 @@
-//! Counts the rounds of loops in frames, where the pixels of a driver have no separate counters.
+//! Counts the iterations of loops in frames, where the pixels of a driver have no separate counters.
 
 use naga::{
     AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Scalar,
@@ -11,7 +11,7 @@ use crate::reflect::Program;
 
 const OWN: &str = "karat_rounds";
 
-/// A frame's program whose invocations report loops that took too many rounds.
+/// A frame's program whose invocations report loops that took too many iterations.
 pub struct Watched {
     /// The program that counts.
     pub program: Program,
@@ -20,13 +20,13 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// The name of the buffer in which invocations store their rounds. The buffer has one element for each loop.
+    /// The name of the buffer in which invocations store their iterations. The buffer has one element for each loop.
     pub(crate) const VARIABLE: &str = "karat_most";
 }
 
 impl Program {
-    /// A copy of the program. If an invocation reaches `limit` rounds in all its loops together, it writes the
-    /// number of rounds to the storage buffer at `binding` of group 0, at the index of the current loop. If
+    /// A copy of the program. If an invocation reaches `limit` iterations in all its loops together, it writes the
+    /// number of iterations to the storage buffer at `binding` of group 0, at the index of the current loop. If
     /// `leave` is set, the invocation also leaves the loop.
     pub fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
         let loops: Vec<_> = self
@@ -58,7 +58,7 @@ impl Program {
             variable(Watched::VARIABLE, naga::AddressSpace::Storage { access }, place, array);
         let most = module.global_variables.append(most, NOWHERE);
 
-        // A driver runs a loop that no invocation enters once, in each round of the code around the loop.
+        // A driver runs a loop that no invocation enters once, in each iteration of the code around the loop.
         let weights = Nesting::of(&module).weights();
         let mut index = 0;
         let mut watch = |function: &mut Function| {
