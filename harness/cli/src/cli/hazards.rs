@@ -336,11 +336,12 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
     writeln!(out, "{DIM}{}{DIM:#}", hazard.details())?;
     if let [next, ..] = alike {
         let (count, place) = (alike.len(), &next.location);
-        let like = if hazard.needs.is_empty() { "are similar" } else { "need the same inputs" };
-        writeln!(
-            out,
-            "{DIM}    {count} other findings {like}; the next finding is at {place}{DIM:#}"
-        )?;
+        let like = if hazard.needs.is_empty() {
+            "similar findings"
+        } else {
+            "other findings that need the same inputs"
+        };
+        writeln!(out, "{DIM}    {like}: {count}; the next finding is at {place}{DIM:#}")?;
     }
     writeln!(out)?;
     Ok(())

@@ -355,7 +355,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
         let (count, columns) = (matrix.undecided.len(), columns.join("`, `"));
         writeln!(
             out,
-            "\n{DIM}not checked: {count} declared failures on `{columns}`, because this machine can't test these declarations{DIM:#}"
+            "\n{DIM}not checked: declared failures on `{columns}` ({count}), because this machine can't test them{DIM:#}"
         )?;
     }
     Ok(())
