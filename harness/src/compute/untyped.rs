@@ -34,7 +34,7 @@ pub struct Content {
 }
 
 impl Content {
-    /// The element type of an array. Any other type is its own element.
+    /// Returns the element type of an array. Returns any other type unchanged.
     ///
     /// ```
     /// use karat::unstable::compute::Content;

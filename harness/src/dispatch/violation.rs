@@ -46,10 +46,10 @@ pub struct Violation {
     pub entry_point: String,
     /// The kind of the violation.
     pub kind: Kind,
-    /// The variable's name in the author's file. Empty for a barrier or an index.
+    /// The variable's name in the author's file. Empty for a missed barrier or a wrong index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub variable: String,
-    /// The element, such as `tile[17].sum`. Empty for a barrier or an index.
+    /// The element, such as `tile[17].sum`. Empty for a missed barrier or a wrong index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub element: String,
     /// The number of elements with the violation. For a barrier, the number of invocations that miss the
@@ -97,7 +97,7 @@ pub struct Watched {
     pub invocations: u64,
     /// The number of invocations in all passes.
     pub of: u64,
-    /// The reason why Karat's engine didn't run all invocations. Empty if it ran all.
+    /// The reason why Karat's engine didn't run all invocations. Empty if the engine ran all invocations.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub reason: String,
     /// The number of iterations of all loops together.
