@@ -49,7 +49,7 @@ pub struct Frame<'a> {
     inputs: Vec<(String, Self)>,
     /// The executors that draw the frame. If the list is empty, the environment selects the paths.
     executors: Vec<&'a dyn Executor>,
-    /// The test's tolerance. `None` stands for the default of the golden and the adapter.
+    /// The test's tolerance. `None` stands for the default tolerance.
     tolerance: Option<FrameTolerance>,
     tolerance_on: Selected<FrameTolerance>,
     mask: Option<Mask>,
@@ -97,7 +97,7 @@ pub enum FrameError {
     /// Karat can't draw the frame.
     #[error(transparent)]
     Draw(#[from] DrawError),
-    /// An environment variable has an unusable value, or it asks for a case of another check.
+    /// An environment variable has an unusable value, or asks Karat to replay another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
     /// A bound of the tolerance isn't a usable number.
@@ -141,7 +141,7 @@ pub enum FrameError {
     /// An assertion of a fragment function is false.
     #[error("{0}")]
     Asserted(Box<Diagnostic>),
-    /// Several paths fail, or some have no verdict.
+    /// Several paths fail, or some paths have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
     /// The frame differs from its golden, or the golden is missing or unusable.
@@ -306,7 +306,8 @@ impl<'a> Frame<'a> {
     }
 
     /// Sets one member of a buffer, such as the time or the frame's number: `globals.time`. The buffer's fixture
-    /// supplies all other members. Without a fixture, these members are zero. The golden's file keeps the value.
+    /// supplies all other members. Without a fixture, these members are zero. Karat stores the value in the golden's
+    /// file.
     ///
     /// ```no_run
     /// # let shaders = karat::Package::from_source("m", "");
@@ -321,8 +322,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1. The golden's file keeps the
-    /// value.
+    /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1. Karat stores the value in the
+    /// golden's file.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -577,8 +578,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets how much the frame may differ on paths whose driver or format isn't the golden's: `Path::GL`,
-    /// `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
+    /// Sets how much the frame may differ on paths that use another driver or another format than the golden:
+    /// `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
     ///
     /// ```no_run
     /// # use karat::Path;
@@ -615,7 +616,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Declares that the frame is noisy. `variance` is the variance of each pixel's mean in linear RGB. With `n`
-    /// samples a pixel, divide the variance of the samples by `n`. The golden's file keeps the variance.
+    /// samples per pixel, divide the variance of the samples by `n`. Karat stores the variance in the golden's file.
     ///
     /// A frame that fails its tolerance still passes if the noise of the frame and the golden explains the difference.
     /// [`Noise`](crate::metric::Noise) decides this for each channel, from the means and the scatter of tiles. Noise
@@ -635,8 +636,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Adds a fact about the frame, such as its seed or its samples a pixel. The golden's file keeps the fact. Karat
-    /// shows the fact if the frame differs.
+    /// Adds a fact about the frame, such as its seed or its number of samples per pixel. Karat stores the fact in the
+    /// golden's file. Karat shows the fact if the frame differs.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -650,9 +651,9 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps another frame of the same scene with the golden, such as a frame of its normals. It helps to explain a
-    /// difference, but Karat doesn't compare it. Karat draws it only if this frame is new or differs. `name` is the
-    /// name of its part in the EXR file. Use letters, digits, `-`, `_` and `.`.
+    /// Keeps another frame of the same scene with the golden, such as a frame of its normals. The other frame helps to
+    /// explain a difference. Karat doesn't compare the other frame, and draws it only if this frame is new or differs.
+    /// `name` is the name that the other frame has in the EXR file. Use letters, digits, `-`, `_` and `.`.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -666,8 +667,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps the verdicts out of the run's record. Use it in a test that expects a failure. Such a frame is drawn even
-    /// with `KARAT_FRAMES=off`.
+    /// Keeps the verdicts out of the run's record. Use this method in a test that expects a failure. Karat draws such a
+    /// frame even with `KARAT_FRAMES=off`.
     ///
     /// ```
     /// # use karat::metric::Rect;
@@ -775,7 +776,7 @@ impl<'a> Frame<'a> {
         Ok(drawn(executor, &self.drawing_on(executor)?)?)
     }
 
-    /// The drawing for an executor, after drawing the frames that it reads.
+    /// Draws the frames that this frame reads, and returns this frame's drawing with their images as textures.
     fn drawing_on(&self, executor: &dyn Executor) -> Result<Drawing<'_>, DrawError> {
         if self.inputs.is_empty() {
             return self.scene.drawing();

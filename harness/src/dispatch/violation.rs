@@ -52,14 +52,14 @@ pub struct Violation {
     /// The element, such as `tile[17].sum`. Empty for a missed barrier or a wrong index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub element: String,
-    /// The number of elements with the violation. For a barrier, the number of invocations that miss the
-    /// barrier. For an index, the number of times that the index is outside of its array.
+    /// The number of elements with the violation. For a barrier, the number of invocations that miss the barrier. For a
+    /// wrong index, the number of times that the index is outside of its array.
     pub count: u64,
     /// For a race, the construct that would order the accesses: a barrier, an atomic, or two passes.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub advice: String,
-    /// Both accesses, in the order in which Karat's engine made them. WGSL also allows other orders. For an
-    /// index, the first access outside of the array.
+    /// Both accesses, in the order in which Karat's engine made them. WGSL also allows other orders. For a wrong index,
+    /// the list has only the first access outside of the array.
     pub accesses: Vec<ViolationAccess>,
 }
 

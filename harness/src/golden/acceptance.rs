@@ -13,10 +13,10 @@ use crate::image::{ImageError, Staged};
 use crate::lines;
 use crate::output::visible;
 
-/// A size in bytes. Accepting a larger golden gives a warning, because every clone of the project keeps every
+/// A size in bytes. If an accepted golden is larger, Karat warns, because every clone of the project keeps every
 /// version of the golden for ever.
 const LARGE: u64 = 128 << 10;
-/// A size in bytes. Karat refuses to accept a larger golden.
+/// The largest size in bytes of a golden that Karat accepts.
 const TOO_LARGE: u64 = 1 << 20;
 /// The width and height in pixels above which accepting a frame gives a warning: smaller frames usually suffice.
 const WIDE: (u32, u32) = (640, 360);
@@ -144,7 +144,7 @@ pub enum AcceptError {
     Misplaced {
         /// The file.
         path: String,
-        /// The name in its metadata.
+        /// The frame's name in the file's metadata.
         case: String,
     },
     /// The frame comes from another profile than the chosen profile.
@@ -305,8 +305,8 @@ impl Goldens {
         Ok(accepted)
     }
 
-    /// Fails if the golden of the comparison has changed since then. The golden of the comparison may be another
-    /// file than `written`. A profile that had no golden of its own must still have none.
+    /// Fails if the golden has changed since Karat compared the frame with the golden. Accepting may write another
+    /// file, `written`. Also fails if the profile had no golden of its own at the comparison, and now has one.
     fn unchanged(&self, pending: &Pending, written: &Path) -> Result<(), AcceptError> {
         let known = &pending.provenance;
         let own = self.golden_of(&pending.case, &pending.profile());
@@ -332,8 +332,8 @@ impl Goldens {
         }
     }
 
-    /// The file for a profile's golden. Fails if the frame comes from another profile, or passes with the golden
-    /// for all profiles.
+    /// Returns the path for a profile's own golden. Fails if the frame comes from another profile, or passes with the
+    /// golden for all profiles.
     fn needed(&self, pending: &Pending, asked: &str) -> Result<PathBuf, AcceptError> {
         let (case, known) = (pending.case.clone(), &pending.provenance);
         let profile = pending.profile();

@@ -34,7 +34,7 @@ fn large_goldens_are_warned_of_and_refused() {
     assert!(error.to_string().contains("and Karat accepts at most 1024 KiB"), "{error}");
 }
 
-/// Pixels that differ by their noise pass; a tile that differs by more than its noise fails.
+/// Pixels pass if they differ only by their noise. A tile that differs by more than its noise fails.
 // Lesson 46
 #[test]
 fn noise_is_kept_with_the_golden() {
