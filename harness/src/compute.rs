@@ -116,13 +116,13 @@ pub struct After<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ComputeAgreement {
-    /// The variable that was checked.
+    /// The name of the resource's variable.
     pub variable: String,
     /// The number of elements that the check compared on each path.
     pub elements: usize,
     /// Each path with its largest error.
     pub paths: Vec<(Adapter, LaneError)>,
-    /// Known issues: paths that fail as the test declared.
+    /// The paths on which the check fails, as the test declared with `fails_on`.
     pub known_issues: Vec<KnownIssue>,
 }
 
@@ -139,7 +139,7 @@ pub enum ComputeError {
     /// The elements of the reference and of the resource differ in type.
     #[error("`{variable}` holds {declared} after `{entry_point}`, but {who} {supplied}")]
     Type {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
         /// The entry point of the last pass.
         entry_point: String,
@@ -155,7 +155,7 @@ pub enum ComputeError {
         "`{variable}` has {found} elements after `{entry_point}`, but the reference has {expected}"
     )]
     Count {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
         /// The entry point of the last pass.
         entry_point: String,
@@ -167,7 +167,7 @@ pub enum ComputeError {
     /// The number of elements isn't the number of rows times the number of columns in [`After::grid`].
     #[error("`{variable}` has {elements} elements, but {} rows of {} columns have {}: correct the rows or the columns", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
     Grid {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
         /// The number of elements in the resource.
         elements: usize,
@@ -183,7 +183,7 @@ pub enum ComputeError {
          did anything: start with other contents"
     )]
     Unchanged {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
     },
     /// A value of the reference isn't finite.
@@ -191,7 +191,7 @@ pub enum ComputeError {
         "the reference of `{variable}` is {value} at [{index}], but a reference must be finite"
     )]
     Reference {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
         /// The index of the element.
         index: usize,
@@ -208,7 +208,7 @@ pub enum ComputeError {
         /// The bound that can't be used.
         bound: f64,
     },
-    /// A declaration about a path, such as `fails_on`, is wrong, or its reason names no bug.
+    /// A declaration about a path, such as `fails_on`, is wrong, or the declaration's reason names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// Several paths fail in different ways, or some paths have no verdict.
@@ -413,7 +413,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Sets an `override` of the shaders, by its name or its `@id`: [`Probe::with_override`].
+    /// Sets an `override` of the shaders, by its name or its `@id`: see [`Probe::with_override`].
     ///
     /// [`Probe::with_override`]: crate::check::Probe::with_override
     ///

@@ -52,7 +52,7 @@ pub enum DispatchError {
     /// There are no passes.
     #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
     Empty,
-    /// A dispatch has no workgroups, or more than a device supports.
+    /// In one direction, a dispatch has no workgroups, or more than the 65535 workgroups that every GPU supports.
     #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number must be 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
     Workgroups {
         /// The name of the entry point.
@@ -389,8 +389,8 @@ impl Passes {
         self.uses(resource).find(|(_, binding)| binding.kind.is_written())
     }
 
-    /// Finds a written resource and its type by the name of its variable or its fixture. The name may continue
-    /// with a member, as in `particles.position`.
+    /// Finds a resource that a pass writes, by the name of its variable or its fixture. Returns the named part of the
+    /// resource, and the type of this part. The name may continue with a member, as in `particles.position`.
     pub fn written(&self, name: &str) -> Result<(Part, Shape), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {
@@ -439,14 +439,14 @@ impl Passes {
         Some(pass.program.lanes_of_words(binding, words))
     }
 
-    /// The components of a written buffer before the first pass.
+    /// Returns the components that a buffer has before the first pass, if a pass writes the buffer.
     pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;
         lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
-    /// The contents of a buffer before the first pass: its name, its type and its components.
+    /// Returns the name, the type and the components of a buffer before the first pass.
     pub fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {

@@ -77,7 +77,7 @@ pub enum DrawError {
     /// The frame has no draws.
     #[error("the frame draws nothing: add `.mesh(...)` or `.fullscreen(...)`")]
     Empty,
-    /// No device can draw the frame with its settings.
+    /// A setting of the frame is wrong, so no GPU can draw the frame.
     #[error("the frame can't be drawn: {reason}")]
     Unsound {
         /// The setting that is wrong, by its name in tests: `samples`, `formats`, `target`, `depth`, `mesh`.

@@ -86,7 +86,7 @@ pub struct FrameAgreement {
     pub case: String,
     /// Each path, with the frame's errors and their bounds on this path.
     pub paths: Vec<(Adapter, FrameMargin)>,
-    /// Known issues: paths that differ as the test declared.
+    /// The paths on which the frame differs, as the test declared with `fails_on`.
     pub known_issues: Vec<KnownIssue>,
 }
 
@@ -126,7 +126,7 @@ pub enum FrameError {
     /// A rectangle isn't inside the frame.
     #[error(transparent)]
     Rectangle(MaskError),
-    /// A declaration about a path doesn't hold, or names no bug.
+    /// A declaration about a path, such as `fails_on`, is wrong, or the declaration's reason names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// No draw changed any pixel.
@@ -451,8 +451,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Draws with this number of samples a pixel. The default is 1. Pixels of the image are means of their samples.
-    /// Every device supports 1 and 4.
+    /// Draws with this number of samples per pixel. The default is 1. Each pixel of the image is the mean of its
+    /// samples. Every GPU supports 1 and 4 samples.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -651,9 +651,10 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps another frame of the same scene with the golden, such as a frame of its normals. The other frame helps to
-    /// explain a difference. Karat doesn't compare the other frame, and draws it only if this frame is new or differs.
-    /// `name` is the name that the other frame has in the EXR file. Use letters, digits, `-`, `_` and `.`.
+    /// Stores another frame of the same scene in the golden's file, such as a frame that shows the normals of the
+    /// surfaces. The other frame helps to explain a difference. Karat doesn't compare the other frame, and draws it
+    /// only if this frame is new or differs. `name` is the name that the other frame has in the EXR file. Use letters,
+    /// digits, `-`, `_` and `.`.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

@@ -113,9 +113,8 @@ impl Rendered<'_> {
         self.gate().precision_for(self.image, self.mask)
     }
 
-    /// Checks if the tolerance needs 32-bit floats although the golden has half floats. Only a very small
-    /// tolerance makes Karat examine all pixels: rounding an ordinary frame changes it by less than the usual
-    /// tolerance.
+    /// Checks if the tolerance needs 32-bit floats although the golden has half floats. Karat examines the pixels only
+    /// if the tolerance is very small, because rounding changes an ordinary frame by less than the usual tolerance.
     fn asks_for_floats(&self) -> bool {
         self.gate().relative < f16::EPSILON.to_f32() && self.precision() == Precision::Float
     }

@@ -24,7 +24,7 @@ pub(super) enum Assertion<'a> {
 pub(super) struct Each<'a> {
     pub(super) text: &'a str,
     pub(super) shape: Shape,
-    /// A phrase for the numbers that satisfy the statement: `a finite number`.
+    /// A phrase for messages that describes the numbers that satisfy the statement: `a finite number`.
     pub(super) expected: &'a str,
     pub(super) holds: &'a (dyn Fn(Scalar, f64) -> bool + Sync),
 }
@@ -78,7 +78,7 @@ pub struct Broken {
 pub struct Difference {
     /// The entry points in dispatch order, separated by commas.
     pub entry_points: String,
-    /// The variable of the resource.
+    /// The name of the resource's variable.
     pub variable: String,
     /// The assertion that fails.
     pub assertion: String,
@@ -117,7 +117,7 @@ pub struct PathDifference {
     pub elements: usize,
     /// The number and kinds of the failures.
     pub census: Census,
-    /// The first failing element, and the one with the largest error.
+    /// The first failing element, and the element with the largest error.
     pub shown: Vec<Element>,
     /// The command that repeats the passes on this path.
     pub replay: Replay,
@@ -193,7 +193,7 @@ impl fmt::Display for Place {
 }
 
 impl Sum {
-    /// Keeps the first failing element, and also the element with the largest error, if this is another element.
+    /// Keeps the first failing element. If another element has the largest error, keeps that element, too.
     fn of(tally: Tally, element: &dyn Fn(Shown) -> Element) -> Self {
         let worst = tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
         let first = tally.first;

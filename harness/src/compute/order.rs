@@ -40,7 +40,7 @@ use crate::value::Shape;
 pub struct OrderDependence {
     /// The entry points of the passes, separated by commas.
     pub entry_points: String,
-    /// The variable of the resource.
+    /// The name of the resource's variable.
     pub variable: String,
     /// The assertion that fails.
     pub assertion: String,
@@ -55,8 +55,9 @@ pub struct OrderDependence {
     /// A note with the operation, the invocation, the value in the usual order, and the value in this order. It is
     /// `None` if only the order of writes differs.
     pub operation: Option<String>,
-    /// The atomic operations in this order, if there are at most 16 operations. If other invocations see two operations
-    /// of one invocation in reverse order, the last entry is a note about the first two such operations.
+    /// Notes for the message. One note lists the atomic operations in this order, if there are at most 16 operations.
+    /// Another note is about the first store that other invocations see after a later atomic operation of the same
+    /// invocation, if there is such a store.
     pub turns: Vec<String>,
     /// The subgroup size in this order. It is `None` if the passes don't use subgroups.
     pub subgroup: Option<u32>,

@@ -32,7 +32,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) samples: u32,
     pub(crate) clear: [f32; 4],
     pub(crate) clear_depth: f32,
-    /// The index of the first target for tapped values. The targets from this index on are cleared to zeros.
+    /// The index of the first target for tapped values. A frame clears this target and all later targets to zeros.
     pub(crate) told: Option<usize>,
 }
 
@@ -216,7 +216,7 @@ impl Scene<'_> {
 }
 
 impl<'s> Drawing<'s> {
-    /// Links and validates the functions of the draws, and checks that each variable has a fixture.
+    /// Links and validates the scene's functions, and checks that each variable has a fixture.
     pub(crate) fn of(scene: Cow<'s, Scene<'s>>) -> Result<Self, DrawError> {
         scene.expect_sound()?;
         let names = |draw: &'_ Draw| {

@@ -29,12 +29,12 @@ pub enum Format {
     Rg8Unorm,
     /// Four channels of 8 bits from 0 to 1.
     Rgba8Unorm,
-    /// Four channels of 8 bits, in sRGB's transfer function.
+    /// Four channels of 8 bits, encoded with sRGB's transfer function.
     #[serde(rename = "rgba8unorm-srgb")]
     Rgba8UnormSrgb,
     /// Four channels of 8 bits from 0 to 1, blue first. Many systems use this format for their surfaces.
     Bgra8Unorm,
-    /// Four channels of 8 bits, blue first, in sRGB's transfer function.
+    /// Four channels of 8 bits, blue first, encoded with sRGB's transfer function.
     #[serde(rename = "bgra8unorm-srgb")]
     Bgra8UnormSrgb,
     /// Three channels of 10 bits and one of 2, from 0 to 1.

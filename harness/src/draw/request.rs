@@ -179,7 +179,7 @@ impl Draw {
         self
     }
 
-    /// Sets a number that is added to each index of a mesh. If the draw has no mesh, the number is the index of the
+    /// Sets a number that the GPU adds to each index of a mesh. If the draw has no mesh, the number is the index of the
     /// first vertex.
     ///
     /// ```

@@ -26,7 +26,7 @@ use crate::tolerance::{LaneError, Tolerance};
 pub struct FrameMean {
     /// Each path with the mean of red, green and blue.
     pub paths: Vec<(Adapter, [f64; 3])>,
-    /// Known issues: paths that fail as the test declared. `paths` doesn't contain them.
+    /// The paths on which the check fails, as the test declared with `fails_on`. `paths` doesn't contain them.
     pub known_issues: Vec<KnownIssue>,
 }
 

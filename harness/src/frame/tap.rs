@@ -60,7 +60,8 @@ impl Tap {
     }
 
     /// Also draws the frame's colours beside the value, and compares them with the original frame's colours. A driver
-    /// may compute a value differently if it doesn't compute the colours. This option doubles the time.
+    /// may compute a value differently if it doesn't compute the colours. This option doubles the time that the tap
+    /// takes.
     #[must_use]
     pub fn beside(self, beside: bool) -> Self {
         Self { beside, ..self }
@@ -84,9 +85,9 @@ pub struct Tapped {
     /// The width and height of the frame. For a pass, the number of invocations in x and y, with all layers in z below
     /// each other.
     pub size: (u32, u32),
-    /// The word for the owner of a value: `pixel` or `invocation`.
+    /// The word for messages that says if each value belongs to a `pixel` or an `invocation`.
     pub of: &'static str,
-    /// For each pixel, row by row, how often the pixel computed the value. `None` says that no draw covers the pixel.
+    /// For each pixel, row by row, how often the pixel computed the value. `None` if no draw covers the pixel.
     pub times: Vec<Option<u32>>,
     /// The components of the values as `u32`s, pixel after pixel. A pixel without a value has zeros.
     pub lanes: Vec<u32>,
@@ -97,7 +98,7 @@ pub struct Tapped {
     /// For each pixel, `true` if the pixel has a value.
     pub told: Vec<bool>,
     /// The number of pixels whose colour changed because the draw also returned the value. The driver compiles another
-    /// program for such a draw. `None` says that the value was drawn without colours.
+    /// program for such a draw. `None` if the draw returned only the value, without colours.
     pub changed: Option<usize>,
 }
 

@@ -33,7 +33,7 @@ pub struct Acceptance {
     /// The profile for which the frame becomes its own golden. The frame must come from this profile, and must
     /// fail with the golden for all profiles. `None` makes the frame the golden for all profiles.
     pub profile: Option<String>,
-    /// Allows writing a golden although `CI` is set. Otherwise Karat writes nothing into sources in CI.
+    /// Allows writing a golden although `CI` is set. Otherwise Karat writes no golden in CI.
     pub ci_may_write: bool,
 }
 
@@ -86,7 +86,7 @@ pub enum AcceptError {
         "`{0}` has NaN or infinite pixels, and no frame could agree with such a golden: fix the shader"
     )]
     NonFinite(String),
-    /// The golden has changed since the comparison of the frame.
+    /// The golden has changed since Karat compared the frame with the golden.
     #[error(
         "the golden of `{0}` has changed since the pending frame was rendered; run the test again"
     )]

@@ -10,7 +10,7 @@ use super::{AcceptError, FrameFinding, Goldens, Profile, Provenance, Rendered, p
 use crate::diagnostic::{nearest, shown};
 use crate::image::{ExrFile, ImageError, Part};
 
-/// The golden of a comparison, and the finding of the comparison.
+/// Facts about the golden with which Karat compared a frame, and the finding of this comparison.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Against {
     pub(super) hash: String,
@@ -179,7 +179,8 @@ impl Goldens {
         self.pending_folder().join(format!("{case}{PENDING_FRAME}"))
     }
 
-    /// Removes the pending frame of a profile that agrees with its golden again. A missing file is no error.
+    /// Removes the pending frame of a profile after the profile's frame agrees with its golden again. A missing file is
+    /// no error.
     pub(super) fn remove_pending(&self, case: &str, profile: &Profile) {
         let file = self.pending_file(case);
         if named(&file).is_ok_and(|pending| pending.profile() == *profile) {
@@ -284,8 +285,8 @@ fn ending(name: &str) -> Option<&'static str> {
     [PENDING_FRAME, PENDING_TABLE].into_iter().find(|ending| name.ends_with(ending))
 }
 
-/// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even
-/// if several links lead to the folder. It leaves out frames under an overlay, because they can't be accepted.
+/// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even if
+/// several links lead to the folder. It leaves out frames under an overlay, because you can't accept these frames.
 fn find(
     folder: &Path,
     entered: &mut BTreeSet<PathBuf>,

@@ -13,10 +13,9 @@ use crate::package::LinkedModule;
 pub(super) const OVERLAID: &str = "@overlay";
 
 impl Goldens {
-    /// The folder of pending frames. Usually this is the folder of their goldens. In CI, pending frames go into
-    /// build output, because nothing may change the sources there. Frames under an overlay go into build output,
-    /// too, because they must not be accepted. In build output, each folder of goldens has its own pending
-    /// folder.
+    /// The folder of pending frames. Usually this is the folder of their goldens. In CI, pending frames go into build
+    /// output, because nothing may change the sources there. Frames under an overlay go into build output, too, because
+    /// you must not accept these frames. In build output, each folder of goldens has its own pending folder.
     pub(super) fn pending_folder(&self) -> PathBuf {
         if self.beside {
             self.folder()

@@ -7,8 +7,8 @@
 //! 0.5,0.25,0.0796
 //! ```
 //!
-//! The comments are the facts, as TOML. The other lines are CSV. The cells are numbers, `true` or `false`, so they need
-//! no quotes.
+//! The comments have the facts about the values, as TOML. The other lines are CSV. The cells are numbers, `true` or
+//! `false`, so they need no quotes.
 
 use std::path::Path;
 

@@ -240,7 +240,7 @@ fn frames_behind_a_link_to_a_folder_are_found() {
     assert!(unusable.is_empty(), "{unusable:?}");
 }
 
-/// One unusable file doesn't hide the usable ones.
+/// One unusable file doesn't hide the usable files.
 // Lesson 42: acceptance under interruption
 #[test]
 fn files_that_cannot_be_used_are_named_beside_the_others() {
