@@ -1,5 +1,5 @@
-//! Tests of compute passes. A test dispatches entry points over its buffers and textures. Then it compares the contents
-//! of a resource with a reference, or checks a statement about them.
+//! Tests of compute passes. A test dispatches compute entry points that use the test's buffers and textures. Then the
+//! test compares the contents of a buffer or texture with a reference, or checks a statement about these contents.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -17,7 +17,7 @@
 //!     .agrees_with(sums, Abs(0.0));
 //! ```
 //!
-//! Before a path runs the passes, the sanitizer checks them in Karat's engine: see
+//! Before any path runs the passes, Karat's engine runs the passes, and the sanitizer reports each
 //! [`Violation`](crate::unstable::compute::Violation).
 
 mod golden;
@@ -80,7 +80,7 @@ pub struct Compute<'a> {
     accepted: Vec<sanitizer::Accepted>,
 }
 
-/// A resource after compute passes.
+/// A resource whose contents a test checks after the compute passes.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -99,7 +99,7 @@ pub struct After<'a> {
     recorded: bool,
     /// `true` if the check ignores the order of the elements.
     up_to_order: bool,
-    /// The numbers of rows and columns into which [`After::grid`] arranges the elements, or `None`.
+    /// The numbers of rows and columns that [`After::grid`] sets. `None` if the test doesn't call this method.
     grid: Option<[usize; 2]>,
 }
 
@@ -116,13 +116,13 @@ pub struct After<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ComputeAgreement {
-    /// The variable that was checked.
+    /// The name of the resource's variable.
     pub variable: String,
     /// The number of elements that the check compared on each path.
     pub elements: usize,
     /// Each path with its largest error.
     pub paths: Vec<(Adapter, LaneError)>,
-    /// Known issues: paths that fail as the test declared.
+    /// The paths on which the check fails, as the test declared with `fails_on`.
     pub known_issues: Vec<KnownIssue>,
 }
 
@@ -133,13 +133,13 @@ pub enum ComputeError {
     /// Karat can't dispatch the passes.
     #[error(transparent)]
     Dispatch(#[from] DispatchError),
-    /// An environment variable has an unusable value, or it asks for a case of another check.
+    /// An environment variable has an unusable value, or asks Karat to replay another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
     /// The elements of the reference and of the resource differ in type.
     #[error("`{variable}` holds {declared} after `{entry_point}`, but {who} {supplied}")]
     Type {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
         /// The entry point of the last pass.
         entry_point: String,
@@ -155,7 +155,7 @@ pub enum ComputeError {
         "`{variable}` has {found} elements after `{entry_point}`, but the reference has {expected}"
     )]
     Count {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
         /// The entry point of the last pass.
         entry_point: String,
@@ -164,10 +164,10 @@ pub enum ComputeError {
         /// The number of elements in the reference.
         expected: usize,
     },
-    /// The number of elements isn't the product of the rows and columns in [`After::grid`].
+    /// The number of elements isn't the number of rows times the number of columns in [`After::grid`].
     #[error("`{variable}` has {elements} elements, but {} rows of {} columns have {}: correct the rows or the columns", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
     Grid {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
         /// The number of elements in the resource.
         elements: usize,
@@ -183,7 +183,7 @@ pub enum ComputeError {
          did anything: start with other contents"
     )]
     Unchanged {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
     },
     /// A value of the reference isn't finite.
@@ -191,7 +191,7 @@ pub enum ComputeError {
         "the reference of `{variable}` is {value} at [{index}], but a reference must be finite"
     )]
     Reference {
-        /// The variable of the resource.
+        /// The name of the resource's variable.
         variable: String,
         /// The index of the element.
         index: usize,
@@ -208,10 +208,10 @@ pub enum ComputeError {
         /// The bound that can't be used.
         bound: f64,
     },
-    /// A declaration about a path, such as `fails_on`, is wrong, or its reason names no bug.
+    /// A declaration about a path, such as `fails_on`, is wrong, or the declaration's reason names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
-    /// Several paths fail in different ways, or some have no verdict.
+    /// Several paths fail in different ways, or some paths have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
     /// Passes do something that WGSL doesn't order or define, such as a race between invocations.
@@ -413,7 +413,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Sets an `override` of the shaders, by its name or its `@id`: [`Probe::with_override`].
+    /// Sets an `override` of the shaders, by its name or its `@id`: see [`Probe::with_override`].
     ///
     /// [`Probe::with_override`]: crate::check::Probe::with_override
     ///
@@ -470,7 +470,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Sets another tolerance for the paths that a [`Selector`] selects, because their driver is less exact.
+    /// Sets another tolerance for the paths that a [`Selector`] selects, for example because a driver is less exact.
     ///
     /// ```no_run
     /// # use karat::Path;
@@ -493,7 +493,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Declares that the check fails on a path, and gives the reason. If the check passes there, the test fails.
+    /// Declares that the check fails on a path, and gives the reason. If the check passes on that path, the test fails.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -554,7 +554,7 @@ impl<'a> Compute<'a> {
 }
 
 impl After<'_> {
-    /// Keeps the verdict out of the run's record. Use it in a test that expects a failure.
+    /// Keeps the verdict out of the run's record. Use this method in a test that expects a failure.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -569,9 +569,9 @@ impl After<'_> {
         self
     }
 
-    /// Compares each element with an element of the reference. The elements of an array are its elements in WGSL, and
-    /// those of a texture are its texels. A resource of any other type is one element. A texel of four channels is a
-    /// `DVec4`, `IVec4` or `UVec4`. The resource and the reference must have the same number of elements.
+    /// Compares each element of the resource with an element of the reference. The elements of a texture are its
+    /// texels. A resource that is neither an array nor a texture is one element. In the reference, a texel of four
+    /// channels is a `DVec4`, `IVec4` or `UVec4`. The resource and the reference must have the same number of elements.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -610,7 +610,7 @@ impl After<'_> {
         self.judge(judge::Assertion::Agrees(expected, tolerance.into()), place)
     }
 
-    /// Checks a statement about all elements, such as "they are in order" or "their sum is kept".
+    /// Checks a statement about all elements, such as "they are in order" or "their sum didn't change".
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -725,7 +725,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Errors
-    /// If the path can't run the passes, or the elements have another type than `T`.
+    /// If the path can't run the passes, or if the type of the elements isn't `T`.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
@@ -737,7 +737,8 @@ impl After<'_> {
         Ok(elements.map(|words| T::load(&mut words.iter())).collect())
     }
 
-    /// The element type of a resource of type `shape`, if `host` can hold such an element.
+    /// Returns the type of the elements of a resource with the type `shape`. Returns an error if the Rust type `host`
+    /// doesn't match that type.
     fn element(
         &self,
         passes: &Passes,
@@ -767,7 +768,7 @@ impl After<'_> {
     }
 }
 
-/// The scalars of one part of a resource after the passes, each as a `u32`.
+/// Runs the passes, and returns the scalars of one part of a resource, each as a `u32`.
 fn words(executor: &dyn Executor, passes: &Passes, part: &Part) -> Result<Vec<u32>, DispatchError> {
     let afterwards = executor::dispatch(executor, passes)?;
     let found = afterwards.into_iter().find(|(of, _)| *of == part.number);

@@ -52,7 +52,7 @@ pub enum DispatchError {
     /// There are no passes.
     #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
     Empty,
-    /// A dispatch has no workgroups, or more than a device supports.
+    /// In one direction, a dispatch has no workgroups, or more than the 65535 workgroups that every GPU supports.
     #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number must be 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
     Workgroups {
         /// The name of the entry point.
@@ -133,8 +133,8 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// Checks if a path rejected the passes before it ran any pass. A workgroup that is too large doesn't
-    /// count, because that is the author's mistake.
+    /// Checks if a path rejected the passes before it ran any pass. An error about a workgroup that is too large gives
+    /// `false`, because the author must fix the shader.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),
@@ -178,8 +178,8 @@ pub struct Pass {
     pub entry_point: String,
     /// The number of workgroups in each direction.
     pub workgroups: [u32; 3],
-    /// The resource variables that the entry point uses. The number is the index of the variable's resource in
-    /// [`Passes`].
+    /// The resource variables that the entry point uses. Each variable has the index of its resource in
+    /// [`Passes::resources`].
     pub bindings: Vec<(Binding, usize)>,
     /// For a draw, the scalar types of the fragment function's result. `None` for a compute pass. In a draw,
     /// `workgroups` counts pixels.
@@ -206,8 +206,8 @@ impl Pass {
         entry_point.expect("a pass has an entry point").1
     }
 
-    /// Describes an invocation by its number. The invocations of one workgroup, which has this size, follow
-    /// each other.
+    /// Describes the invocation with the index `number`. The invocations of one workgroup have consecutive indices.
+    /// `size` is the size of a workgroup.
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
         let width = size.iter().map(|count| *count as usize).product::<usize>();
         let (group, local) = (split(number / width, self.workgroups), split(number % width, size));
@@ -215,7 +215,8 @@ impl Pass {
     }
 }
 
-/// The position `(x, y, z)` of a numbered cell in a grid with these sides.
+/// Returns the position `(x, y, z)` of the cell with the index `number`. `counts` has the number of cells in each
+/// direction.
 fn split(number: usize, counts: [u32; 3]) -> String {
     let [x, y, _] = counts.map(|count| count as usize);
     format!("({}, {}, {})", number % x, number / x % y, number / (x * y))
@@ -251,10 +252,10 @@ fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
 }
 
 impl Passes {
-    /// Links passes and binds their fixtures, which may be buffers with only a size.
+    /// Links passes and binds their fixtures. A fixture may be a buffer with a size and without contents.
     ///
     /// # Errors
-    /// If an entry point or a fixture is missing, or if no pass uses a fixture.
+    /// If an entry point or a fixture is missing, or if there is a fixture that no pass uses.
     pub fn new(
         package: &Package,
         wanted: &[Wanted],
@@ -329,7 +330,7 @@ impl Passes {
         Ok(Self { passes, resources })
     }
 
-    /// Makes one pass over these resources. `entry_point` is the entry point's name in the linked text.
+    /// Makes one pass that uses `resources`. `entry_point` is the entry point's name in the linked text.
     pub fn over(
         program: Arc<Program>,
         entry_point: &str,
@@ -388,8 +389,8 @@ impl Passes {
         self.uses(resource).find(|(_, binding)| binding.kind.is_written())
     }
 
-    /// Finds a written resource and its type by the name of its variable or its fixture. The name may continue
-    /// with a member, as in `particles.position`.
+    /// Finds a resource that a pass writes, by the name of its variable or its fixture. Returns the named part of the
+    /// resource, and the type of this part. The name may continue with a member, as in `particles.position`.
     pub fn written(&self, name: &str) -> Result<(Part, Shape), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {
@@ -416,8 +417,8 @@ impl Passes {
         Part::of(number, &shape, member).ok_or_else(|| no_member(name, member, &shape))
     }
 
-    /// Names a texel by its number: `[3, 1]`, or `[3, 1, 0]` for a 3D texture or a texture with layers. `None`
-    /// for a resource that has a single index.
+    /// Returns the indices of a texel as text: `[3, 1]`, or `[3, 1, 0]` for a 3D texture or a texture with layers.
+    /// `number` counts texels row by row. Returns `None` for a buffer or a 1D texture.
     pub fn texel(&self, resource: usize, number: usize) -> Option<String> {
         let view = self.resources[resource].fixture.view()?;
         let level = view.levels.first()?;
@@ -431,21 +432,21 @@ impl Passes {
         }
     }
 
-    /// The components of a written resource, from its contents as `u32` words. `None` if no pass writes the
-    /// resource.
+    /// Returns the components of a resource that a pass writes. `words` has the contents of the resource. Returns
+    /// `None` if no pass writes the resource.
     pub fn lanes(&self, resource: usize, words: &[u32]) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         Some(pass.program.lanes_of_words(binding, words))
     }
 
-    /// The components of a written buffer before the first pass.
+    /// Returns the components that a buffer has before the first pass, if a pass writes the buffer.
     pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;
         lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
-    /// The contents of a buffer before the first pass: its name, its type and its components.
+    /// Returns the name, the type and the components of a buffer before the first pass.
     pub fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {
@@ -508,8 +509,8 @@ impl Passes {
     }
 }
 
-/// The contents of the written resources after all passes. Each entry has the resource's number and its words.
-/// A texture has four words for each texel.
+/// The contents of the written resources after all passes. Each entry has the index of a resource in
+/// [`Passes::resources`], and the contents as `u32`s. A texture has four `u32`s for each texel.
 pub type Afterwards = Vec<(usize, Vec<u32>)>;
 
 /// Adds the most similar name in the package to the error about a missing entry point, if there is a similar

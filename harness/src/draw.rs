@@ -1,7 +1,8 @@
 //! Draws frames: meshes and full-screen triangles, with the entry points of one module and their resources.
 //!
-//! A [`Drawing`] is linked and validated data for an [`Executor`](crate::executor::Executor). A depth pre-pass writes
-//! only depth. The colour pass then draws only where the depth is equal, so it shades each pixel once.
+//! A [`Drawing`] has the linked and validated shader of a frame and all other data that an
+//! [`Executor`](crate::executor::Executor) needs to draw the frame. A depth pre-pass writes only depth. The colour pass
+//! then draws only where the depth is equal, so this pass shades each pixel once.
 
 mod blend;
 mod depths;
@@ -76,7 +77,7 @@ pub enum DrawError {
     /// The frame has no draws.
     #[error("the frame draws nothing: add `.mesh(...)` or `.fullscreen(...)`")]
     Empty,
-    /// No device can draw the frame with its settings.
+    /// A setting of the frame is wrong, so no GPU can draw the frame.
     #[error("the frame can't be drawn: {reason}")]
     Unsound {
         /// The setting that is wrong, by its name in tests: `samples`, `formats`, `target`, `depth`, `mesh`.
@@ -106,7 +107,7 @@ pub enum DrawError {
 }
 
 impl DrawError {
-    /// Reports if the path refuses the input before it runs anything.
+    /// Checks if the path refused the frame before the path drew anything.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),

@@ -49,7 +49,7 @@ pub struct Frame<'a> {
     inputs: Vec<(String, Self)>,
     /// The executors that draw the frame. If the list is empty, the environment selects the paths.
     executors: Vec<&'a dyn Executor>,
-    /// The test's tolerance. `None` stands for the default of the golden and the adapter.
+    /// The test's tolerance. `None` stands for the default tolerance.
     tolerance: Option<FrameTolerance>,
     tolerance_on: Selected<FrameTolerance>,
     mask: Option<Mask>,
@@ -86,7 +86,7 @@ pub struct FrameAgreement {
     pub case: String,
     /// Each path, with the frame's errors and their bounds on this path.
     pub paths: Vec<(Adapter, FrameMargin)>,
-    /// Known issues: paths that differ as the test declared.
+    /// The paths on which the frame differs, as the test declared with `fails_on`.
     pub known_issues: Vec<KnownIssue>,
 }
 
@@ -97,7 +97,7 @@ pub enum FrameError {
     /// Karat can't draw the frame.
     #[error(transparent)]
     Draw(#[from] DrawError),
-    /// An environment variable has an unusable value, or it asks for a case of another check.
+    /// An environment variable has an unusable value, or asks Karat to replay another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
     /// A bound of the tolerance isn't a usable number.
@@ -126,7 +126,7 @@ pub enum FrameError {
     /// A rectangle isn't inside the frame.
     #[error(transparent)]
     Rectangle(MaskError),
-    /// A declaration about a path doesn't hold, or names no bug.
+    /// A declaration about a path, such as `fails_on`, is wrong, or the declaration's reason names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// No draw changed any pixel.
@@ -141,7 +141,7 @@ pub enum FrameError {
     /// An assertion of a fragment function is false.
     #[error("{0}")]
     Asserted(Box<Diagnostic>),
-    /// Several paths fail, or some have no verdict.
+    /// Several paths fail, or some paths have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
     /// The frame differs from its golden, or the golden is missing or unusable.
@@ -306,7 +306,8 @@ impl<'a> Frame<'a> {
     }
 
     /// Sets one member of a buffer, such as the time or the frame's number: `globals.time`. The buffer's fixture
-    /// supplies all other members. Without a fixture, these members are zero. The golden's file keeps the value.
+    /// supplies all other members. Without a fixture, these members are zero. Karat stores the value in the golden's
+    /// file.
     ///
     /// ```no_run
     /// # let shaders = karat::Package::from_source("m", "");
@@ -321,8 +322,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1. The golden's file keeps the
-    /// value.
+    /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1. Karat stores the value in the
+    /// golden's file.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -450,8 +451,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Draws with this number of samples a pixel. The default is 1. Pixels of the image are means of their samples.
-    /// Every device supports 1 and 4.
+    /// Draws with this number of samples per pixel. The default is 1. Each pixel of the image is the mean of its
+    /// samples. Every GPU supports 1 and 4 samples.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -577,8 +578,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets how much the frame may differ on paths whose driver or format isn't the golden's: `Path::GL`,
-    /// `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
+    /// Sets how much the frame may differ on paths that use another driver or another format than the golden:
+    /// `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
     ///
     /// ```no_run
     /// # use karat::Path;
@@ -615,7 +616,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Declares that the frame is noisy. `variance` is the variance of each pixel's mean in linear RGB. With `n`
-    /// samples a pixel, divide the variance of the samples by `n`. The golden's file keeps the variance.
+    /// samples per pixel, divide the variance of the samples by `n`. Karat stores the variance in the golden's file.
     ///
     /// A frame that fails its tolerance still passes if the noise of the frame and the golden explains the difference.
     /// [`Noise`](crate::metric::Noise) decides this for each channel, from the means and the scatter of tiles. Noise
@@ -635,8 +636,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Adds a fact about the frame, such as its seed or its samples a pixel. The golden's file keeps the fact. Karat
-    /// shows the fact if the frame differs.
+    /// Adds a fact about the frame, such as its seed or its number of samples per pixel. Karat stores the fact in the
+    /// golden's file. Karat shows the fact if the frame differs.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -650,9 +651,10 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps another frame of the same scene with the golden, such as a frame of its normals. It helps to explain a
-    /// difference, but Karat doesn't compare it. Karat draws it only if this frame is new or differs. `name` is the
-    /// name of its part in the EXR file. Use letters, digits, `-`, `_` and `.`.
+    /// Stores another frame of the same scene in the golden's file, such as a frame that shows the normals of the
+    /// surfaces. The other frame helps to explain a difference. Karat doesn't compare the other frame, and draws it
+    /// only if this frame is new or differs. `name` is the name that the other frame has in the EXR file. Use letters,
+    /// digits, `-`, `_` and `.`.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -666,8 +668,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps the verdicts out of the run's record. Use it in a test that expects a failure. Such a frame is drawn even
-    /// with `KARAT_FRAMES=off`.
+    /// Keeps the verdicts out of the run's record. Use this method in a test that expects a failure. Karat draws such a
+    /// frame even with `KARAT_FRAMES=off`.
     ///
     /// ```
     /// # use karat::metric::Rect;
@@ -775,7 +777,7 @@ impl<'a> Frame<'a> {
         Ok(drawn(executor, &self.drawing_on(executor)?)?)
     }
 
-    /// The drawing for an executor, after drawing the frames that it reads.
+    /// Draws the frames that this frame reads, and returns this frame's drawing with their images as textures.
     fn drawing_on(&self, executor: &dyn Executor) -> Result<Drawing<'_>, DrawError> {
         if self.inputs.is_empty() {
             return self.scene.drawing();

@@ -63,7 +63,7 @@ use crate::path::Adapter;
 pub struct Goldens {
     base: std::borrow::Cow<'static, str>,
     folder: std::borrow::Cow<'static, str>,
-    /// Writes pending frames beside their goldens even if `CI` is set.
+    /// `true` if Karat writes pending frames beside their goldens even if `CI` is set.
     beside: bool,
 }
 
@@ -107,15 +107,14 @@ impl Rendered<'_> {
         self.tolerance.and_then(FrameTolerance::first_gate).unwrap_or_default()
     }
 
-    /// The sample format for the file: half floats, or 32-bit floats if rounding to half floats could look like a
-    /// difference.
+    /// The sample format for the file: half floats, or 32-bit floats if rounding to half floats could exceed the
+    /// tolerance.
     fn precision(&self) -> Precision {
         self.gate().precision_for(self.image, self.mask)
     }
 
-    /// Checks if the tolerance needs 32-bit floats although the golden has half floats. Only a very small
-    /// tolerance makes Karat examine all pixels: rounding an ordinary frame changes it by less than the usual
-    /// tolerance.
+    /// Checks if the tolerance needs 32-bit floats although the golden has half floats. Karat examines the pixels only
+    /// if the tolerance is very small, because rounding changes an ordinary frame by less than the usual tolerance.
     fn asks_for_floats(&self) -> bool {
         self.gate().relative < f16::EPSILON.to_f32() && self.precision() == Precision::Float
     }
@@ -200,7 +199,7 @@ pub enum GoldenError {
     Pending {
         /// The golden's name.
         case: String,
-        /// The failure of the frame itself.
+        /// The reason why the frame failed before Karat tried to write the file.
         failure: String,
         /// The reason.
         cause: ImageError,
@@ -280,8 +279,9 @@ impl Goldens {
         self.folder().join(format!("@{profile}/{case}.exr"))
     }
 
-    /// The golden for comparisons on a profile. The flag is true if the golden is the profile's own. A profile
-    /// without its own golden uses the golden for all profiles, and never a golden of another profile.
+    /// Returns the path of the golden with which Karat compares a frame of a profile, and `true` if this is the
+    /// profile's own golden. A profile without its own golden uses the golden for all profiles, and never another
+    /// profile's golden.
     fn used(&self, case: &str, profile: &Profile) -> (PathBuf, bool) {
         let own = self.golden_of(case, profile);
         // A broken link counts as the profile's own golden, because an author made that link.
@@ -467,7 +467,7 @@ impl Goldens {
         })
     }
 
-    /// Checks if a profile with its own golden would also pass with the golden for all profiles.
+    /// Checks if the frame of a profile that has its own golden would also pass with the golden for all profiles.
     fn base_passes(&self, case: &str, frame: &Rendered<'_>) -> bool {
         let base = Reference::read(&self.golden(case), frame.variance.is_some());
         base.is_ok_and(|base| base.compare(frame).is_ok())

@@ -24,7 +24,7 @@ pub(super) enum Assertion<'a> {
 pub(super) struct Each<'a> {
     pub(super) text: &'a str,
     pub(super) shape: Shape,
-    /// A phrase for the numbers that satisfy the statement: `a finite number`.
+    /// A phrase for messages that describes the numbers that satisfy the statement: `a finite number`.
     pub(super) expected: &'a str,
     pub(super) holds: &'a (dyn Fn(Scalar, f64) -> bool + Sync),
 }
@@ -78,7 +78,7 @@ pub struct Broken {
 pub struct Difference {
     /// The entry points in dispatch order, separated by commas.
     pub entry_points: String,
-    /// The variable of the resource.
+    /// The name of the resource's variable.
     pub variable: String,
     /// The assertion that fails.
     pub assertion: String,
@@ -117,7 +117,7 @@ pub struct PathDifference {
     pub elements: usize,
     /// The number and kinds of the failures.
     pub census: Census,
-    /// The first failing element, and the one with the largest error.
+    /// The first failing element, and the element with the largest error.
     pub shown: Vec<Element>,
     /// The command that repeats the passes on this path.
     pub replay: Replay,
@@ -193,7 +193,7 @@ impl fmt::Display for Place {
 }
 
 impl Sum {
-    /// Keeps the first failing element, and also the element with the largest error, if this is another element.
+    /// Keeps the first failing element. If another element has the largest error, keeps that element, too.
     fn of(tally: Tally, element: &dyn Fn(Shown) -> Element) -> Self {
         let worst = tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
         let first = tally.first;
@@ -230,7 +230,7 @@ impl Sum {
         Self { census, worst, shown: shown.into_iter().collect() }
     }
 
-    /// The failed judgement of passes in which a loop doesn't end.
+    /// The result for passes in which a loop doesn't end: a failure without elements.
     pub(super) fn endless() -> Self {
         let element = Element {
             place: Place::Whole("no result".to_owned()),
@@ -506,7 +506,8 @@ impl After<'_> {
     }
 }
 
-/// Judges an element: it fails if one of its numbers breaks the statement, and the first such number is shown.
+/// Judges an element. The element fails if one of its numbers breaks the statement. The message shows the first number
+/// that breaks the statement.
 fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool) -> judge::Judged {
     let value = |lane: usize| scalars[lane].decode(actual[lane]);
     let broken = (0..actual.len()).find(|lane| !holds(scalars[*lane], value(*lane)));
@@ -514,9 +515,9 @@ fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool)
     judge::Judged { measure, lane: broken.unwrap_or(0), class: Class::Other }
 }
 
-/// Splits a value for a comparison without regard to order. Returns the number of scalars before the list, and the
-/// types of the scalars in one list element. In a structure, the list is an array in the last member: `{ count:
-/// atomic<u32>, items: array<Item> }`. Otherwise the value itself is the list element.
+/// Finds the list in a value, for a comparison that ignores the order of the list's elements. Returns the number of
+/// scalars before the list, and the types of the scalars in one list element. In a structure that ends with an array,
+/// the list is that array: `{ count: atomic<u32>, items: array<Item> }`. Any other value is itself a list element.
 fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     if let Shape::Struct { members, .. } = element
         && let Some((_, list @ Shape::Array { element: item, .. })) = members.last()
@@ -527,7 +528,8 @@ fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
 }
 
 /// Pairs actual and expected elements without regard to their order. Returns the indices of the actual scalars, and the
-/// expected values. Both are sorted by value. Each actual element takes the next expected element within the tolerance.
+/// expected values. Both lists have the order of the pairs. The function sorts the actual and the expected elements by
+/// value, and pairs each actual element with the next expected element if their difference is within the tolerance.
 /// Elements without a partner come last.
 fn matched(
     (found, scalars): (&[u32], &[Scalar]),
@@ -579,7 +581,8 @@ impl Assertion<'_> {
         }
     }
 
-    /// Reports if the assertion's verdict is the same in each order.
+    /// Checks if the caller knew the assertion's verdict before the passes ran, so that the verdict is the same in each
+    /// order.
     pub(super) fn is_settled(&self) -> bool {
         matches!(self, Self::Holds(statement) if statement.settled)
     }

@@ -40,7 +40,7 @@ use crate::value::Shape;
 pub struct OrderDependence {
     /// The entry points of the passes, separated by commas.
     pub entry_points: String,
-    /// The variable of the resource.
+    /// The name of the resource's variable.
     pub variable: String,
     /// The assertion that fails.
     pub assertion: String,
@@ -55,8 +55,9 @@ pub struct OrderDependence {
     /// A note with the operation, the invocation, the value in the usual order, and the value in this order. It is
     /// `None` if only the order of writes differs.
     pub operation: Option<String>,
-    /// The atomics in this order, if there are at most 16. Also a note about the first two atomics of an invocation
-    /// whose effects other invocations see in reverse order.
+    /// Notes for the message. One note lists the atomic operations in this order, if there are at most 16 operations.
+    /// Another note is about the first store that other invocations see after a later atomic operation of the same
+    /// invocation, if there is such a store.
     pub turns: Vec<String>,
     /// The subgroup size in this order. It is `None` if the passes don't use subgroups.
     pub subgroup: Option<u32>,
@@ -125,10 +126,10 @@ impl fmt::Display for OrderDependence {
 }
 
 impl After<'_> {
-    /// Compares elements without regard to their order. Use it for passes that append elements with an atomic counter,
-    /// because drivers append elements in different orders. Karat sorts the actual and the expected elements by value.
-    /// If an element has several numbers, the first numbers should differ by more than the tolerance. In a structure
-    /// that ends in an array, such as a counter with its items, Karat sorts only that array.
+    /// Compares elements without regard to their order. Use this method for passes that append elements with an atomic
+    /// counter, because drivers append elements in different orders. Karat sorts the actual and the expected elements
+    /// by value. If an element has several numbers, the first numbers should differ by more than the tolerance. In a
+    /// structure that ends in an array, such as a counter with its items, Karat sorts only that array.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -226,8 +227,8 @@ impl After<'_> {
         Ok(())
     }
 
-    /// Builds the error for an order that fails. First it simplifies the order, as long as the simpler order also
-    /// fails.
+    /// Builds the error for an order that fails. Before that, the function replaces the order by simpler orders, as
+    /// long as these orders also fail.
     fn dependence(
         &self,
         passes: &Passes,
@@ -327,7 +328,7 @@ impl<'a> InOrders<'a> {
         !self.holds && self.own.is_none()
     }
 
-    /// Judges the result of another order. `endless` says that a loop didn't end.
+    /// Judges the result of another order. `endless` is `true` if a loop didn't end.
     fn sum(
         &self,
         passes: &Passes,

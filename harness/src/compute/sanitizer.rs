@@ -99,7 +99,7 @@ impl Compute<'_> {
     }
 
     /// Declares that several invocations may write the same value to one element of a variable, and gives the reason:
-    /// for example, each invocation may set a flag. WGSL leaves the order of these writes open. The test fails if
+    /// for example, each invocation may set a flag. WGSL doesn't define the order of these writes. The test fails if
     /// there is any other race, or if no two invocations write the same value.
     ///
     /// ```

@@ -1,5 +1,5 @@
-//! Compute passes for programs that don't know the types at compile time: tests without Rust, and `karat call`. A
-//! resource is described by its WGSL type and the list of its scalars.
+//! Compute passes for programs that don't know the types at compile time: tests without Rust, and `karat call`. Such a
+//! program describes a resource by its WGSL type and by a list of its scalars.
 
 use std::panic::Location;
 
@@ -34,7 +34,7 @@ pub struct Content {
 }
 
 impl Content {
-    /// The element type of an array. Any other type is its own element.
+    /// Returns the element type of an array. Returns any other type unchanged.
     ///
     /// ```
     /// use karat::unstable::compute::Content;
@@ -52,8 +52,8 @@ impl Content {
         }
     }
 
-    /// Selects a member of the resource or of each of its elements, by a path such as `position` or `items.position`.
-    /// An empty path selects the whole resource.
+    /// Selects a member of the resource, or a member of each of its elements, by a path such as `position` or
+    /// `items.position`. An empty path selects the whole resource.
     ///
     /// ```
     /// use karat::unstable::compute::Content;
@@ -70,7 +70,7 @@ impl Content {
     }
 }
 
-/// The contents of a resource before the first pass.
+/// Returns the contents that a resource has before the first pass.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -117,7 +117,8 @@ pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeEr
     afterwards.into_iter().map(content).collect()
 }
 
-/// The sanitizer's violations with their messages, and the amount of work that the sanitizer checked.
+/// Returns the violations that the sanitizer finds, each with its message, and the part of the passes that the
+/// sanitizer checked.
 ///
 /// ```
 /// # use karat::prelude::*;

@@ -1,4 +1,4 @@
-//! Dispatches passes on a device.
+//! Dispatches passes with wgpu.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -13,7 +13,7 @@ pub struct ViolationAccess {
     pub place: String,
     /// The invocation, such as `local (3, 0, 0) of workgroup (1, 0, 0)`.
     pub invocation: String,
-    /// The invocation's action, such as `writes 7`, `reads 0.5`, `reaches it` or `doesn't`.
+    /// The invocation's action, such as `writes 7` or `reads 0.5`. At a barrier, `reaches it` or `doesn't`.
     pub does: String,
 }
 
@@ -46,20 +46,20 @@ pub struct Violation {
     pub entry_point: String,
     /// The kind of the violation.
     pub kind: Kind,
-    /// The variable's name in the author's file. Empty for a barrier or an index.
+    /// The variable's name in the author's file. Empty for a missed barrier or a wrong index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub variable: String,
-    /// The element, such as `tile[17].sum`. Empty for a barrier or an index.
+    /// The element, such as `tile[17].sum`. Empty for a missed barrier or a wrong index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub element: String,
-    /// The number of elements with the violation. For a barrier, the number of invocations that miss the
-    /// barrier. For an index, the number of times that the index is outside of its array.
+    /// The number of elements with the violation. For a barrier, the number of invocations that miss the barrier. For a
+    /// wrong index, the number of times that the index is outside of its array.
     pub count: u64,
     /// For a race, the construct that would order the accesses: a barrier, an atomic, or two passes.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub advice: String,
-    /// Both accesses, in the order in which Karat's engine made them. WGSL also allows other orders. For an
-    /// index, the first access outside of the array.
+    /// Both accesses, in the order in which Karat's engine made them. WGSL also allows other orders. For a wrong index,
+    /// the list has only the first access outside of the array.
     pub accesses: Vec<ViolationAccess>,
 }
 
@@ -97,20 +97,20 @@ pub struct Watched {
     pub invocations: u64,
     /// The number of invocations in all passes.
     pub of: u64,
-    /// The reason why Karat's engine didn't run all invocations. Empty if it ran all.
+    /// The reason why Karat's engine didn't run all invocations. The text is empty if the engine ran all invocations.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub reason: String,
     /// The number of iterations of all loops together.
     #[serde(skip)]
     pub rounds: u64,
-    /// The number of orders of invocations, apart from the usual order, in which the assertion held.
+    /// The number of orders of invocations in which the assertion held, without the usual order.
     #[serde(default)]
     pub orders: u64,
     /// `true` if Karat tried every order, except orders with the same effect.
     #[serde(default)]
     pub all_orders: bool,
     /// Elements that a pass reads before any pass writes them, if the result depends on them: `partials[3]` and the
-    /// position of the read. The elements are in buffers for which the test sets only a size.
+    /// position of the read. These elements are in buffers for which the test sets only a size and no contents.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unwritten: Vec<String>,
     /// The variables with accepted races, each with its reason.

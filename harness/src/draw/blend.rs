@@ -1,7 +1,7 @@
 //! Blending: formulas that combine a draw's new value with a pixel's old value.
 
-/// The formula for a new value over a pixel's old value. `new` is the result of the fragment function, and `old` is the
-/// value in the target.
+/// A formula that combines a draw's new value with a pixel's old value. `new` is the result of the fragment function,
+/// and `old` is the value in the target.
 ///
 /// ```
 /// use karat::draw::{Blend, Draw};
@@ -87,7 +87,7 @@ pub enum BlendFactor {
     DstAlpha,
     /// 1 - old.a
     OneMinusDstAlpha,
-    /// min(new.a, 1 - old.a); for alpha, 1.
+    /// For colour, the smaller of `new.a` and `1 - old.a`. For alpha, 1.
     SrcAlphaSaturated,
     /// The blend constant of the draw.
     Constant,
@@ -113,9 +113,9 @@ pub enum BlendOperation {
     Subtract,
     /// old - new
     ReverseSubtract,
-    /// The smaller value, without factors.
+    /// The smaller value. WebGPU ignores both factors.
     Min,
-    /// The larger value, without factors.
+    /// The larger value. WebGPU ignores both factors.
     Max,
 }
 

@@ -32,13 +32,13 @@ pub(crate) struct Scene<'a> {
     pub(crate) samples: u32,
     pub(crate) clear: [f32; 4],
     pub(crate) clear_depth: f32,
-    /// The index of the first target for tapped values. The targets from this index on are cleared to zeros.
+    /// The index of the first target for tapped values. A frame clears this target and all later targets to zeros.
     pub(crate) told: Option<usize>,
 }
 
 impl Scene<'_> {
-    /// The clear values, if no draw changed any pixel. A fragment function that covers the whole frame may return the
-    /// clear values on purpose, so such a frame gives `None`.
+    /// Returns the clear values if no draw changed any pixel, and `None` if a draw changed a pixel. Also returns `None`
+    /// if a draw covers the whole frame, because its fragment function may return the clear values on purpose.
     pub(crate) fn untouched(&self, image: &Image) -> Option<[f32; 4]> {
         if self.draws.iter().any(Draw::covers) {
             return None;
@@ -56,7 +56,7 @@ impl Scene<'_> {
     }
 }
 
-/// The target or buffer of a frame that becomes the frame's image.
+/// The colour target or depth buffer that becomes a frame's image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Source {
@@ -216,7 +216,7 @@ impl Scene<'_> {
 }
 
 impl<'s> Drawing<'s> {
-    /// Links and validates the functions of the draws, and checks that each variable has a fixture.
+    /// Links and validates the scene's functions, and checks that each variable has a fixture.
     pub(crate) fn of(scene: Cow<'s, Scene<'s>>) -> Result<Self, DrawError> {
         scene.expect_sound()?;
         let names = |draw: &'_ Draw| {
@@ -326,8 +326,8 @@ impl Drawing<'_> {
     }
 }
 
-/// The bindings of both stages. Two variables of one draw can't share a binding, because the draw would ignore one of
-/// the fixtures.
+/// Joins the bindings of a draw's vertex function and fragment function. Two variables of one draw can't share a
+/// binding, because the draw would ignore one of the fixtures.
 fn union(some: &[Binding], others: Vec<Binding>) -> Result<Vec<Binding>, FixtureError> {
     let mut all = some.to_vec();
     for other in others {

@@ -7,8 +7,8 @@ use crate::path::Device;
 /// (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`). Other APIs round to the nearest integer.
 const ROUNDING: f64 = 0.6;
 
-/// The format of a colour target. The frame's image has the stored values as linear floats. For 8-bit sRGB formats, the
-/// image has the values that a shader would read.
+/// The format of a colour target. In the frame's image, the stored values are linear floats. For 8-bit sRGB formats,
+/// the image has the values that a shader would read.
 ///
 /// ```
 /// use karat::draw::Format;
@@ -19,8 +19,8 @@ const ROUNDING: f64 = 0.6;
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Format {
-    /// The most precise floats that the path can draw into, usually of 32 bits. The floats have 16 bits if the path has
-    /// to blend, if pixels have several samples, or if the path supports no better format.
+    /// The most precise floats that the path can draw into, usually of 32 bits. The floats have 16 bits if a draw
+    /// blends, if pixels have several samples, or if the path supports no better format.
     #[default]
     Float,
     /// One channel of 8 bits from 0 to 1.
@@ -29,12 +29,12 @@ pub enum Format {
     Rg8Unorm,
     /// Four channels of 8 bits from 0 to 1.
     Rgba8Unorm,
-    /// Four channels of 8 bits, in sRGB's transfer function.
+    /// Four channels of 8 bits, encoded with sRGB's transfer function.
     #[serde(rename = "rgba8unorm-srgb")]
     Rgba8UnormSrgb,
     /// Four channels of 8 bits from 0 to 1, blue first. Many systems use this format for their surfaces.
     Bgra8Unorm,
-    /// Four channels of 8 bits, blue first, in sRGB's transfer function.
+    /// Four channels of 8 bits, blue first, encoded with sRGB's transfer function.
     #[serde(rename = "bgra8unorm-srgb")]
     Bgra8UnormSrgb,
     /// Three channels of 10 bits and one of 2, from 0 to 1.

@@ -34,8 +34,8 @@ pub(super) struct Column {
 }
 
 impl Mesh {
-    /// Makes a mesh of triangles. Seen from outside, the corners of a triangle are in counter-clockwise order. A draw
-    /// culls back faces.
+    /// Makes a mesh of triangles. Seen from outside, the corners of a triangle are in counter-clockwise order. By
+    /// default, a draw culls back faces.
     ///
     /// ```
     /// use glam::Vec3;
@@ -129,7 +129,8 @@ impl Mesh {
         self.attributes[0].words.len() / POSITION
     }
 
-    /// The number of copies for which every attribute of copies has a value. `None` if there is no such attribute.
+    /// The largest number of copies for which each per-copy attribute has enough values. `None` if the mesh has no
+    /// per-copy attribute.
     pub(super) fn most_instances(&self) -> Option<usize> {
         let columns = self.attributes.iter().filter(|column| column.by_instance);
         columns.map(|column| column.words.len() / column.width).min()

@@ -1,4 +1,4 @@
-//! Records the passes of a frame: the depth pass, the colour pass, and the copy into a buffer.
+//! Records a frame's render passes (the depth pass and the colour pass), and the copy of the results into buffers.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use crate::path::Device;
 use crate::probe::Resource;
 use crate::reflect::{Binding, Program};
 
-/// The pass in which a pipeline runs.
+/// The render pass in which a pipeline runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pass {
     Depth,
@@ -23,7 +23,7 @@ struct Prepared<'d> {
     /// The buffer of indices, and a buffer for each attribute.
     buffers: Option<(wgpu::Buffer, Vec<wgpu::Buffer>)>,
     count: u32,
-    /// A buffer with the numbers of vertices and copies, if the device reads these numbers from a buffer.
+    /// A buffer with the numbers of vertices and copies, if the GPU reads these numbers from a buffer.
     indirect: Option<wgpu::Buffer>,
     depth: Option<Ready>,
     color: Ready,
@@ -80,7 +80,7 @@ impl<'a> Painter<'a> {
         }
     }
 
-    /// Draws the frame, and returns a buffer for each source.
+    /// Draws the frame, and returns a buffer with the texels of each source.
     pub(super) fn draw(&self, bindings: &[Bindings]) -> Result<Vec<wgpu::Buffer>, DrawError> {
         // A draw without a vertex function gets a generated vertex function that supplies the fragment function's
         // inputs.

@@ -1,4 +1,4 @@
-//! Draws a frame on a device, and reads the image.
+//! Draws a frame with wgpu, and reads the image.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;

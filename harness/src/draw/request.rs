@@ -22,7 +22,7 @@ use crate::reflect::Program;
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[must_use = "a draw draws nothing until you pass it to `Frame::draw`"]
 pub struct Draw {
-    /// The vertex function. `None` stands for Karat's own function, which covers the frame.
+    /// The vertex function. `None` stands for Karat's own function, whose triangle covers the frame.
     pub(super) vertex: Option<String>,
     /// The fragment function. `None` if the draw writes only depth.
     pub(super) fragment: Option<String>,
@@ -32,7 +32,7 @@ pub struct Draw {
     pub(super) instances: u32,
     pub(super) first_instance: u32,
     pub(super) base_vertex: i32,
-    /// `true` if the device reads the numbers of vertices and copies from a buffer (an indirect draw).
+    /// `true` if the GPU reads the numbers of vertices and copies from a buffer (an indirect draw).
     pub(super) indirect: bool,
     pub(super) u16_indices: bool,
     pub(super) state: State,
@@ -42,7 +42,7 @@ pub struct Draw {
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Geometry {
     Mesh(Mesh),
-    /// Vertices without attributes. The vertex function computes them from `@builtin(vertex_index)`.
+    /// Vertices without attributes. The vertex function computes this number of vertices from `@builtin(vertex_index)`.
     Vertices(u32),
 }
 
@@ -179,7 +179,7 @@ impl Draw {
         self
     }
 
-    /// Sets a number that is added to each index of a mesh. If the draw has no mesh, the number is the index of the
+    /// Sets a number that the GPU adds to each index of a mesh. If the draw has no mesh, the number is the index of the
     /// first vertex.
     ///
     /// ```
@@ -193,7 +193,7 @@ impl Draw {
         self
     }
 
-    /// Lets the device read the numbers of vertices and copies from a buffer.
+    /// Lets the GPU read the numbers of vertices and copies from a buffer.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -297,8 +297,8 @@ impl Draw {
         self
     }
 
-    /// Sets if the draw writes depth. The default is `true`. For a draw with only a fragment function, the default is
-    /// `true` only if the function returns a depth.
+    /// Turns depth writes on (`true`) or off (`false`). The default is `true`. For a draw with only a fragment
+    /// function, the default is `true` only if the function returns a depth.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -445,7 +445,7 @@ impl Draw {
         own.is_none_or(|(_, channels)| !channels.is_empty())
     }
 
-    /// The indices of the targets for which this draw has a blending or a mask.
+    /// The indices of the targets for which this draw sets a blending or a write mask.
     pub(super) fn named_targets(&self) -> impl Iterator<Item = usize> {
         let masks = self.state.masks.iter().map(|(target, _)| *target);
         self.state.blends.iter().map(|(target, _)| *target).chain(masks)

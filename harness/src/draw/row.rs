@@ -1,4 +1,4 @@
-//! Decodes rows of pixels from a device.
+//! Decodes rows of pixels that the GPU copied into a buffer.
 
 use crate::probe::Codec;
 
@@ -23,8 +23,8 @@ impl Row {
         Self { width: width as usize, codec, stride }
     }
 
-    /// The first integer in a row that an `f32` can't represent exactly, as some integers above 2^24. `None` if an
-    /// `f32` can represent all integers of the row.
+    /// The first integer in a row that an `f32` can't represent exactly, such as 2^24 + 1. `None` if an `f32` can
+    /// represent all integers of the row.
     pub(super) fn inexact(&self, bytes: &[u8]) -> Option<i64> {
         if !self.codec.is_integer() {
             return None;

@@ -163,7 +163,7 @@ impl Stencil {
     }
 }
 
-/// The fixed-function state of a draw. A field that is `None` has the default for the draw's geometry.
+/// The fixed-function state of a draw. If a field is `None`, the draw uses the default for its kind of geometry.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct State {
     pub(super) cull: Option<Cull>,

@@ -84,7 +84,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// The number of components of a target that every draw writes.
+    /// The smallest number of components that a draw writes into a target.
     pub(super) fn components(&self, program: &Program, target: usize) -> u8 {
         let of = |draw: &Draw| {
             let (_, outputs) = outputs(draw, program)?;

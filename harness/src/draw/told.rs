@@ -22,7 +22,7 @@ impl<'s> Drawing<'s> {
     /// A copy of this drawing without one draw. `number` counts only the draws with a fragment function.
     ///
     /// # Errors
-    /// If the resources of the other draws don't match their variables.
+    /// If the fixtures don't match the variables of the other draws.
     pub(crate) fn without_draw(&self, number: usize) -> Result<Self, DrawError> {
         let mut scene = Scene::clone(&self.scene);
         let has_fragment = |(_, draw): &(usize, &Draw)| draw.fragment.is_some();
@@ -44,7 +44,7 @@ impl<'s> Drawing<'s> {
         names.map(|name| self.program.entry_point_name(name)).collect()
     }
 
-    /// Reports if the frame's own colours can be drawn beside a tapped value. A device may not support another target.
+    /// Reports if the frame's own colours can be drawn beside a tapped value. Some GPUs don't support another target.
     /// With several samples per pixel, a target contains means of samples, and a mean of tapped values is meaningless.
     pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
@@ -60,9 +60,10 @@ impl<'s> Drawing<'s> {
         targets.into_iter().any(blends)
     }
 
-    /// A copy of this drawing in which the fragment functions return tapped values, starting at the 32-bit word
-    /// `first`. If `values` is empty, they return their own number, counted from 1 in the order of
-    /// [`fragments`](Self::fragments). If `alone` is `true`, they return no colours, so twice as many words fit.
+    /// A copy of this drawing in which the fragment functions return the 32-bit words of tapped values, from word
+    /// `first` on. If `values` is empty, each function returns its own number, counted from 1 in the order of
+    /// [`fragments`](Self::fragments). If `alone` is `true`, the functions return no colours, so a pixel has space for
+    /// twice as many words.
     ///
     /// # Errors
     /// If naga rejects the changed program.

@@ -20,8 +20,8 @@ use crate::run::{Judged, Passed, Report, leave_frame_out, or_panic, replay, repo
 use crate::settings;
 
 impl Frame<'_> {
-    /// Draws the frame on each selected path, and compares it with a golden. With `KARAT_FRAMES=off` it draws nothing,
-    /// and the returned agreement has no paths.
+    /// Draws the frame on each selected path, and compares it with a golden. With `KARAT_FRAMES=off`, this method draws
+    /// nothing and returns an agreement without paths.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -37,8 +37,8 @@ impl Frame<'_> {
         or_panic(self.try_matches(goldens, case))
     }
 
-    /// Like [`matches`](Self::matches), but returns an error instead of panicking. With `KARAT_FRAMES=off` it draws
-    /// only an [unrecorded](Self::unrecorded) frame.
+    /// Like [`matches`](Self::matches), but returns an error instead of panicking. With `KARAT_FRAMES=off`, this method
+    /// draws only an [unrecorded](Self::unrecorded) frame.
     ///
     /// # Errors
     /// If the frame differs from its golden, or if the golden doesn't exist.
@@ -188,10 +188,10 @@ impl Frame<'_> {
         all.find_map(FrameTolerance::unusable).map_or(Ok(()), |why| Err(FrameError::Tolerance(why)))
     }
 
-    /// The tolerance for a path. The path's own tolerance comes first, and the frame's tolerance second. Without
-    /// either, integers and depths have a default, because HDR-FLIP can't judge them: integers must be equal, and
-    /// depths must be within 1e-5. Depths of far surfaces are close to 1, so a bound of 1e-3 would allow large
-    /// differences in distance.
+    /// The tolerance for a path. The path's own tolerance comes first, and the frame's tolerance second. If neither is
+    /// set, integers and depths have a default, because HDR-FLIP can't judge them: integers must be equal, and depths
+    /// must be within 1e-5. Depths of far surfaces are close to 1, so a bound of 1e-3 would allow large differences in
+    /// distance.
     fn tolerance_of(&self, path: Path, adapter: &Adapter) -> Option<&FrameTolerance> {
         // Images store integers up to 2^24 as floats. Two different integers differ by at least 6e-8 of their value.
         static EXACT: LazyLock<FrameTolerance> = LazyLock::new(|| FrameTolerance::from(1e-8));

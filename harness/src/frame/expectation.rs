@@ -26,13 +26,13 @@ use crate::tolerance::{LaneError, Tolerance};
 pub struct FrameMean {
     /// Each path with the mean of red, green and blue.
     pub paths: Vec<(Adapter, [f64; 3])>,
-    /// Known issues: paths that fail as the test declared. `paths` doesn't contain them.
+    /// The paths on which the check fails, as the test declared with `fails_on`. `paths` doesn't contain them.
     pub known_issues: Vec<KnownIssue>,
 }
 
 impl Frame<'_> {
     /// Draws the frame on each selected path, and compares the mean colour of a rectangle with the expected colour. The
-    /// check fails if a value in the rectangle isn't finite. With `KARAT_FRAMES=off` it draws nothing.
+    /// check fails if a value in the rectangle isn't finite. With `KARAT_FRAMES=off`, this method draws nothing.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -56,8 +56,8 @@ impl Frame<'_> {
         or_panic(self.try_has_mean(rect, expected, tolerance))
     }
 
-    /// Like [`has_mean`](Self::has_mean), but returns an error instead of panicking. With `KARAT_FRAMES=off` it draws
-    /// only an [unrecorded](Self::unrecorded) frame.
+    /// Like [`has_mean`](Self::has_mean), but returns an error instead of panicking. With `KARAT_FRAMES=off`, this
+    /// method draws only an [unrecorded](Self::unrecorded) frame.
     ///
     /// # Errors
     /// If a mean differs, or if Karat can't compute it.

@@ -157,7 +157,7 @@ impl Frame<'_> {
     }
 }
 
-/// A note if the driver's colour differs from the engine's colour.
+/// Returns a note if the driver's colour differs from the engine's colour.
 fn compared(
     drawing: &Drawing<'_>,
     probed: &Probed,
@@ -208,7 +208,8 @@ fn arguments(
     Ok(own.into_iter().zip(read).map(told).collect())
 }
 
-/// The components of the arguments at each pixel of a quad, with notes about neighbours with unknown arguments.
+/// Returns the components of the arguments at each pixel of a quad. Also returns notes about neighbours with unknown
+/// arguments.
 fn quad(
     probed: &Probed,
     arguments: &[Argument],
@@ -258,7 +259,7 @@ fn quad(
     (quad, notes.into_iter().chain(alone).collect())
 }
 
-/// The index of a pixel in its quad: bit 0 is set on the right, bit 1 is set below.
+/// The index of a pixel in its quad: bit 0 is 1 in the right column, and bit 1 is 1 in the lower row.
 fn place((x, y): (u32, u32)) -> usize {
     ((x & 1) | (y & 1) << 1) as usize
 }

@@ -32,9 +32,9 @@ impl Tap {
     /// The text is the name of a `let` or of a parameter, or an expression that occurs once. If several functions use
     /// the name, put the function's path before the name (`brdf::shade::n_dot_v`).
     ///
-    /// The position `scene.wgsl:42:13` selects the largest expression that begins there. If the name of a `let` begins
-    /// there, it selects the value of the `let`. The position `scene.wgsl:42` selects the value of the only `let` on
-    /// that line.
+    /// The position `scene.wgsl:42:13` selects the largest expression that begins at this position. If the name of a
+    /// `let` begins at this position, the tap selects the value of the `let`. The position `scene.wgsl:42` selects the
+    /// value of the only `let` on that line.
     #[must_use]
     pub fn new(wanted: &str) -> Self {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
@@ -60,7 +60,8 @@ impl Tap {
     }
 
     /// Also draws the frame's colours beside the value, and compares them with the original frame's colours. A driver
-    /// may compute a value differently if it doesn't compute the colours. This option doubles the time.
+    /// may compute a value differently if it doesn't compute the colours. This option doubles the time that the tap
+    /// takes.
     #[must_use]
     pub fn beside(self, beside: bool) -> Self {
         Self { beside, ..self }
@@ -84,9 +85,9 @@ pub struct Tapped {
     /// The width and height of the frame. For a pass, the number of invocations in x and y, with all layers in z below
     /// each other.
     pub size: (u32, u32),
-    /// The word for the owner of a value: `pixel` or `invocation`.
+    /// The word for messages that says if each value belongs to a `pixel` or an `invocation`.
     pub of: &'static str,
-    /// For each pixel, row by row, how often the pixel computed the value. `None` says that no draw covers the pixel.
+    /// For each pixel, row by row, how often the pixel computed the value. `None` if no draw covers the pixel.
     pub times: Vec<Option<u32>>,
     /// The components of the values as `u32`s, pixel after pixel. A pixel without a value has zeros.
     pub lanes: Vec<u32>,
@@ -97,7 +98,7 @@ pub struct Tapped {
     /// For each pixel, `true` if the pixel has a value.
     pub told: Vec<bool>,
     /// The number of pixels whose colour changed because the draw also returned the value. The driver compiles another
-    /// program for such a draw. `None` says that the value was drawn without colours.
+    /// program for such a draw. `None` if the draw returned only the value, without colours.
     pub changed: Option<usize>,
 }
 
@@ -249,7 +250,7 @@ impl Candidate {
     }
 }
 
-/// All values in code that some entry points run, ordered by function.
+/// All values in the code that `entry_points` run, ordered by function.
 pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candidate> {
     let values = program.values_of(entry_points);
     let mut all: Vec<Candidate> = Vec::new();
@@ -304,7 +305,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
     all
 }
 
-/// The positions of the lines that print, in code that some entry points run.
+/// The positions of the lines that print, in the code that `entry_points` run.
 pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
     let all = candidates(program, entry_points);
     let is_print =
@@ -370,8 +371,8 @@ pub(crate) struct Wanted {
     shape: Shape,
 }
 
-/// Finds the value that the caller named. The flag is `true` if another value in the function has the same name. The
-/// last result is the member or element of the value, if the caller named one.
+/// Finds the value that the caller named. Also returns `true` if another value in the function has the same name, and
+/// the member or element of the value if the caller named a member or element.
 pub(crate) fn find_or_part(
     program: &Program,
     entry_points: &[&str],
@@ -404,7 +405,8 @@ fn of(all: &[Candidate], is: &dyn Fn(&Candidate) -> bool) -> Vec<usize> {
     (0..all.len()).filter(|index| is(&all[*index])).collect()
 }
 
-/// The indices of the values at a position. If no value is at the position, the text lists the values on that line.
+/// Returns the indices of the values at a position, and a text for the message. If no value is at the position, the
+/// text lists the values on that line.
 fn at_place(
     all: &[Candidate],
     (file, line, column): (&str, usize, Option<usize>),
@@ -540,8 +542,8 @@ impl Frame<'_> {
     }
 }
 
-/// Fails if an assertion of a fragment function is false for a visible pixel. Prints a note for each assertion that it
-/// couldn't check.
+/// Fails if an assertion of a fragment function is false for a visible pixel. Prints a note for each assertion that
+/// Karat couldn't check.
 pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), FrameError> {
     let of = |names: &[&str]| assertions(drawing.program(), names).map_err(DrawError::from);
     let all = of(&drawing.fragments())?;

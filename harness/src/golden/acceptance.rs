@@ -13,10 +13,10 @@ use crate::image::{ImageError, Staged};
 use crate::lines;
 use crate::output::visible;
 
-/// A size in bytes. Accepting a larger golden gives a warning, because every clone of the project keeps every
+/// A size in bytes. If an accepted golden is larger, Karat warns, because every clone of the project keeps every
 /// version of the golden for ever.
 const LARGE: u64 = 128 << 10;
-/// A size in bytes. Karat refuses to accept a larger golden.
+/// The largest size in bytes of a golden that Karat accepts.
 const TOO_LARGE: u64 = 1 << 20;
 /// The width and height in pixels above which accepting a frame gives a warning: smaller frames usually suffice.
 const WIDE: (u32, u32) = (640, 360);
@@ -33,7 +33,7 @@ pub struct Acceptance {
     /// The profile for which the frame becomes its own golden. The frame must come from this profile, and must
     /// fail with the golden for all profiles. `None` makes the frame the golden for all profiles.
     pub profile: Option<String>,
-    /// Allows writing a golden although `CI` is set. Otherwise Karat writes nothing into sources in CI.
+    /// Allows writing a golden although `CI` is set. Otherwise Karat writes no golden in CI.
     pub ci_may_write: bool,
 }
 
@@ -86,7 +86,7 @@ pub enum AcceptError {
         "`{0}` has NaN or infinite pixels, and no frame could agree with such a golden: fix the shader"
     )]
     NonFinite(String),
-    /// The golden has changed since the comparison of the frame.
+    /// The golden has changed since Karat compared the frame with the golden.
     #[error(
         "the golden of `{0}` has changed since the pending frame was rendered; run the test again"
     )]
@@ -144,7 +144,7 @@ pub enum AcceptError {
     Misplaced {
         /// The file.
         path: String,
-        /// The name in its metadata.
+        /// The frame's name in the file's metadata.
         case: String,
     },
     /// The frame comes from another profile than the chosen profile.
@@ -305,8 +305,8 @@ impl Goldens {
         Ok(accepted)
     }
 
-    /// Fails if the golden of the comparison has changed since then. The golden of the comparison may be another
-    /// file than `written`. A profile that had no golden of its own must still have none.
+    /// Fails if the golden has changed since Karat compared the frame with the golden. Accepting may write another
+    /// file, `written`. Also fails if the profile had no golden of its own at the comparison, and now has one.
     fn unchanged(&self, pending: &Pending, written: &Path) -> Result<(), AcceptError> {
         let known = &pending.provenance;
         let own = self.golden_of(&pending.case, &pending.profile());
@@ -332,8 +332,8 @@ impl Goldens {
         }
     }
 
-    /// The file for a profile's golden. Fails if the frame comes from another profile, or passes with the golden
-    /// for all profiles.
+    /// Returns the path for a profile's own golden. Fails if the frame comes from another profile, or passes with the
+    /// golden for all profiles.
     fn needed(&self, pending: &Pending, asked: &str) -> Result<PathBuf, AcceptError> {
         let (case, known) = (pending.case.clone(), &pending.provenance);
         let profile = pending.profile();

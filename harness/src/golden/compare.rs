@@ -226,7 +226,7 @@ impl FrameTolerance {
     }
 }
 
-/// Judges the noise-corrected difference, which the noise of the two images doesn't explain.
+/// Judges the noise-corrected difference: the part of the difference that the noise of the two images doesn't explain.
 fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> CriterionMargin {
     let measured = match golden {
         Some(golden) => Noise { golden, actual }.measure(pair),

@@ -10,7 +10,7 @@ use super::{AcceptError, FrameFinding, Goldens, Profile, Provenance, Rendered, p
 use crate::diagnostic::{nearest, shown};
 use crate::image::{ExrFile, ImageError, Part};
 
-/// The golden of a comparison, and the finding of the comparison.
+/// Facts about the golden with which Karat compared a frame, and the finding of this comparison.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Against {
     pub(super) hash: String,
@@ -41,9 +41,9 @@ impl Pending {
         own.is_empty() || folder.is_empty() || own == *folder
     }
 
-    /// The folder of the goldens for the comparison, in the project around the folder `here`. The folder may not exist
-    /// yet: a package's first golden creates it. Returns `None` if an older Karat wrote the file, without the
-    /// folder.
+    /// The folder with the golden of the comparison, in the project that contains the folder `here`. The folder may not
+    /// exist yet: a package's first golden creates it. Returns `None` if an older Karat wrote the pending file, because
+    /// then the file doesn't name the folder.
     ///
     /// # Errors
     /// If `here` is in no project, if the folder isn't inside of the project, or if a part of the folder's path
@@ -80,8 +80,9 @@ impl Pending {
         is_table(&self.path)
     }
 
-    /// Checks if the pending file may become a golden for all profiles without further arguments. A frame may
-    /// if lavapipe drew it. A table may if its values come from lavapipe or Karat's engine. Both run on any machine.
+    /// Checks if the pending file may become a golden for all profiles without further arguments. A frame may become
+    /// this golden if lavapipe drew the frame. A table may become this golden if its values come from lavapipe or from
+    /// Karat's engine. Lavapipe and the engine run on any machine.
     #[must_use]
     pub fn is_canonical(&self) -> bool {
         let adapter = &self.provenance.adapter;
@@ -178,7 +179,8 @@ impl Goldens {
         self.pending_folder().join(format!("{case}{PENDING_FRAME}"))
     }
 
-    /// Removes the pending frame of a profile that agrees with its golden again. A missing file is no error.
+    /// Removes the pending frame of a profile after the profile's frame agrees with its golden again. A missing file is
+    /// no error.
     pub(super) fn remove_pending(&self, case: &str, profile: &Profile) {
         let file = self.pending_file(case);
         if named(&file).is_ok_and(|pending| pending.profile() == *profile) {
@@ -283,8 +285,8 @@ fn ending(name: &str) -> Option<&'static str> {
     [PENDING_FRAME, PENDING_TABLE].into_iter().find(|ending| name.ends_with(ending))
 }
 
-/// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even
-/// if several links lead to the folder. It leaves out frames under an overlay, because they can't be accepted.
+/// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even if
+/// several links lead to the folder. It leaves out frames under an overlay, because you can't accept these frames.
 fn find(
     folder: &Path,
     entered: &mut BTreeSet<PathBuf>,
@@ -321,8 +323,8 @@ fn find(
     }
 }
 
-/// Reads a pending frame. The name in its metadata must agree with its path: the name becomes the path of a
-/// golden, and the file may come from another machine.
+/// Reads a pending frame. The name in the file's metadata must agree with the file's path, because the name becomes the
+/// path of a golden, and the file may come from another machine.
 fn named(path: &Path) -> Result<Pending, AcceptError> {
     let (_, provenance) = Content::read(path)?;
     let provenance = provenance.ok_or_else(|| AcceptError::Foreign(shown(path)))?;

@@ -13,10 +13,9 @@ use crate::package::LinkedModule;
 pub(super) const OVERLAID: &str = "@overlay";
 
 impl Goldens {
-    /// The folder of pending frames. Usually this is the folder of their goldens. In CI, pending frames go into
-    /// build output, because nothing may change the sources there. Frames under an overlay go into build output,
-    /// too, because they must not be accepted. In build output, each folder of goldens has its own pending
-    /// folder.
+    /// The folder of pending frames. Usually this is the folder of their goldens. In CI, pending frames go into build
+    /// output, because nothing may change the sources there. Frames under an overlay go into build output, too, because
+    /// you must not accept these frames. In build output, each folder of goldens has its own pending folder.
     pub(super) fn pending_folder(&self) -> PathBuf {
         if self.beside {
             self.folder()
@@ -59,8 +58,9 @@ impl Goldens {
         folder.ancestors().find_map(name).unwrap_or_default()
     }
 
-    /// The root of the project that has the goldens: the folder of its `Cargo.lock`, or else of its repository.
-    /// `None` if there is no such folder. The folder of goldens may not exist yet.
+    /// The root of the project that contains the goldens: the folder with the `Cargo.lock`, or if there is no
+    /// `Cargo.lock`, the root of the repository. `None` if there is no such folder. The folder of goldens may not exist
+    /// yet.
     ///
     /// ```
     /// use karat::Goldens;
@@ -88,8 +88,8 @@ impl Goldens {
         modules.iter().map(|module| (name(module), module.hash.clone())).collect()
     }
 
-    /// Checks if commands find the folder without an argument. They find `golden` in a Cargo package or in the
-    /// working directory.
+    /// Checks if commands find the folder without an argument. Commands find the folder `golden` in a Cargo package or
+    /// in the working directory.
     fn is_usual(&self) -> bool {
         let folder = self.folder();
         let Some(folder) = resolved(&folder) else { return false };
@@ -113,8 +113,8 @@ impl Goldens {
         tidy(&self.folder());
     }
 
-    /// The arguments with which commands find pending frames in another folder than their goldens, and goldens in
-    /// another folder than the usual folder.
+    /// The arguments that commands need if the pending frames aren't in the folder of their goldens, or if the goldens
+    /// aren't in the usual folder.
     pub(super) fn arguments(&self) -> String {
         if self.beside {
             return String::new();
@@ -196,8 +196,8 @@ pub(super) fn root(folder: &Path) -> Option<&Path> {
     with("Cargo.lock").or_else(|| with(".git"))
 }
 
-/// Cargo's target folder. Karat recognises the folder by its file `CACHEDIR.TAG`. If the folder existed before
-/// Cargo used it, it may lack this file. Then Karat uses the folder above the Cargo profile's folder. If Cargo
+/// Cargo's target folder. Karat recognises the folder by its file `CACHEDIR.TAG`. A folder that existed before Cargo
+/// used it may lack this file. If the file is missing, Karat uses the parent of the Cargo profile's folder. If Cargo
 /// didn't build the test, the path is empty, which means the working directory.
 ///
 /// ```

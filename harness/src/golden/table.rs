@@ -7,8 +7,8 @@
 //! 0.5,0.25,0.0796
 //! ```
 //!
-//! The comments are the facts, as TOML. The rest is CSV. Its cells are numbers, `true` or `false`, so they need
-//! no quotes.
+//! The comments have the facts about the values, as TOML. The other lines are CSV. The cells are numbers, `true` or
+//! `false`, so they need no quotes.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ use crate::value::{Scalar, format_lane};
 pub struct Column {
     /// The column's name: `n_dot_h`, `result.x`, or a component of a buffer such as `sums.x`.
     pub name: String,
-    /// The type of its cells.
+    /// The type of the column's cells.
     pub scalar: Scalar,
 }
 

@@ -61,7 +61,7 @@ fn rendered<'a>(image: &'a Image, adapter: &'a Adapter) -> Rendered<'a> {
     }
 }
 
-/// The ramp with a wrong square of 8 x 8 pixels.
+/// The ramp, in which a square of 8 x 8 pixels has wrong values.
 fn spot(factor: f32) -> Image {
     let pixels: Vec<_> = (8..16).flat_map(|y| (24..32).map(move |x| (x, y))).collect();
     with(&pixels, factor)

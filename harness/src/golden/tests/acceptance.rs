@@ -282,7 +282,7 @@ fn leftovers_are_removed_by_the_next_decision() {
     assert!(gone());
 }
 
-/// Accepting writes both files of a golden, or neither.
+/// Accepting writes both files of a golden, or neither file.
 // Lesson 42: acceptance under interruption
 #[test]
 fn a_golden_without_its_facts_is_not_written() {

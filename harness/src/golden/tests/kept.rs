@@ -34,7 +34,7 @@ fn large_goldens_are_warned_of_and_refused() {
     assert!(error.to_string().contains("and Karat accepts at most 1024 KiB"), "{error}");
 }
 
-/// Pixels that differ by their noise pass; a tile that differs by more than its noise fails.
+/// Pixels pass if they differ only by their noise. A tile that differs by more than its noise fails.
 // Lesson 46
 #[test]
 fn noise_is_kept_with_the_golden() {
@@ -240,7 +240,7 @@ fn frames_behind_a_link_to_a_folder_are_found() {
     assert!(unusable.is_empty(), "{unusable:?}");
 }
 
-/// One unusable file doesn't hide the usable ones.
+/// One unusable file doesn't hide the usable files.
 // Lesson 42: acceptance under interruption
 #[test]
 fn files_that_cannot_be_used_are_named_beside_the_others() {

@@ -258,7 +258,7 @@ fn a_frame_with_nan_and_no_golden_says_so() {
     assert!(matches!(failed, GoldenError::Unacceptable { .. }));
 }
 
-/// A known issue covers only differences of values. Other errors still fail.
+/// A known issue only covers values that differ from the golden. Any other error still fails.
 #[test]
 fn a_known_issue_hides_no_other() {
     let project = Project::with_golden();
