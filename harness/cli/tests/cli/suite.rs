@@ -172,7 +172,7 @@ fn a_boolean_is_no_value_of_a_u32_override() {
     };
     declared("2").good();
     let wrong = declared("true");
-    let part = "override: `N` is of type u32, but true isn't a number: write a number";
+    let part = "override: the override `N` is of type u32, but true isn't a number: write a number";
     assert!(wrong.code != Some(0) && wrong.out.contains(part), "{wrong:?}");
 }
 

@@ -55,7 +55,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
             return Some(format!(
-                "the file `{shown}`, with the provenance of `{image}`, is missing"
+                "`{shown}` is missing: the provenance of `{image}` belongs into this file"
             ));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
