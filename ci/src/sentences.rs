@@ -69,7 +69,8 @@ pub(crate) fn run(from: Source, count: usize, seed: u64) -> Result<()> {
         }
     }
     all.sort();
-    all.dedup();
+    // A sentence that a file repeats counts once.
+    all.dedup_by_key(|(hash, ..)| *hash);
     let mut out = std::io::stdout().lock();
     for (_, file, Sentence { line, about, before, text }) in all.iter().take(count) {
         writeln!(out, "{file}:{line}: {about}")?;
