@@ -152,7 +152,7 @@ pub struct Accuracy {
     functions: Vec<Vec<Error>>,
     /// `true` if `pow` is as exact as `exp2(y * log2(x))` with the measured `exp2` and `log2`.
     powers: bool,
-    /// `true` if 0 to each power above zero is 0.
+    /// `true` if `pow(0, y)` is 0 for each y above zero.
     powers_of_zero: bool,
 }
 
@@ -178,7 +178,8 @@ impl Accuracy {
         FUNCTIONS.iter().map(|function| function.text).chain([POWER])
     }
 
-    /// The arguments with which to measure an expression: rows of one number, or of two if the expression has a `b`.
+    /// The arguments with which to measure an expression. Each row has one number, or two numbers if the expression
+    /// uses `b`.
     #[must_use]
     pub fn arguments(function: &str) -> Vec<f32> {
         // Spreads arguments evenly over a range: the fractional parts of the multiples of an irrational number do this.
@@ -428,7 +429,7 @@ mod tests {
         assert!((38.0..=46.0).contains(&wide), "{wide}");
     }
 
-    /// An error that stays the same near a zero is recognised.
+    /// Near a zero, the sine is tiny but its error stays 1e-6. The measured bounds must allow this error.
     // Lesson 165
     #[test]
     fn a_constant_error_of_sine_near_its_zeros_is_within_the_bound() {
