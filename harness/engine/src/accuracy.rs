@@ -16,7 +16,8 @@ const SAFETY: f64 = 2.0;
 const PER_EXPONENT: u32 = 256;
 
 /// The largest number of arguments, for each exponent and sign, that are close to a zero of a sine, a cosine or a
-/// tangent. At a zero, the absolute error is as large as elsewhere, but an ulp of the result is smaller.
+/// tangent. Near a zero of the function, the absolute error is as large as elsewhere, but an ulp of the result is
+/// smaller.
 const NEAR_ZEROS: u32 = 8;
 
 /// If the error near a zero is larger than this number of ulps, Karat uses only the absolute error. A driver that
@@ -32,9 +33,10 @@ enum Shape {
     Monotonic,
     /// The function is even and has its least value at 0.
     Even,
-    /// The function is a wave. Its greatest value, 1, is at this argument, and at every whole turn from it.
+    /// The function is a wave with the greatest value 1 at this argument, and at each argument that is a multiple of 2
+    /// pi away from this argument.
     Wave(f64),
-    /// The function rises between poles at odd quarters of a turn.
+    /// The function rises between its poles, which are the odd multiples of pi / 2.
     Tangent,
 }
 
@@ -124,8 +126,7 @@ impl Function {
     }
 }
 
-/// The largest measured errors, absolute and in ulps, for arguments with one sign and exponent. The error of each
-/// result is within both bounds.
+/// The largest measured errors, absolute and in ulps, for all arguments with the same sign and exponent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Error {
     ulps: f32,
@@ -355,8 +356,8 @@ fn bucket(x: f32) -> usize {
     (x.to_bits() >> 23) as usize
 }
 
-/// Selects a multiple of `of` among the arguments of a bucket. `nth` numbers the selected multiples, which are at most
-/// [`NEAR_ZEROS`]. `None` if the bucket has fewer multiples.
+/// Returns a multiple of `of` from the arguments of a bucket. The function can select at most [`NEAR_ZEROS`] multiples
+/// of a bucket, and `nth` is the index of one of these. `None` if the bucket has fewer multiples.
 fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     let least = f32::from_bits(bucket << 23);
     let size = f64::from(least.abs());
@@ -380,7 +381,7 @@ fn buckets(lo: f32, hi: f32) -> impl Iterator<Item = usize> {
     negative.chain(positive)
 }
 
-/// The error of a result. For infinity and NaN it is infinite.
+/// The error of a result. If the result is infinite or NaN, the error is infinite.
 fn error(exact: f64, result: f32) -> Error {
     let distance = (f64::from(result) - exact).abs();
     if !distance.is_finite() {

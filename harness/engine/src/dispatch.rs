@@ -228,8 +228,8 @@ pub struct Turn {
     pub word: u32,
     /// `true` if another operation uses the word that the atomic returned.
     pub reads: bool,
-    /// For a store that took effect late: an atomic that follows the store in the shader, if another invocation could
-    /// see this atomic's effect before the store's effect. Otherwise `None`.
+    /// For a store that took effect late: the atomic that the same invocation ran after the store, if another
+    /// invocation could see this atomic's effect before the store's effect. Otherwise `None`.
     pub behind: Option<Site>,
 }
 
@@ -263,7 +263,7 @@ impl Order {
         }
     }
 
-    /// For a store that took effect late: the site of the atomic that follows the store in the same invocation, if
+    /// For a store that took effect late: the site of the atomic that the same invocation ran after the store, if
     /// another invocation could see this atomic's effect before the store's effect.
     fn behind(
         taken: &[(Turn, Done)],
@@ -388,8 +388,7 @@ impl Program {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })
     }
 
-    /// Checks if the program's results may depend on the size of subgroups. `false` for functions that have no subgroup
-    /// operations.
+    /// Checks if the program's results may depend on the size of subgroups.
     #[must_use]
     pub fn has_subgroups(&self) -> bool {
         let given = |entry: &Entry| entry.inputs.iter().any(|(one, _)| is_of_subgroups(*one));

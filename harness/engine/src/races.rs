@@ -8,8 +8,8 @@
 //! The machine runs invocations in lockstep, so a race doesn't show in the results. Instead, each element remembers the
 //! accesses with which a later access could race:
 //!
-//! - the last write, and the last write by a different invocation than this one. So if any other invocation than the
-//!   current one has written since the last barrier, one of these two writes is by another invocation;
+//! - the last write, and the last write by any other invocation. If an invocation other than the current one has
+//!   written since the last barrier, one of the two writes is by such an invocation;
 //! - the last write by an earlier workgroup;
 //! - the last write of a value that differs from the last written value, to distinguish equal writes from unequal
 //!   writes;

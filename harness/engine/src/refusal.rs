@@ -9,7 +9,7 @@ use thiserror::Error;
 pub struct Refusal {
     /// The construct.
     pub what: String,
-    /// The construct's bytes in the source. Undefined if naga has no position for it.
+    /// The construct's bytes in the source. Undefined if naga has no position for the construct.
     pub span: Span,
 }
 
