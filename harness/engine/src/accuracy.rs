@@ -157,7 +157,8 @@ pub struct Accuracy {
     powers_of_zero: bool,
 }
 
-/// The expression for `pow`. It is measured last, because its bounds use the measurements of other functions.
+/// The expression for `pow`. Karat measures this expression last, because the bounds of `pow` use the measurements of
+/// other functions.
 const POWER: &str = "pow(a, b)";
 
 impl Default for Accuracy {
@@ -174,7 +175,7 @@ impl Accuracy {
         Self { functions, powers: false, powers_of_zero: false }
     }
 
-    /// The expressions to measure, in this order. They use the arguments `a`, or `a` and `b`.
+    /// The expressions to measure, in this order. Each expression uses the argument `a`, or the arguments `a` and `b`.
     pub fn functions() -> impl Iterator<Item = &'static str> {
         FUNCTIONS.iter().map(|function| function.text).chain([POWER])
     }

@@ -86,8 +86,8 @@ pub(crate) type Bounds = (i64, i64);
 pub(crate) mod sealed {
     use super::*;
 
-    /// A function that narrows the interval of a result. Its first argument has the intervals of the operation's
-    /// arguments.
+    /// A function that narrows the interval of a result. The first argument has the intervals of the operation's
+    /// arguments. The second argument is the result's interval.
     pub(crate) type Narrow<'n> = &'n dyn Fn(&[Interval], Interval) -> Interval;
 
     /// The types and operations that the machine needs from an arithmetic.

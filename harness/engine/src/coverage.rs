@@ -47,7 +47,7 @@ pub enum StatementKind {
     If,
     /// A `select` expression. Lanes can go two ways: the condition holds, or the condition doesn't hold.
     Select,
-    /// A clause of a `switch`, with its index. It has one way.
+    /// A clause of a `switch`. The parameter is the clause's index. Lanes can go only one way.
     Clause(usize),
     /// A loop. Lanes can go three ways: a lane leaves the loop in the first round, in the second round, or in a later
     /// round.

@@ -182,7 +182,7 @@ struct Room<'p, 'm, A: Arithmetic> {
 }
 
 impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
-    /// Allocates the state for a workgroup of `invocations`. Each machine runs `lanes` invocations.
+    /// Allocates the state for a workgroup of `invocations` invocations. Each machine runs `lanes` invocations.
     fn new(code: &'p Code, options: &'p Options, invocations: usize, lanes: usize) -> Self {
         let machine =
             |first: usize| Machine::<A>::new(code, options, lanes.min(invocations - first));
@@ -304,8 +304,9 @@ fn enter<'m, A: Arithmetic>(
     }
 }
 
-/// If units only wait during this number of successive turns, they count as waiting forever. If several invocations run
-/// side by side, the second number replaces the first, because these invocations may wait for each other.
+/// If all units only wait during this number of successive turns, the units count as waiting forever. If several
+/// invocations run side by side, the second number replaces the first, because these invocations may wait for each
+/// other.
 const WAITS: usize = 1 << 14;
 const WAITS_TOGETHER: usize = 1 << 10;
 
@@ -325,8 +326,8 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// If a resource is missing, or if an invocation runs too many loop rounds. Then the case of the error is the
-    /// number of the invocation in the dispatch, workgroup after workgroup.
+    /// If a resource is missing, or if an invocation runs too many loop rounds. In the second error, `case` is the
+    /// number of this invocation in the dispatch, counted workgroup after workgroup.
     pub fn dispatch<A: Runs>(
         &self,
         workgroups: [u32; 3],

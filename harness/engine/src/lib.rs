@@ -38,8 +38,8 @@
 //! a [`Range`], and a boolean is a [`Truth`], which may be undecided.
 //!
 //! **The machine** (`machine`) runs a chunk of 256 cases. A register is a column with one value for each lane
-//! (`columns`), and an operation is a loop over the lanes. Chunks run on all cores. The cost of finding an operation
-//! occurs once for each chunk. The cost of the arithmetic occurs once for each value.
+//! (`columns`), and an operation is a loop over the lanes. Chunks run on all cores. The cost of decoding an operation
+//! occurs once for each chunk. The cost of the arithmetic occurs once for each lane.
 //!
 //! **Control flow.** A mask marks the active lanes (`machine/masks`). Operations without effects run in all lanes,
 //! stores change only active lanes, and a loop runs until no lane is active. If a condition is undecided

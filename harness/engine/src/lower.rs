@@ -211,7 +211,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Lowers `function` as the whole program. Its arguments are `parameters`.
+    /// Lowers `function` as the whole program. The parameters of the function become the parameters of the program.
     pub(crate) fn program(
         mut self,
         function: &'m Function,
@@ -283,7 +283,8 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Lowers the overrides and private variables that the function uses. They come before all other operations.
+    /// Lowers the overrides and private variables that the function uses. Their operations come before all other
+    /// operations of the program.
     fn prologue(&mut self, info: &FunctionInfo) -> Lowered<()> {
         let mut scope = self.module_scope();
         for (handle, declared) in self.module.overrides.iter() {

@@ -18,7 +18,8 @@ pub enum Elsewhere {
     Nth(u32),
     /// The element with the invalid index modulo the number of elements.
     Wrapped,
-    /// This number, which doesn't come from the array. WGSL allows zero, and any value that an element may have.
+    /// The read returns this number, which doesn't come from the array. WGSL allows zero, and any value that an element
+    /// may have.
     Number(u8),
 }
 

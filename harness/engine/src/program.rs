@@ -21,10 +21,10 @@ use crate::runs::Runs;
 use crate::scalar::{File, Scalar};
 
 /// The number of lanes of a chunk. A column of floats then has 1 KiB, so about thirty columns fit into a first-level
-/// cache. The cost of finding an operation is shared by 256 cases.
+/// cache. Each operation is decoded once for 256 cases.
 const LANES: usize = 256;
 
-/// From this number of cases on, chunks are twice as wide. More cases then share the cost of finding an operation, and
+/// From this number of cases on, chunks are twice as wide. Then each operation is decoded for more cases at once, and
 /// all cores are still busy.
 const MANY: usize = 16_384;
 

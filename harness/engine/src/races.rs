@@ -106,7 +106,7 @@ pub struct Divergence {
     pub count: usize,
     /// `true` for a subgroup operation.
     pub subgroup: bool,
-    /// The condition or the jump at which the missing invocation went another way. `None` if the invocation never
+    /// The condition or the jump at which the missing invocation took another branch. `None` if the invocation never
     /// reached the code that leads to the barrier.
     pub parted: Option<Site>,
 }
@@ -252,8 +252,8 @@ impl Atomics {
     }
 }
 
-/// An access that an element remembers. It has the invocation, the site and the word. `epoch` is the number of barriers
-/// for the element's address space that the workgroup had passed.
+/// An access that an element remembers. `epoch` is the number of barriers for the element's address space that the
+/// workgroup had passed at the time of the access.
 #[derive(Clone, Copy, Debug)]
 struct Who {
     invocation: u32,
@@ -495,8 +495,8 @@ impl Detector {
         self.textures[slot as usize].written
     }
 
-    /// Notes a barrier that the `active` invocations reach. `parted` has the sites at which other invocations went
-    /// another way.
+    /// Notes a barrier that the `active` invocations reach. `parted` has the sites at which the other invocations took
+    /// another branch.
     pub(crate) fn barrier(
         &mut self,
         code: &Code,
@@ -512,8 +512,8 @@ impl Detector {
     }
 
     /// Notes an operation that all invocations should reach together. `first` is the first of its lanes, `subgroup` is
-    /// `true` if the lanes are a subgroup, `parted` has the sites at which other lanes went another way, and `active`
-    /// marks the lanes that reach the operation.
+    /// `true` if the lanes are a subgroup, `parted` has the sites at which the other lanes took another branch, and
+    /// `active` marks the lanes that reach the operation.
     pub(crate) fn meet(
         &mut self,
         code: &Code,

@@ -17,10 +17,10 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 /// The range of values that the WGSL specification allows a function to return for the case's arguments. Karat computes
 /// it by interval arithmetic, from the accuracy of each operation ("Floating Point Accuracy").
 ///
-/// A case passes if both the result and the reference are inside of the range, and if the range is narrow: its width is
-/// at most 2^-10 relative (2^-5 for `f16`), or the tolerance of [`needing`](Self::needing). So a first test needs no
-/// number, and its verdict doesn't depend on the driver. Cases in which WGSL allows a wider range, or any value, fail.
-/// Set a tolerance for these cases with [`or`](Self::or).
+/// A case passes if both the result and the reference are inside of the range, and if the range is narrow. The width of
+/// the range may be at most 2^-10 of the value (2^-5 for `f16`), or within the tolerance that you pass to
+/// [`needing`](Self::needing). So a first test needs no number, and its verdict doesn't depend on the driver. Cases in
+/// which WGSL allows a wider range, or any value, fail. Set a tolerance for these cases with [`or`](Self::or).
 ///
 /// ```no_run
 /// # use karat::prelude::*;
@@ -34,7 +34,7 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 pub struct Spec;
 
 impl Spec {
-    /// [`Spec`] that requires more or fewer digits.
+    /// [`Spec`] with another limit for the width of the range, so that results need more or fewer exact digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -86,7 +86,7 @@ impl Spec {
 pub struct DeviceSpec;
 
 impl DeviceSpec {
-    /// [`DeviceSpec`] that requires more or fewer digits.
+    /// [`DeviceSpec`] with another limit for the width of the range, so that results need more or fewer exact digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

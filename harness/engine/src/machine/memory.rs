@@ -570,7 +570,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.ints.get_mut(out).fill(A::int(u32::try_from(length).unwrap_or(u32::MAX), false));
     }
 
-    /// Runs an atomic, one lane after another. This is one of the orders that the specification allows.
+    /// Runs an atomic in one lane after another. The specification allows this order of the lanes, and all other
+    /// orders.
     pub(super) fn atomic(&mut self, walk: u32, registers: &[u32], memory: &mut Memory<'_, A>) {
         let walk = &self.code.walks[walk as usize];
         let Some(atomic) = walk.atomic else { return };
