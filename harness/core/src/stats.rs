@@ -84,7 +84,7 @@ pub enum NoVerdict {
     },
 }
 
-/// Checks if a p-value is large enough to accept the hypothesis at this threshold. NaN never is.
+/// Checks if a p-value is large enough to accept the hypothesis at this threshold. NaN is never accepted.
 #[must_use]
 pub fn accepts(p: f64, threshold: f64) -> bool {
     p >= threshold

@@ -115,7 +115,7 @@ pub enum Unit {
     Abs,
     /// For integers and booleans: 0 if equal, 1 if not.
     Exact,
-    /// For a statement: 0 if it holds, 1 if it doesn't.
+    /// For a property that a test states: 0 if the property holds, 1 if it doesn't hold.
     Statement,
     /// The distance of the reference from the range that the function may return.
     Shader,

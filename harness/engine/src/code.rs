@@ -194,7 +194,7 @@ pub(crate) struct Wrap {
     pub(crate) terms: Vec<Term>,
 }
 
-/// A term of an integer that is computed without wrapping.
+/// One term of the computation of an integer. The machine repeats this computation without wrapping.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Term {
     /// The value of a register. Each such term uses the next register of the operation.
@@ -335,8 +335,9 @@ pub(crate) struct HandleSlot {
 
 /// An operation on a texture.
 ///
-/// The operands have this order. Floats: coordinates, reference, level or both gradients. Integers: coordinates, layer,
-/// sample, level; or layer and offset.
+/// The float operands are in this order: the coordinates, the depth reference, and the level or both gradients. The
+/// integer operands of a load are the coordinates, the layer, the sample and the level. The integer operands of a
+/// sample are the layer and the offset.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImageOp {
     pub(crate) texture: u32,

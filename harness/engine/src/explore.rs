@@ -96,8 +96,8 @@ fn join(to: &mut Clock, from: &[u32]) {
 struct Taken {
     actor: Actor,
     step: Step,
-    /// The number of the turn's actor, the turn's number among the actor's turns, and a clock. The clock counts the
-    /// turn itself and all turns that come before the turn.
+    /// The number of the turn's actor. The next two fields have the turn's number among the actor's turns, and a clock.
+    /// The clock counts the turn itself and all turns that come before the turn.
     own: usize,
     number: u32,
     clock: Clock,
@@ -128,7 +128,8 @@ const MOST_TURNS: usize = 512;
 #[derive(Debug, Default)]
 pub struct Explorer {
     nodes: Vec<Node>,
-    /// The turns of the current run, the actors that can go on, and the actors that wait for a word to change.
+    /// The turns of the current run. The next two fields have the actors that can go on, and the actors that wait for a
+    /// word to change.
     taken: Vec<Taken>,
     ready: BTreeMap<Actor, Step>,
     waiting: BTreeMap<Actor, Step>,

@@ -115,15 +115,15 @@ pub struct Divergence {
 /// zero, or in a blank buffer: a buffer with unknown contents.
 #[derive(Clone, Debug)]
 pub struct Unwritten {
-    /// The first of these reads.
+    /// The first read of an unwritten element at this site.
     pub access: Access,
     /// The name of the variable in the module.
     pub variable: String,
     /// `true` for workgroup memory.
     pub own: bool,
-    /// The offset in bytes of the first such element, from the beginning of the variable.
+    /// The offset of the first unwritten element that is read, in bytes from the beginning of the variable.
     pub byte: u32,
-    /// The number of such reads at the same site.
+    /// The number of reads of unwritten elements at this site.
     pub count: u64,
 }
 
@@ -147,9 +147,9 @@ pub enum Bounds {
 pub struct Outside {
     /// The operation.
     pub site: Site,
-    /// The first invocation with such an index.
+    /// The first invocation whose index is outside of the array.
     pub invocation: usize,
-    /// The number of such indices.
+    /// The number of indices outside of the array, over all invocations.
     pub count: u64,
     /// `true` for a write or an atomic.
     pub writes: bool,
@@ -203,7 +203,8 @@ pub struct Observed {
     pub atomics: Atomics,
     /// The order of the atomics, if it was requested.
     pub order: Vec<Turn>,
-    /// The number of accesses to elements that aren't remembered.
+    /// The number of accesses that aren't checked for races, because the detector remembers only a limited number of
+    /// elements.
     pub unwatched: u64,
 }
 

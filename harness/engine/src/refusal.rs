@@ -47,7 +47,7 @@ pub enum Stop {
     /// word.
     #[error("case {case} waits in a loop for a value that no invocation changes")]
     Waits {
-        /// A read in such a loop.
+        /// A read in one of the loops that wait.
         span: Span,
         /// A case that is in the loop.
         case: usize,

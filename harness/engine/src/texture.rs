@@ -57,9 +57,9 @@ pub enum TextureError {
     Level {
         /// The index of the level.
         level: usize,
-        /// The number of texels that it has.
+        /// The number of texels that the level has.
         found: usize,
-        /// The number of texels that it needs.
+        /// The number of texels that the level needs for its size.
         needed: u64,
     },
     /// A size is zero, there is no level, the faces of a cube aren't square, or their number isn't six.

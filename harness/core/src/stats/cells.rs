@@ -23,9 +23,9 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Makes at most `rows` rows of at most `columns` columns from the coordinates of pilot samples. If the support has
-    /// only one coordinate, each row has one column. If samples are equal, there may be up to twice as many rows and
-    /// columns.
+    /// Divides the support into rows and columns, by the coordinates of pilot samples. There are at most `rows` rows
+    /// with at most `columns` columns each, or up to twice these numbers if samples are equal. If the support has only
+    /// one coordinate, each row has one column.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
@@ -82,7 +82,7 @@ impl Cells {
     /// The rectangle of a cell.
     ///
     /// # Panics
-    /// If there is no such cell.
+    /// If `cell` isn't the index of a cell.
     #[must_use]
     pub fn rectangle(&self, cell: usize) -> Rectangle {
         let row = self.offsets.partition_point(|offset| *offset <= cell) - 1;
@@ -98,7 +98,7 @@ impl Cells {
     /// wide cell would miss this fall.
     ///
     /// # Panics
-    /// If there is no such cell.
+    /// If `cell` isn't the index of a cell.
     #[must_use]
     pub fn parts(&self, cell: usize) -> Vec<Rectangle> {
         let Rectangle { low, high } = self.rectangle(cell);

@@ -334,7 +334,8 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// Orders registers by file: booleans come after integers.
+/// Puts registers in the order of the register files: floats, integers, booleans. The indices are integers, so they
+/// come before registers of booleans.
 fn by_file(file: File, first: &[Reg], indices: &[Reg]) -> Vec<Reg> {
     if file == File::Bool { [indices, first].concat() } else { [first, indices].concat() }
 }
