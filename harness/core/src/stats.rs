@@ -41,13 +41,13 @@ pub enum NoVerdict {
     TooFew {
         /// The number of samples.
         found: u64,
-        /// The number that the test needs.
+        /// The smallest number of samples that the test needs.
         needed: u64,
     },
     /// After cells with few samples were pooled, too few cells are left to compare.
     #[error("{cells} cells are left after pooling, but the test needs at least 2")]
     NoFreedom {
-        /// The number of cells with an expected value. The pool counts as one cell.
+        /// The number of cells that are left. All pooled cells count as one cell.
         cells: usize,
     },
     /// The numbers of observed and expected cells differ.
@@ -58,7 +58,7 @@ pub enum NoVerdict {
         /// The number of expected cells.
         expected: usize,
     },
-    /// The mean depends on too few of the samples.
+    /// A few of the samples decide the mean, so the test can't judge the mean's error.
     #[error(
         "the mean {mean:e} of {found} samples differs from the expected {expected:e}, but this mean depends on \
          too few samples (skewness {skewness:.0}) to judge the difference: take more samples, or draw \
@@ -74,7 +74,7 @@ pub enum NoVerdict {
         /// The skewness of the samples.
         skewness: f64,
     },
-    /// A value that the test can't use, such as NaN.
+    /// The test got a value that it can't use, such as NaN.
     #[error("{what} is {value}")]
     NotANumber {
         /// The name of the value in messages.
@@ -84,7 +84,7 @@ pub enum NoVerdict {
     },
 }
 
-/// Checks if a p-value is large enough to accept the hypothesis at this threshold. NaN never is.
+/// Checks if a p-value is large enough to accept the hypothesis at this threshold. NaN is never accepted.
 #[must_use]
 pub fn accepts(p: f64, threshold: f64) -> bool {
     p >= threshold

@@ -16,16 +16,16 @@ use std::fmt;
 
 use crate::value::Scalar;
 
-/// A factor above the rounding error of a few `f64` operations. This factor turns an estimate of a ratio into an upper
-/// bound.
+/// A factor that is larger than the rounding error of a few `f64` operations. This factor turns an estimate of a ratio
+/// into an upper bound.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
 /// Units in the last place: the number of `f32` steps between the result and the reference.
 ///
 /// Distances are measured on the ordered line of all `f32` values: `-0` equals `+0`, denormals count as steps, and the
 /// powers of two cause no jumps. WGSL allows drivers to flush results below `f32::MIN_POSITIVE` to zero, so two values
-/// closer than `f32::MIN_POSITIVE` count as equal. If a function subtracts nearly equal values,
-/// [`near_zero`](Tolerance::near_zero) widens this band.
+/// closer than `f32::MIN_POSITIVE` count as equal. If a function subtracts nearly equal values, use
+/// [`near_zero`](Tolerance::near_zero), which allows larger errors near zero.
 ///
 /// ```
 /// use karat::{Tolerance, Ulp};
@@ -77,8 +77,7 @@ pub struct Abs(pub f64);
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub enum Tolerance {
-    /// Limits the distance in `f32` steps. A step that is smaller than the step at `band` counts as a step of that
-    /// size.
+    /// Limits the distance in `f32` steps. Below `band`, all steps count as being as large as the step at `band`.
     Ulp {
         /// The largest distance that passes.
         bound: f64,
@@ -110,13 +109,13 @@ pub enum Tolerance {
 pub enum Unit {
     /// `f32` steps.
     Ulp,
-    /// Relative to the reference.
+    /// The error divided by the reference.
     Rel,
-    /// In the unit of the value.
+    /// The difference between the result and the reference, in the unit of the value.
     Abs,
     /// For integers and booleans: 0 if equal, 1 if not.
     Exact,
-    /// For a statement: 0 if it holds, 1 if it doesn't.
+    /// For a property that a test states: 0 if the property holds, 1 if it doesn't hold.
     Statement,
     /// The distance of the reference from the range that the function may return.
     Shader,
@@ -124,7 +123,7 @@ pub enum Unit {
     Driver,
     /// The distance of the result from the range that was measured for the adapter.
     Measured,
-    /// The width of the allowed range of results.
+    /// The width of the range of allowed results.
     Conditioning,
     /// There is no bound: WGSL allows any result.
     Unbounded,
@@ -348,8 +347,8 @@ impl Tolerance {
         }
     }
 
-    /// Measures ulps near zero in steps of the size at `magnitude`, because a function that subtracts values of that
-    /// size can't be more exact. Bounds of other kinds stay unchanged.
+    /// Counts ulps near zero in steps that are as large as the steps at `magnitude`. A function that subtracts values
+    /// of this magnitude can't be more exact. Bounds in other units stay unchanged.
     ///
     /// ```
     /// use karat::{Abs, Ulp};

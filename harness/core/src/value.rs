@@ -65,8 +65,7 @@ impl Scalar {
         }
     }
 
-    /// Checks if Karat compares a lane of this type with a tolerance. Integers and booleans have no tolerance: a lane
-    /// is equal or wrong.
+    /// Checks if Karat compares lanes of this type with a tolerance. Lanes of integers and booleans must be equal.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -176,8 +175,8 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The scalar type of an attribute or a texel, and its number of components, from one to four. `None` unless the
-    /// shape is a scalar, a vector, or an array of scalars.
+    /// The scalar type and the number of components (one to four), if the shape is the shape of an attribute or a
+    /// texel: a scalar, a vector, or an array of scalars. Otherwise `None`.
     ///
     /// ```
     /// use karat_core::value::{Scalar, Shareable};

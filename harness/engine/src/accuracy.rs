@@ -16,7 +16,8 @@ const SAFETY: f64 = 2.0;
 const PER_EXPONENT: u32 = 256;
 
 /// The largest number of arguments, for each exponent and sign, that are close to a zero of a sine, a cosine or a
-/// tangent. At a zero, the absolute error is as large as elsewhere, but an ulp of the result is smaller.
+/// tangent. Near a zero of the function, the absolute error is as large as elsewhere, but an ulp of the result is
+/// smaller.
 const NEAR_ZEROS: u32 = 8;
 
 /// If the error near a zero is larger than this number of ulps, Karat uses only the absolute error. A driver that
@@ -32,9 +33,10 @@ enum Shape {
     Monotonic,
     /// The function is even and has its least value at 0.
     Even,
-    /// The function is a wave. Its greatest value, 1, is at this argument, and at every whole turn from it.
+    /// The function is a wave with the greatest value 1 at this argument, and at each argument that is a multiple of 2
+    /// pi away from this argument.
     Wave(f64),
-    /// The function rises between poles at odd quarters of a turn.
+    /// The function rises between its poles, which are the odd multiples of pi / 2.
     Tangent,
 }
 
@@ -124,8 +126,7 @@ impl Function {
     }
 }
 
-/// The largest measured errors, absolute and in ulps, for arguments with one sign and exponent. The error of each
-/// result is within both bounds.
+/// The largest measured errors, absolute and in ulps, for all arguments with the same sign and exponent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Error {
     ulps: f32,
@@ -152,11 +153,12 @@ pub struct Accuracy {
     functions: Vec<Vec<Error>>,
     /// `true` if `pow` is as exact as `exp2(y * log2(x))` with the measured `exp2` and `log2`.
     powers: bool,
-    /// `true` if 0 to each power above zero is 0.
+    /// `true` if `pow(0, y)` is 0 for each y above zero.
     powers_of_zero: bool,
 }
 
-/// The expression for `pow`. It is measured last, because its bounds use the measurements of other functions.
+/// The expression for `pow`. Karat measures this expression last, because the bounds of `pow` use the measurements of
+/// other functions.
 const POWER: &str = "pow(a, b)";
 
 impl Default for Accuracy {
@@ -173,12 +175,13 @@ impl Accuracy {
         Self { functions, powers: false, powers_of_zero: false }
     }
 
-    /// The expressions to measure, in this order. They use the arguments `a`, or `a` and `b`.
+    /// The expressions to measure, in this order. Each expression uses the argument `a`, or the arguments `a` and `b`.
     pub fn functions() -> impl Iterator<Item = &'static str> {
         FUNCTIONS.iter().map(|function| function.text).chain([POWER])
     }
 
-    /// The arguments with which to measure an expression: rows of one number, or of two if the expression has a `b`.
+    /// The arguments with which to measure an expression. Each row has one number, or two numbers if the expression
+    /// uses `b`.
     #[must_use]
     pub fn arguments(function: &str) -> Vec<f32> {
         // Spreads arguments evenly over a range: the fractional parts of the multiples of an irrational number do this.
@@ -354,8 +357,8 @@ fn bucket(x: f32) -> usize {
     (x.to_bits() >> 23) as usize
 }
 
-/// Selects a multiple of `of` among the arguments of a bucket. `nth` numbers the selected multiples, which are at most
-/// [`NEAR_ZEROS`]. `None` if the bucket has fewer multiples.
+/// Returns a multiple of `of` from the arguments of a bucket. The function can select at most [`NEAR_ZEROS`] multiples
+/// of a bucket, and `nth` is the index of one of these. `None` if the bucket has fewer multiples.
 fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     let least = f32::from_bits(bucket << 23);
     let size = f64::from(least.abs());
@@ -379,7 +382,7 @@ fn buckets(lo: f32, hi: f32) -> impl Iterator<Item = usize> {
     negative.chain(positive)
 }
 
-/// The error of a result. For infinity and NaN it is infinite.
+/// The error of a result. If the result is infinite or NaN, the error is infinite.
 fn error(exact: f64, result: f32) -> Error {
     let distance = (f64::from(result) - exact).abs();
     if !distance.is_finite() {
@@ -428,7 +431,7 @@ mod tests {
         assert!((38.0..=46.0).contains(&wide), "{wide}");
     }
 
-    /// An error that stays the same near a zero is recognised.
+    /// Near a zero, the sine is tiny but its error stays 1e-6. The measured bounds must allow this error.
     // Lesson 165
     #[test]
     fn a_constant_error_of_sine_near_its_zeros_is_within_the_bound() {

@@ -43,7 +43,7 @@ pub(crate) fn operands(shape: Shape, start: u32) -> impl Iterator<Item = Operand
     })
 }
 
-/// Removes unused operations, forwards copies and assigns registers.
+/// Forwards copies, removes unused operations, and assigns registers.
 pub(crate) fn allocated(mut code: Code) -> Code {
     if !code.statements.is_empty() {
         let needed = crate::coverage::needed(&code);
@@ -59,7 +59,7 @@ pub(crate) fn allocated(mut code: Code) -> Code {
     code
 }
 
-/// A table with a value for each register of each register file.
+/// A value for each register of each register file.
 type Table<T> = [Vec<T>; 3];
 
 fn table<T: Clone>(code: &Code, value: &T) -> Table<T> {

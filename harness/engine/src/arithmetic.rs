@@ -38,7 +38,7 @@ pub trait FloatRule<const I: usize, const O: usize> {
     fn interval(x: [Interval; I]) -> [Interval; O];
 }
 
-/// A rule from integers to an integer, for each arithmetic. Words are the bits of an `i32` or a `u32`.
+/// A rule from integers to an integer, for each arithmetic. Each `u32` has the bits of an `i32` or a `u32`.
 pub trait IntRule<const I: usize> {
     /// `true` if the result is an `i32`.
     const SIGNED: bool;
@@ -86,8 +86,8 @@ pub(crate) type Bounds = (i64, i64);
 pub(crate) mod sealed {
     use super::*;
 
-    /// A function that narrows the interval of a result. Its first argument has the intervals of the operation's
-    /// arguments.
+    /// A function that narrows the interval of a result. The first argument has the intervals of the operation's
+    /// arguments. The second argument is the result's interval.
     pub(crate) type Narrow<'n> = &'n dyn Fn(&[Interval], Interval) -> Interval;
 
     /// The types and operations that the machine needs from an arithmetic.
@@ -116,7 +116,8 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// The result of a rule. In [`Intervals`], the function `narrow` may narrow the result.
+        /// Returns the result `y` of a rule. In [`Intervals`], the function in the first argument may narrow this
+        /// result first.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
         }
@@ -146,7 +147,7 @@ pub(crate) mod sealed {
         fn select_int(c: Self::Bool, yes: Self::Int, no: Self::Int) -> Self::Int;
         fn select_bool(c: Self::Bool, yes: Self::Bool, no: Self::Bool) -> Self::Bool;
 
-        /// The values that an index may have. `signed` says if its bits are an `i32`.
+        /// The values that an index may have. `signed` is `true` if the index is an `i32`.
         fn bounds(i: Self::Int, signed: bool) -> Bounds;
 
         /// Rounds a value to half precision. `F64` doesn't round. In intervals, the result contains each value that
@@ -154,7 +155,7 @@ pub(crate) mod sealed {
         fn to_half(x: Self::Float, half: Half) -> Self::Float;
         /// Flushes subnormal values to zero.
         fn flush(x: Self::Float) -> Self::Float;
-        /// Checks if the float is unbounded. The machine notes the cause of such a float.
+        /// Checks if the float is unbounded, so that the machine notes the cause.
         fn is_unknown(x: Self::Float) -> bool;
         /// Notes the operation that made a value unbounded: the earliest cause among `inputs`, or `site` if no input
         /// has a cause.
@@ -169,7 +170,7 @@ pub(crate) mod sealed {
         fn unknown_float(site: u32) -> Option<Self::Float>;
         /// The range of all integers of the type. `None` if the arithmetic has no ranges.
         fn unknown_int(signed: bool) -> Option<Self::Int>;
-        /// An undecided boolean. `None` if the arithmetic has none.
+        /// An undecided boolean. `None` if the arithmetic has no such booleans.
         fn unknown_bool() -> Option<Self::Bool>;
 
         /// The word that memory stores for a float: the nearest `f32`, or the middle of an interval.
@@ -520,8 +521,8 @@ impl Rules for Intervals {
         x.lo() as u32
     }
     fn filtered(_: f64, hull: (f32, f32)) -> Interval {
-        /// A filter multiplies at most 16 texels (eight texels of each of two levels) by products of four numbers, and
-        /// adds them. The filter rounds 20 times. Each rounding has an error of less than 2^-23 of the largest texel.
+        /// A filter adds at most 16 texels (eight of each of two levels). The weight of a texel is a product of four
+        /// numbers. The filter rounds 20 times. Each rounding has an error of less than 2^-23 of the largest texel.
         const SLACK: f64 = 1.0 / 262_144.0; // 2^-18
         // WGSL and WebGPU don't limit the error of a filter. A filter's result is a weighted mean of texels with any
         // weights, so it lies between the least and the greatest texel. But weights are rounded, so their sum may be

@@ -6,7 +6,7 @@ use crate::coverage::Statement;
 use crate::rules::{FloatRule, FromInt, Half, Integer, Scale, ToInt};
 use crate::scalar::{File, Scalar};
 
-/// A register: a column with one value for each lane. Its file is floats, integers or booleans.
+/// A register: a column with one value for each lane. The register file `file` is floats, integers or booleans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Reg {
     pub(crate) file: File,
@@ -62,7 +62,7 @@ pub(crate) enum Op {
     Not,
     /// The exclusive or of two booleans.
     Differ,
-    /// Tests if a float is NaN, or infinite.
+    /// Tests if a float is NaN. `IsInf` tests if a float is infinite.
     IsNan,
     IsInf,
     /// Registers: the result, the condition, the value for true, the value for false.
@@ -104,7 +104,7 @@ pub(crate) enum Op {
     /// also do this.
     EndIf,
     Switch,
-    /// Register: the condition. The `bool` says if lanes fall through from the case before.
+    /// Register: the condition. The `bool` is `true` if lanes of the previous case fall through into this case.
     Case(bool),
     EndSwitch,
     Loop,
@@ -119,12 +119,13 @@ pub(crate) enum Op {
     Skip,
     Call,
     EndCall,
-    /// The jump goes to the end of an open construct. The argument is the number of open constructs inside that
+    /// The active lanes jump to the end of an open construct. The argument is the number of open constructs inside that
     /// construct.
     Break(u32),
     Continue(u32),
     Return(u32),
-    /// Marks that a named value is complete. The pool has its registers, by file.
+    /// Marks that the value of a named let-binding is complete. The registers are those of the value: floats, then
+    /// integers, then booleans.
     Mark(u32),
     /// Registers: the result, operands. [`Code::subgroups`] describes the operation.
     Subgroup(u32),
@@ -136,8 +137,8 @@ pub(crate) enum Op {
 }
 
 impl Op {
-    /// Checks if an operation ends a branch, a loop or a call, or a part of these. Such an operation runs even if the
-    /// operation before it didn't run. The two operations have the same source position.
+    /// Checks if an operation ends a branch, a loop or a call, or a part of such a construct. Such an operation runs
+    /// even if the operation before it didn't run. The two operations have the same source position.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,
@@ -159,7 +160,7 @@ pub(crate) struct Instruction {
     pub(crate) op: Op,
     /// The index of the operation's first register in the pool.
     pub(crate) at: u32,
-    /// The number of the operation's registers in the pool. It is set after registers are assigned.
+    /// The number of the operation's registers in the pool. It is 0 until `allocate` has assigned registers.
     pub(crate) count: u32,
     pub(crate) target: u32,
     pub(crate) site: u32,
@@ -176,7 +177,7 @@ pub(crate) struct Step {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Count {
     Fixed(u32),
-    /// The array has as many elements of this stride as fit into the buffer after an offset in bytes.
+    /// The array begins at `offset` bytes and has as many elements as fit into the rest of the buffer.
     Runtime {
         offset: u32,
         stride: u32,
@@ -187,13 +188,13 @@ pub(crate) enum Count {
 #[derive(Clone, Debug)]
 pub(crate) struct Wrap {
     pub(crate) buffer: Option<u32>,
-    /// The array that is indexed. `None` for a difference that becomes a float.
+    /// The array that the integer indexes. `None` if the integer is a difference that becomes a float.
     pub(crate) step: Option<Step>,
     /// The terms of the computation. Operands come before the operation that uses them.
     pub(crate) terms: Vec<Term>,
 }
 
-/// A term of an integer that is computed without wrapping.
+/// One term of the computation of an integer. The machine repeats this computation without wrapping.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Term {
     /// The value of a register. Each such term uses the next register of the operation.
@@ -300,15 +301,15 @@ pub(crate) struct Code {
     pub(crate) workgroup: [u32; 3],
     pub(crate) parameters: Vec<(Reg, Scalar)>,
     pub(crate) results: Vec<(Reg, Scalar)>,
-    /// For each named value, the number of its registers in each register file.
+    /// For each named let-binding, the number of registers of its value in each register file.
     pub(crate) marks: Vec<[u32; 3]>,
     /// The source position of the first operation in half precision for which WGSL doesn't limit the error.
     pub(crate) half: Option<Span>,
-    /// Registers that operations store to. If a lane takes both ways of a condition, only these registers can differ
-    /// between the two ways.
+    /// Registers that operations store to. If a lane takes both branches of a condition, only these registers can have
+    /// different values in the two branches.
     pub(crate) mutable: [Vec<u32>; 3],
     pub(crate) statements: Vec<Statement>,
-    /// Ranges of registers that are selected by an index, so they must stay together.
+    /// Ranges of registers. An index selects a register of a range, so the registers of a range must stay together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
 }
 
@@ -334,8 +335,9 @@ pub(crate) struct HandleSlot {
 
 /// An operation on a texture.
 ///
-/// The operands have this order. Floats: coordinates, reference, level or both gradients. Integers: coordinates, layer,
-/// sample, level; or layer and offset.
+/// The float operands are in this order: the coordinates, the depth reference, and the level or both gradients. The
+/// integer operands of a load are the coordinates, the layer, the sample and the level. The integer operands of a
+/// sample are the layer and the offset.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImageOp {
     pub(crate) texture: u32,
@@ -371,26 +373,26 @@ pub(crate) struct SubgroupOp {
 /// The kind of a subgroup operation. The operands are a value, and an index if the kind needs one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum SubgroupKind {
-    /// One of the four words of a ballot. The operand is a condition.
+    /// One of the four `u32` that a ballot returns, by index. The operand is a condition.
     Ballot(u32),
     Collective(naga::SubgroupOperation, naga::CollectiveOperation),
     Gather(From),
 }
 
-/// The lane from which another lane takes a value.
+/// The lane from which another lane (the reading lane) reads a value.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum From {
     /// The first active lane.
     First,
-    /// The lane with this index.
+    /// The lane whose index is the operand.
     Lane,
-    /// The lane with the index of the reading lane plus the operand. `Below` subtracts the operand.
+    /// The lane whose index is the reading lane's index plus the operand. `Below` subtracts the operand.
     Above,
     Below,
     Xor,
-    /// The lane with this index in the quad.
+    /// The lane whose index in the quad is the operand.
     OfQuad,
-    /// The lane with an index that differs from the reading lane's index in these bits.
+    /// The lane whose index differs from the reading lane's index in exactly these bits.
     Swap(u32),
 }
 

@@ -4,8 +4,8 @@
 #[derive(Debug)]
 pub(crate) struct Columns<T> {
     columns: Vec<Box<[T]>>,
-    /// Spare columns for results. After an operation, a spare column replaces the register's column. So a result may
-    /// use the register of an argument.
+    /// Spare columns for results. An operation writes its results into spare columns while it reads the columns of its
+    /// arguments. Then the spare columns replace the old columns of the result registers.
     spares: [Box<[T]>; 4],
     width: usize,
 }

@@ -1,8 +1,9 @@
-//! Coverage: counts how often each statement runs, and how often lanes take each of its branches.
+//! Coverage: counts how often each statement runs, and how many lanes take each of the statement's branches.
 //!
-//! The active lanes change only at operations that change the mask. Between two such operations is a straight line of
-//! operations, and one counter for each straight line is enough. [`Settings::statements`](crate::Settings::statements)
-//! lists the statements, and [`Options::counts`](crate::Options) has the counters.
+//! The active lanes change only at operations that change the mask. The operations between two such operations are a
+//! straight line: they all run in the same lanes. So one counter for each straight line is enough.
+//! [`Settings::statements`](crate::Settings::statements) lists the statements, and [`Options::counts`](crate::Options)
+//! has the counters.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -19,14 +20,15 @@ use crate::lower::STACK;
 pub struct Statement {
     /// The function that contains the statement.
     pub function: String,
-    /// The number of the call that lowering has replaced by the function's statements.
+    /// The number of the call from which lowering copied the statement. Lowering replaces each call by the statements
+    /// of the called function.
     pub call: usize,
     /// The statement's bytes in the source.
     pub span: Span,
     /// The kind of the statement.
     pub kind: StatementKind,
-    /// `true` if a test can see an effect of the statement: in a result, in written memory, in whether a loop ends, or
-    /// by the sanitizer.
+    /// `true` if a test can see an effect of the statement: a changed result, changed memory, a loop that doesn't end,
+    /// or a finding of the sanitizer.
     pub needed: bool,
     /// The index of the statement's first operation, and the index after its last operation.
     pub(crate) start: u32,
@@ -40,12 +42,12 @@ pub enum StatementKind {
     Plain,
     /// A `switch`. Each of its clauses is also a statement.
     Switch,
-    /// An `if`, `&&` or `||`. Lanes can go two ways: the condition holds, or the condition doesn't hold. For `||`, naga
-    /// tests the opposite.
+    /// An `if`, `&&` or `||`. Lanes can go two ways: the condition holds, or the condition doesn't hold. For `a || b`,
+    /// the condition is `!a`, because naga translates `||` so.
     If,
     /// A `select` expression. Lanes can go two ways: the condition holds, or the condition doesn't hold.
     Select,
-    /// A clause of a `switch`, with its index. It has one way.
+    /// A clause of a `switch`. The parameter is the clause's index. Lanes can go only one way.
     Clause(usize),
     /// A loop. Lanes can go three ways: a lane leaves the loop in the first iteration, in the second iteration, or in a
     /// later round.
@@ -75,12 +77,12 @@ pub struct Count {
     pub lanes: u64,
     /// The first case that reached the statement.
     pub first: Option<usize>,
-    /// The number of lanes that took each way.
+    /// The number of lanes that went each way. [`StatementKind`] lists the ways of each kind of statement.
     pub ways: [u64; WAYS],
 }
 
 impl Counts {
-    /// Counts the lanes that reach the straight line that begins at an operation.
+    /// Counts the lanes that reach the straight line of operations that begins at index `at`.
     pub(crate) fn come<A: Rules>(&self, at: usize, case: usize, lanes: &[A::Bool]) {
         let Some(counter) = self.0.get(at) else { return };
         let count = count::<A>(lanes);
@@ -115,7 +117,8 @@ impl Counts {
         }
     }
 
-    /// Counts the lanes that take each way of a condition. After both ways were taken, the counts no longer change.
+    /// Counts the lanes in which a condition holds, and the lanes in which it doesn't hold. After both have occurred,
+    /// the counts no longer change.
     pub(crate) fn select<A: Rules>(&self, at: usize, condition: &[A::Bool], lanes: &[A::Bool]) {
         let ways = &self.0[at].ways;
         if ways[..2].iter().any(|way| way.load(Ordering::Relaxed) == 0) {
@@ -196,7 +199,7 @@ impl crate::Program {
 }
 
 impl Statement {
-    /// The index of the operation that counts the ways of a statement.
+    /// The index of the operation at which the ways of a statement are counted. `None` if the statement has no ways.
     fn branch(&self, code: &Code) -> Option<usize> {
         let (start, end) = (self.start as usize, self.end as usize);
         let mut own = (start..end).map(|at| (at, code.instructions[at].op));

@@ -1,5 +1,6 @@
 //! Runs entry points. A compute entry point runs in workgroups, whose invocations are the lanes of one chunk. A
-//! fragment entry point runs in tiles of pixels, as if they were workgroups.
+//! fragment entry point runs in tiles of pixels, which count as workgroups. The invocations that run side by side are a
+//! unit. Units take turns: in a turn, a unit runs to its next atomic or barrier, or to its end.
 
 use std::collections::HashMap;
 use std::time::Instant;
@@ -19,7 +20,8 @@ use crate::resources::Resources;
 use crate::runs::Runs;
 use crate::schedule::{Actor, ByPriority, Priorities, Schedule, Stores, Turns, shuffled};
 
-/// The largest number of invocations of a workgroup. The limit of WebGPU is 256, but devices may have this limit.
+/// The largest number of invocations of a workgroup. The default limit of WebGPU is 256, but GPUs may allow this
+/// number.
 const MOST_INVOCATIONS: u32 = 1024;
 
 /// The inputs of an entry point, and the size of its workgroups.
@@ -156,15 +158,15 @@ impl Entry {
     }
 }
 
-/// The state of a running workgroup. After the workgroup ends, another workgroup reuses the allocated memory.
+/// The state of a workgroup that runs. After the workgroup ends, another workgroup reuses the allocated memory.
 struct Room<'p, 'm, A: Arithmetic> {
     machines: Vec<Machine<'p, A>>,
     /// The number of the workgroup's first unit, and the number of its first invocation. A unit consists of the
     /// invocations that one machine runs side by side.
     unit: u32,
     first: usize,
-    /// The number of machines that haven't ended, and the machines that wait at a barrier, each with the barrier's
-    /// site.
+    /// The number of machines that haven't ended. The next field has the machines that wait at a barrier, each with the
+    /// barrier's site.
     open: usize,
     held: Vec<(usize, u32)>,
     stores: usize,
@@ -180,7 +182,7 @@ struct Room<'p, 'm, A: Arithmetic> {
 }
 
 impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
-    /// Allocates the state for a workgroup of `invocations`. Each machine runs `lanes` invocations.
+    /// Allocates the state for a workgroup of `invocations` invocations. Each machine runs `lanes` invocations.
     fn new(code: &'p Code, options: &'p Options, invocations: usize, lanes: usize) -> Self {
         let machine =
             |first: usize| Machine::<A>::new(code, options, lanes.min(invocations - first));
@@ -214,34 +216,35 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
     }
 }
 
-/// An atomic in a run that records the order of its atomics.
+/// One atomic in the recorded order of a dispatch's atomics.
 #[derive(Clone, Debug)]
 pub struct Turn {
-    /// The number of the invocation in the dispatch. If several run side by side, it is the number of the first.
+    /// The number of the invocation in the dispatch. If several invocations run side by side, it is the number of the
+    /// invocation that ran the atomic.
     pub invocation: usize,
     /// The atomic's position in the source.
     pub site: Site,
-    /// The word that the atomic returned, or wrote if it returns nothing.
+    /// The word that the atomic returned. If the atomic returns nothing, the word that it wrote.
     pub word: u32,
     /// `true` if another operation uses the word that the atomic returned.
     pub reads: bool,
-    /// For a store that took effect late: a later atomic of the same invocation, if another invocation could see the
-    /// later atomic before the store.
+    /// For a store that took effect late: the atomic that the same invocation ran after the store, if another
+    /// invocation could see this atomic's effect before the store's effect. Otherwise `None`.
     pub behind: Option<Site>,
 }
 
-/// The options of a run: the observations to make in addition to computing results.
+/// The observations that a run makes in addition to computing results.
 pub(crate) struct Watch<'w> {
     groups: Option<&'w [usize]>,
     explorer: Option<&'w mut Explorer>,
 }
 
 struct Order {
-    /// Each atomic, with its word. A store also has the turn in which its invocation reached the store.
+    /// The atomics so far, in the order in which they took effect. `None` if the order isn't recorded.
     taken: Option<Vec<(Turn, Done)>>,
 }
 
-/// The largest number of recorded turns. If two orders differ, they usually differ early.
+/// The largest number of recorded atomics. If two orders differ, they usually differ early.
 const MOST_TURNS: usize = 1 << 12;
 
 impl Order {
@@ -249,7 +252,7 @@ impl Order {
         self.taken.as_ref().map_or(0, Vec::len)
     }
 
-    /// Adds atomics of invocations. `first` is the number of the first lane's invocation.
+    /// Records atomics. `first` is the number of the first lane's invocation.
     fn add(&mut self, code: &Code, first: usize, done: impl Iterator<Item = Done>) {
         let Some(taken) = self.taken.as_mut().filter(|all| all.len() < MOST_TURNS) else { return };
         for one in done {
@@ -260,8 +263,8 @@ impl Order {
         }
     }
 
-    /// The atomic that comes after a store in the same invocation, if another invocation could see the atomic before
-    /// the store.
+    /// For a store that took effect late: the site of the atomic that the same invocation ran after the store, if
+    /// another invocation could see this atomic's effect before the store's effect.
     fn behind(
         taken: &[(Turn, Done)],
         invocation: usize,
@@ -284,7 +287,8 @@ impl Order {
 const LEAST_ROOMS: usize = 4;
 const ROOMY: usize = 4096;
 
-/// Makes the memory and the detector state of a workgroup the current ones.
+/// Makes the memory and the detector state of the workgroup `next` current, and puts away those of the workgroup
+/// `here`.
 fn enter<'m, A: Arithmetic>(
     here: &mut Option<usize>,
     next: Option<usize>,
@@ -300,28 +304,30 @@ fn enter<'m, A: Arithmetic>(
     }
 }
 
-/// After this many turns in a row in which all units only wait, they count as waiting forever. Invocations that run
-/// side by side get fewer turns, because they may wait for each other.
+/// If all units only wait during this number of successive turns, the units count as waiting forever. If several
+/// invocations run side by side, the second number replaces the first, because these invocations may wait for each
+/// other.
 const WAITS: usize = 1 << 14;
 const WAITS_TOGETHER: usize = 1 << 10;
 
-/// The number of turns after which the clock is read again.
+/// The number of turns between two readings of the clock.
 const TURNS: usize = 1024;
 
 impl Program {
     /// Runs a compute entry point, one workgroup after another. This is one of the orders that the specification
     /// allows. Writes to storage change `resources`.
     ///
-    /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down. The case of an
-    /// invocation is the number that [`pixel_of`] takes. The position is the only input of such an entry point.
+    /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down. The case number of an
+    /// invocation is the number that [`pixel_of`] converts to a pixel. The position is the only input of such an entry
+    /// point.
     ///
     /// In [`Intervals`](crate::Intervals), a program that writes a buffer or a texture stops with an error, because
     /// memory can't store intervals.
     ///
     /// # Errors
     ///
-    /// If a resource is missing, or if an invocation runs too many loop iterations. Then the case of the error is the
-    /// number of the invocation in the dispatch, workgroup after workgroup.
+    /// If a resource is missing, or if an invocation runs too many loop rounds. In the second error, `case` is the
+    /// number of this invocation in the dispatch, counted workgroup after workgroup.
     pub fn dispatch<A: Runs>(
         &self,
         workgroups: [u32; 3],
@@ -383,7 +389,7 @@ impl Program {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })
     }
 
-    /// Checks if this is an entry point, and its results may depend on the size of subgroups.
+    /// Checks if the program's results may depend on the size of subgroups.
     #[must_use]
     pub fn has_subgroups(&self) -> bool {
         let given = |entry: &Entry| entry.inputs.iter().any(|(one, _)| is_of_subgroups(*one));

@@ -1,9 +1,11 @@
-//! Explores the orders of a dispatch's atomics. One order of each class of equivalent orders runs.
+//! Explores the orders of a dispatch's atomics. An order is a sequence of turns: in a turn, one [`Actor`] runs one
+//! atomic and everything up to its next atomic. One order of each class of equivalent orders runs.
 //!
 //! Two orders are equivalent if one becomes the other by exchanging neighbouring turns that commute. Accesses of
-//! different words commute, and so do two reads, or two additions whose results nothing uses. *Source sets* contain the
-//! turns that must be tried instead of a turn that was taken. *Sleep sets* contain the turns that lead to a class that
-//! has already run (Abdulla et al. 2014, *Optimal dynamic partial order reduction*, algorithm 1).
+//! different words commute, and so do two reads, or two additions whose results nothing uses. A *source set* contains
+//! the turns that must be tried at one point of an order, in place of the turn that ran there. A *sleep set* contains
+//! the turns that would lead to an order of a class that has already run (Abdulla et al. 2014, *Optimal dynamic partial
+//! order reduction*, algorithm 1).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -15,12 +17,12 @@ use crate::schedule::{Actor, Turns};
 /// A word that invocations share: its variable, the workgroup that has the memory, and its offset in bytes.
 pub(crate) type Word = (u32, u32, u32);
 
-/// The kind of an atomic, as other invocations see it.
+/// The kind of an atomic access, which decides with which other accesses the access commutes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Access {
     Reads,
-    /// Changes the word in a way that commutes with accesses of the same kind. No operation uses the word that the
-    /// atomic returns.
+    /// Adds to the word, and no operation uses the word that the atomic returns. So the access commutes with accesses
+    /// of the same kind. The same is true for the kinds below, except `Changes`.
     Adds,
     Ands,
     Ors,
@@ -51,8 +53,8 @@ impl Access {
     }
 }
 
-/// The accesses of shared words in the next turn of an [`Actor`]. There are none if the actor begins, or has just
-/// passed a barrier.
+/// The accesses of shared words in the next turn of an [`Actor`]. An actor that begins, or has just passed a barrier,
+/// has no such accesses.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Step {
     atomic: bool,
@@ -82,7 +84,7 @@ impl Step {
     }
 }
 
-/// For each actor, by number: the number of its turns before a point of the run.
+/// A clock shows a point of a run: for each actor, by number, how many of the actor's turns come before this point.
 type Clock = Vec<u32>;
 
 fn join(to: &mut Clock, from: &[u32]) {
@@ -94,15 +96,15 @@ fn join(to: &mut Clock, from: &[u32]) {
 struct Taken {
     actor: Actor,
     step: Step,
-    /// The number of the turn's actor, the turn's number among the actor's turns, and a clock. The clock counts the
-    /// turn itself and all turns that come before the turn.
+    /// The number of the turn's actor. The next two fields have the turn's number among the actor's turns, and a clock.
+    /// The clock counts the turn itself and all turns that come before the turn.
     own: usize,
     number: u32,
     clock: Clock,
 }
 
 impl Taken {
-    /// Checks if the turn comes before the point with this clock.
+    /// Checks if this turn is one of the turns that the clock counts.
     fn is_before(&self, clock: &[u32]) -> bool {
         clock.get(self.own).is_some_and(|count| *count >= self.number)
     }
@@ -112,9 +114,10 @@ impl Taken {
 struct Node {
     ready: BTreeMap<Actor, Step>,
     chosen: Actor,
-    /// The actors to try at this point: for each of them, one explored order gives the actor the next turn.
+    /// The actors to try at this point. For each of these actors, one explored order gives it the next turn.
     wanted: BTreeSet<Actor>,
-    /// The actors that needn't get a turn at this point: the turn leads to an order that has already run.
+    /// The actors that needn't get a turn at this point, because the turn would lead to an order that is equivalent to
+    /// an earlier one.
     asleep: BTreeMap<Actor, Step>,
 }
 
@@ -125,7 +128,8 @@ const MOST_TURNS: usize = 512;
 #[derive(Debug, Default)]
 pub struct Explorer {
     nodes: Vec<Node>,
-    /// The turns of the current run, the actors that can go on, and the actors that wait for a word to change.
+    /// The turns of the current run. The next two fields have the actors that can go on, and the actors that wait for a
+    /// word to change.
     taken: Vec<Taken>,
     ready: BTreeMap<Actor, Step>,
     waiting: BTreeMap<Actor, Step>,
@@ -199,13 +203,14 @@ impl Explorer {
         self.too_long
     }
 
-    /// The number of pairs of turns that were compared in all runs so far. It measures the cost of exploring.
+    /// The number of pairs of turns that the explorer has compared in all runs so far. This number measures the cost of
+    /// exploring.
     #[must_use]
     pub fn work(&self) -> u64 {
         self.work
     }
 
-    /// The turns of each dispatch in the run.
+    /// For each dispatch of the run, the actors in the order of their turns.
     #[must_use]
     pub fn turns(&self) -> Vec<Vec<Actor>> {
         let ends = self.begins.iter().skip(1).copied().chain([self.taken.len()]);
@@ -243,8 +248,8 @@ impl Explorer {
         Some(actor)
     }
 
-    /// If a turn races with an earlier turn, adds an actor to try at the earlier point, so that another order has the
-    /// other outcome of the race.
+    /// If a turn races with an earlier turn, adds an actor to try at the point of the earlier turn. Then another order
+    /// runs the two racing turns in the opposite order.
     fn want_otherwise(&mut self, actor: Actor, step: &Step, before: &[u32]) {
         let mut racing: Vec<usize> = Vec::new();
         let mut dependent: Vec<usize> = Vec::new();

@@ -21,7 +21,8 @@ use chain::{Chain, Ends};
 pub struct Interval {
     lo: f32,
     hi: f32,
-    /// The site that made the interval unbounded, plus 1; or 0. Also the bit [`REORDERED`].
+    /// The number of the site that made the interval unbounded, plus 1. It is 0 if no site is known. The bit
+    /// [`REORDERED`] may be set, too.
     cause: u32,
     chain: Chain,
 }
@@ -93,8 +94,8 @@ impl Interval {
         !self.is_bounded() || (f64::from(self.lo) <= x && x <= f64::from(self.hi))
     }
 
-    /// Checks if the interval is unbounded only because WGSL allows another order of operations (15.7.5). In the other
-    /// order, an intermediate result may overflow, or become a divisor without bounds.
+    /// Checks if the interval is unbounded only because WGSL allows another order of operations (15.7.5). In such an
+    /// order, an intermediate result may overflow, or a divisor may be unbounded.
     #[must_use]
     pub fn is_reordered(self) -> bool {
         self.cause & REORDERED != 0
@@ -123,7 +124,8 @@ impl Interval {
         }
     }
 
-    /// An unbounded result of two operands. It keeps the operands' mark [`REORDERED`].
+    /// An unbounded result of the operands `self` and `other`. If an operand is marked as [`REORDERED`], the result is,
+    /// too.
     fn lost(self, other: Self) -> Self {
         Self { cause: (self.cause | other.cause) & REORDERED, ..Self::UNBOUNDED }
     }
@@ -155,8 +157,8 @@ impl Interval {
         Self { lo: low, hi: high, ..Self::UNBOUNDED }.flushed()
     }
 
-    /// The bounds `lo` to `hi` of a remainder such as `x - floor(x)`, widened for all orders in which `self` may be
-    /// added up.
+    /// The bounds `lo` to `hi` of a remainder such as `x - floor(x)`, widened for all orders in which an implementation
+    /// may add the terms of `self`.
     pub(crate) fn with_slack(self, lo: f64, hi: f64) -> Self {
         let slack = self.chained().map_or(0.0, |(ends, chain)| chain.slack(ends));
         Self::outwards(lo - slack, hi + slack)
@@ -281,7 +283,7 @@ impl Interval {
     }
 
     /// The float for an integer of a normalised format. WGSL allows an error of 3 ulp from the exact quotient for
-    /// `unpack4x8unorm` and similar functions (15.7.4), and Karat allows the same here. 0 is exact.
+    /// `unpack4x8unorm` and similar functions (15.7.4), and Karat allows the same error for this float. 0 is exact.
     pub(crate) fn normalized(exact: f64) -> Self {
         let error = 3.0 * ulp(exact);
         match exact == 0.0 {
@@ -447,7 +449,7 @@ fn power_above(x: f64) -> f64 {
     if floor < x { 2.0 * floor } else { floor }
 }
 
-/// The exact rounding error of a sum in `f64`. Source: Knuth, TAOCP 4.2.2, theorem B.
+/// The exact rounding error of the sum `a + b` in `f64`. Source: Knuth, TAOCP 4.2.2, theorem B.
 fn lost(a: f64, b: f64, sum: f64) -> f64 {
     let part = sum - a;
     (a - (sum - part)) + (b - part)
@@ -463,7 +465,7 @@ fn upper_sum(a: f64, b: f64) -> f64 {
     if lost(a, b, sum) > 0.0 { sum.next_up() } else { sum }
 }
 
-/// The float that is `by` floats away from `x`. -0 and +0 count as two floats.
+/// Moves `by` floats up from `x`, or down if `by` is negative. -0 and +0 count as two floats.
 fn stepped(x: f32, by: i32) -> f32 {
     // The bits of negative floats count downwards. `turned` makes all bits count upwards.
     let turned = |bits: i32| bits ^ ((bits >> 31) & i32::MAX);
@@ -495,7 +497,7 @@ impl Range {
         Self { lo, hi }
     }
 
-    /// The integers from `lo` to `hi`, or all integers of the type if `lo` or `hi` is outside of the type.
+    /// The integers from `lo` to `hi`, or all integers of the type if `lo` or `hi` is outside of the type's range.
     pub(crate) fn or_full(lo: i64, hi: i64, signed: bool) -> Self {
         let full = Self::full(signed);
         if full.lo <= lo && lo <= hi && hi <= full.hi { Self { lo, hi } } else { full }

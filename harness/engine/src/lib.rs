@@ -1,9 +1,9 @@
 //! Runs WGSL on the CPU, for many cases at the same time, in three arithmetics.
 //!
 //! A [`Program`] is a function, a compute entry point or a fragment entry point of a valid [`naga::Module`]. It is
-//! lowered once, and can then run many times without a driver or an adapter. In [`F32`] it computes as a conforming
-//! GPU. [`F64`] computes in double precision, which shows how large the rounding errors of [`F32`] are. [`Intervals`]
-//! contain all results that the WGSL specification allows.
+//! lowered once, and can then run many times without a driver or an adapter. In [`F32`], the program computes as a
+//! conforming GPU does. In [`F64`], the program computes in double precision, which shows how large the rounding errors
+//! of [`F32`] are. [`Intervals`] contain all results that the WGSL specification allows.
 //!
 //! ```
 //! use karat_engine::{F32, Options, Program, Resources, Settings};
@@ -38,21 +38,22 @@
 //! a [`Range`], and a boolean is a [`Truth`], which may be undecided.
 //!
 //! **The machine** (`machine`) runs a chunk of 256 cases. A register is a column with one value for each lane
-//! (`columns`), and an operation is a loop over the lanes. Chunks run on all cores. The cost of finding an operation
-//! occurs once for each chunk. The cost of the arithmetic occurs once for each value.
+//! (`columns`), and an operation is a loop over the lanes. Chunks run on all cores. The cost of decoding an operation
+//! occurs once for each chunk. The cost of the arithmetic occurs once for each lane.
 //!
 //! **Control flow.** A mask marks the active lanes (`machine/masks`). Operations without effects run in all lanes,
 //! stores change only active lanes, and a loop runs until no lane is active. If a condition is undecided
-//! (`machine/worlds`), a lane takes both ways, each with its own copy of the variables. Where the ways meet, the values
-//! are joined. If the exit of a loop stays undecided too long, the lane's results become unbounded.
+//! (`machine/worlds`), a lane takes both branches, each with its own copy of the variables. Where the branches meet,
+//! the values of the variables are joined. If the exit of a loop stays undecided too long, the lane's results become
+//! unbounded.
 //!
 //! **Memory** (`machine/memory`). Variables are registers, and variables that are indexed at run time are ranges of
 //! registers. Buffers are bytes in naga's layout. In a written buffer, a float that isn't an `f32` is kept in addition
 //! to its rounded word. An index outside of its array is clamped, and reported to the [`Observer`].
 //!
-//! **Textures** (`texture`) are data. The specification doesn't limit the errors of filters. So the interval of a
-//! sample goes from slightly below the least texel to slightly above the greatest texel, and contains each weighted
-//! mean.
+//! **Textures** (`texture`) are lists of texels, and the engine filters them. The specification doesn't limit the
+//! errors of filters. So the interval of a sample goes from slightly below the least texel to slightly above the
+//! greatest texel, and contains each weighted mean.
 //!
 //! **Accuracy** (`accuracy`). For some built-in functions, the specification allows large errors, or any error. For
 //! these functions, [`Options::accuracy`] narrows the bounds to twice the error that was measured on an adapter.
@@ -68,15 +69,16 @@
 //!
 //! - naga rounds literals to `f32` and folds constants before the engine sees them. So [`F64`] computes with rounded
 //!   literals: `0.1` is the nearest `f32` in each arithmetic.
-//! - In [`F64`], a bitcast of a float first rounds it to `f32`, and half precision isn't rounded.
+//! - In [`F64`], a bitcast of a float first rounds the float to `f32`. Floats of half precision aren't rounded.
 //! - `pow(x, y)` is NaN for each x below zero, like `exp2(y * log2(x))`.
-//! - Integers wrap. Division by zero returns the dividend, and the remainder is then 0. Shifts count modulo 32.
-//!   Conversions from floats to integers saturate. naga's back ends do the same.
+//! - Integers wrap around. A division by zero returns the dividend, and the remainder is 0. The number of bits of a
+//!   shift counts modulo 32. Conversions from floats to integers saturate. naga's back ends do the same.
 //! - In intervals, a subnormal may be flushed. A result that overflows is unbounded, and everything that is computed
 //!   from it is unbounded, too. [`Program::cause`] returns the operation that made it unbounded.
 //! - The invocations of a workgroup are the lanes of one chunk, so all of them are at a barrier at the same time. A
-//!   [`Schedule`] may run them one by one, or some of them together. Then each such unit has its own machine, which
-//!   stops before atomics and at barriers. Workgroups run one after another, unless one waits for another.
+//!   [`Schedule`] may also run the invocations one by one, or in groups. Then each invocation or group has its own
+//!   machine, which stops before atomics and at barriers. Workgroups run one after another, unless one waits for
+//!   another.
 //! - A subgroup has 32 successive lanes, unless a [`Schedule`] sets another number.
 
 mod accuracy;

@@ -32,10 +32,11 @@ use memory::Place;
 /// tenth of this number. Lowering this number of operations takes a second.
 const MOST_OPERATIONS: usize = 1 << 20;
 
-/// The largest size of workgroup memory, in bytes. The limit of WebGPU is 16 KiB, and devices have a few times as much.
+/// The largest size of workgroup memory, in bytes. The default limit of WebGPU is 16 KiB, and GPUs allow a few times as
+/// much.
 const MOST_WORKGROUP_BYTES: u64 = 1 << 20;
 
-/// The stack that each level of nesting needs, and the stack that is added if less is free, in bytes.
+/// The stack that each level of nesting needs, in bytes. If less is free, lowering adds a stack of the second size.
 pub(crate) const STACK: (usize, usize) = (128 << 10, 2 << 20);
 
 /// The values of overrides, by name, or by the override's id in decimal.
@@ -48,16 +49,16 @@ pub struct Settings {
     pub overrides: Overrides,
     /// `true` if `a * b + c` is rounded only once, as on many GPUs.
     pub contract: bool,
-    /// Prefixes of names. Let-bindings whose names begin with one of these are shown to observers. A test sees the
-    /// values of these let-bindings as it sees results.
+    /// Prefixes of names. If the name of a let-binding begins with one of these prefixes, observers receive the
+    /// let-binding's value. Tests see these values like results.
     pub named: &'static [&'static str],
     /// `true` if four successive cases are a quad of pixels: the upper left pixel, the pixel on its right, and the two
     /// pixels below. Derivatives need this.
     pub quads: bool,
-    /// `true` for programs that are compared. Then operations that are equal by an identity become one operation (`x *
-    /// 2` is `x + x`), and private variables are results.
+    /// `true` for programs that Karat compares with other programs. Then operations that are equal by an identity
+    /// become the same operation (`x * 2` becomes `x + x`), and private variables are results.
     pub identities: bool,
-    /// `true` to list the statements, so that their runs can be counted.
+    /// `true` to list the program's statements, so that runs can count how often each statement runs.
     pub statements: bool,
 }
 
@@ -70,7 +71,7 @@ pub(crate) enum Value {
     Sampler(u32),
 }
 
-/// The expressions of a function or of the module, with their values.
+/// The expressions of a function or of the module, with the values of the expressions that are lowered.
 pub(crate) struct Scope<'m> {
     name: String,
     call: usize,
@@ -80,10 +81,11 @@ pub(crate) struct Scope<'m> {
     values: Vec<Option<Value>>,
     arguments: Vec<Value>,
     locals: HashMap<Handle<naga::LocalVariable>, Rc<Place>>,
-    /// The registers to which returns store the result. `None` if the function returns only at its end.
+    /// The registers in which each `return` stores the result. `None` if the function returns only at its end.
     result: Option<Rc<[Reg]>>,
     returned: Option<Value>,
-    /// `true` if the function also returns before its end. Then its call is a construct that a return leaves.
+    /// `true` if the function also returns before its end. Then a call of the function is a construct (like a loop),
+    /// from which a return jumps out.
     early: bool,
 }
 
@@ -115,7 +117,7 @@ pub(crate) struct Lower<'m> {
     code: Code,
     constants: HashMap<(Constant, File), Reg>,
     words: HashMap<Reg, Constant>,
-    /// How integer registers were computed, for results that may wrap.
+    /// For integer registers whose value may have wrapped around: the operation that computed the register.
     computed: HashMap<Reg, wrap::Computed>,
     globals: HashMap<Handle<naga::GlobalVariable>, Value>,
     overrides: HashMap<Handle<Override>, Value>,
@@ -123,7 +125,7 @@ pub(crate) struct Lower<'m> {
     open: Vec<Open>,
     calls: usize,
     sizes: Option<[Option<Handle<Expression>>; 3]>,
-    /// `true` if the program is an entry point. The invocations of an entry point share memory.
+    /// `true` if the program is an entry point, whose invocations share memory.
     shared: bool,
     /// `true` for a fragment entry point. Its invocations are the pixels of quads.
     drawn: bool,
@@ -183,7 +185,7 @@ impl<'m> Lower<'m> {
         self.program(&point.function, info, &point.name)
     }
 
-    /// The value of an expression of the module, as a word. The expression may depend on overrides.
+    /// Evaluates an expression of the module. The expression may depend on overrides.
     fn evaluated(&mut self, register: Reg) -> Lowered<Constant> {
         if let Some(constant) = self.words.get(&register) {
             return Ok(*constant);
@@ -209,7 +211,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Lowers `function` as the whole program. Its arguments are `parameters`.
+    /// Lowers `function` as the whole program. The parameters of the function become the parameters of the program.
     pub(crate) fn program(
         mut self,
         function: &'m Function,
@@ -281,7 +283,8 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Lowers the overrides and private variables that the function uses. They come before all other operations.
+    /// Lowers the overrides and private variables that the function uses. Their operations come before all other
+    /// operations of the program.
     fn prologue(&mut self, info: &FunctionInfo) -> Lowered<()> {
         let mut scope = self.module_scope();
         for (handle, declared) in self.module.overrides.iter() {
@@ -420,7 +423,7 @@ impl<'m> Lower<'m> {
         Value::Place(Rc::new(Place::buffer(slot, inner.clone())))
     }
 
-    /// A variable of a function or an invocation. Its initial value is `init`, or zero.
+    /// Makes the registers of a local or private variable. The initial value is `init`, or zero if `init` is `None`.
     fn variable(&mut self, inner: &TypeInner, init: Option<Value>) -> Lowered<Value> {
         let scalars = self.scalars(inner)?;
         let counts = self.counts(inner)?;
@@ -514,8 +517,8 @@ impl<'m> Lower<'m> {
         Ok(self.code.instructions.len() - 1)
     }
 
-    /// Lists a statement. The operations of the statement begin with operation `start`, and end with the last operation
-    /// so far.
+    /// Adds a statement to the program's list of statements, if the settings ask for this list. The operations of the
+    /// statement begin with operation `start`, and end with the last operation so far.
     fn list(&mut self, scope: &Scope<'m>, span: Span, kind: StatementKind, start: usize) {
         if self.settings.statements && span.is_defined() {
             let end = self.code.instructions.len() as u32;
@@ -545,7 +548,7 @@ fn image_of(inner: &TypeInner) -> Option<(naga::ImageDimension, naga::ScalarKind
     Some((dim, kind))
 }
 
-/// Converts an override's value, which is given as `f64`, to a word.
+/// Converts an override's value from `f64` to the override's type, as the bits of a `u32`.
 fn override_word(scalar: Scalar, given: f64) -> u32 {
     match scalar {
         Scalar::F32 => (given as f32).to_bits(),

@@ -78,8 +78,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     rounds: u64,
     /// For each lane, the number of iterations for which the exit of a loop has been undecided.
     undecided: Vec<u64>,
-    /// For each lane, the site at which its results became unbounded: a loop whose exit stayed undecided, or an index
-    /// outside of its array.
+    /// For each lane, the site at which the lane's results became unbounded: a loop whose exit stayed undecided, or an
+    /// operation whose index was outside of its array.
     lost: Vec<Option<u32>>,
     /// The lanes in which the current operation's index is outside of its array.
     strayed: Vec<usize>,
@@ -87,7 +87,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) long: Vec<(usize, Span)>,
     /// The number of iterations of each open loop, the outermost loop first.
     open: Vec<u64>,
-    /// The value that a wrapping index would have without wrapping, in the first lane in which the index wraps.
+    /// In the first lane in which an index wraps around: the value that the index would have without wrapping.
     meant: i64,
     at: usize,
     site: u32,
@@ -95,27 +95,28 @@ pub(crate) struct Machine<'p, A: Rules> {
     /// The elements that the lanes of a load access, for the detector. The list is kept here, so that loads needn't
     /// allocate memory.
     places: Vec<(usize, bool)>,
-    /// For each lane, the site at which it last became inactive. The detector and derivatives need it.
+    /// For each lane, the site at which the lane last became inactive. The detector and derivatives need it.
     parted: Vec<Option<u32>>,
     /// In a draw, the helper lanes, whose effects are invisible. Otherwise empty.
     helpers: Vec<bool>,
     /// Finds races between the invocations of a workgroup, if that is requested.
     pub(crate) detector: Option<Box<Detector>>,
-    /// `true` if the machine also stops before each atomic. `paused` is `true` if it has just stopped before one.
+    /// `true` if the machine also stops before each atomic. `paused` is `true` if the machine has just stopped before
+    /// an atomic.
     pub(crate) yields: bool,
     paused: bool,
-    /// `true` if an atomic store takes effect only in a later turn.
+    /// `true` if the machine continues after an atomic store before the store takes effect.
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
-    /// The numbers of the stores that the machine has reached since the last request. `numbered` is the number of all
-    /// stores of the machine.
+    /// The numbers of the stores that the machine has delayed since `dispatch` last emptied this list. `numbered` is
+    /// the number of all stores that the machine has delayed.
     pub(crate) issued: Vec<u32>,
     numbered: u32,
     pub(crate) turn: usize,
     pub(crate) done: Vec<Done>,
-    /// The words that atomics have read since the last change of a word, each with the number of reads.
+    /// Hashes of the atomic reads since a word last changed, each with the number of equal reads.
     seen: HashMap<u64, u32>,
-    /// `true` if the machine loops until another invocation changes the word that it reads.
+    /// `true` if the machine waits: it runs a loop until another invocation changes the word that the loop reads.
     pub(crate) waits: bool,
 }
 
@@ -618,7 +619,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         Ok(Pause::End)
     }
 
-    /// The number of lanes that reach an operation which may change the active lanes. `None` if lanes aren't counted.
+    /// The number of lanes that reach an `if`, and 0 for all other operations. `None` if lanes aren't counted.
     #[inline]
     fn counted(&self, op: Op) -> Option<u64> {
         self.options.counts.as_ref()?;
@@ -641,7 +642,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         counts.come::<A>(target.map_or(next, |target| target as usize), case, &lanes);
     }
 
-    /// For lanes that were active before and aren't any more, notes the site where they became inactive.
+    /// For each lane that was active before and isn't active any more, notes the site where the lane became inactive.
     fn note_parting(&mut self, before: &[A::Bool]) {
         let now = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
         for (parted, (before, now)) in self.parted.iter_mut().zip(before.iter().zip(now)) {
@@ -656,10 +657,10 @@ impl<'p, A: Rules> Machine<'p, A> {
         if A::UNDECIDED { self.worlds.active() } else { self.masks.active() }
     }
 
-    /// Runs an operation on floats with `outs` result registers, and flushes what WGSL allows to flush: "Any inputs or
-    /// outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and "other operations
-    /// are required to preserve subnormal numbers" (15.7.2). So the machine flushes computed results. Values that are
-    /// loaded, stored, selected, swizzled, passed, returned or reinterpreted keep their bits.
+    /// Runs an operation on floats with `outs` result registers, and flushes the subnormal numbers that WGSL allows to
+    /// flush: "Any inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero",
+    /// and "other operations are required to preserve subnormal numbers" (15.7.2). So the machine flushes computed
+    /// results. Values that are loaded, stored, selected, swizzled, passed, returned or reinterpreted keep their bits.
     fn flushing(&mut self, registers: &[u32], outs: usize, run: impl FnOnce(&mut Self)) {
         if !self.options.flush {
             return run(self);
@@ -875,8 +876,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Checks if WGSL defines the result of a texture operation for an index that is too large: a store writes nothing,
-    /// and a sample takes the nearest layer.
+    /// Checks if WGSL defines the effect of a texture operation whose index is too large: a store writes nothing, and
+    /// sampling uses the nearest layer.
     fn defines_outside(&self, op: Op) -> bool {
         match op {
             Op::ImageStore(_) => true,

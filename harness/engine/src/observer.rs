@@ -43,8 +43,8 @@ pub struct Wrong<'a> {
     pub site: &'a Site,
     /// The case.
     pub case: usize,
-    /// For a derivative, the pixel that doesn't reach the derivative. WGSL doesn't define the result of such a
-    /// derivative (15.2, *derivative_uniformity*).
+    /// If the operation is a derivative: the pixel of the quad that doesn't reach the derivative. WGSL doesn't define
+    /// the result of such a derivative (15.2, *derivative_uniformity*).
     pub missing: Option<Missing<'a>>,
 }
 
@@ -53,7 +53,7 @@ pub struct Wrong<'a> {
 pub struct Missing<'a> {
     /// The pixel's case.
     pub case: usize,
-    /// The site of the condition or the jump at which the pixel left the other pixels.
+    /// The site of the condition or the jump at which the pixel took another branch than the other pixels of the quad.
     pub parted: Option<&'a Site>,
 }
 
@@ -68,7 +68,7 @@ pub struct Here<'a, A: Arithmetic> {
 }
 
 impl<A: Arithmetic> Here<'_, A> {
-    /// `true` for each lane that reaches the operation.
+    /// For each lane, `true` if the lane reaches the operation.
     #[must_use]
     pub fn lanes(&self) -> Cow<'_, [A::Bool]> {
         (self.lanes)()
@@ -81,8 +81,8 @@ impl<A: Arithmetic> std::fmt::Debug for Here<'_, A> {
     }
 }
 
-/// For each operation of a program, the cases that reach it. It is in this crate so that it is compiled with the
-/// crate's optimisations, because a run calls it for each operation.
+/// For each operation of a program, the cases that reach it. This type is in the engine's crate so that
+/// [`add`](Self::add) is compiled with the crate's optimisations, because a run calls `add` for each operation.
 #[derive(Debug, Default)]
 pub struct Reach {
     by_site: Mutex<Vec<Vec<u64>>>,
@@ -147,7 +147,8 @@ pub trait Observer<A: Arithmetic>: Sync {
         let _ = lanes;
     }
 
-    /// Receives other results of an operation: integers, booleans, or floats that a condition selected.
+    /// Receives the results of an operation that [`floats`](Self::floats) doesn't receive: integers, booleans, or
+    /// floats that a condition selected.
     fn others(&self, lanes: &Lanes<'_, A>) {
         let _ = lanes;
     }

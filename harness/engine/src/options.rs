@@ -16,14 +16,16 @@ pub enum Elsewhere {
     Clamped,
     /// The element with this index, modulo the number of elements.
     Nth(u32),
-    /// The element with the read's own index, modulo the number of elements.
+    /// The element with the invalid index modulo the number of elements.
     Wrapped,
-    /// This number, which doesn't come from the array. WGSL allows zero, and any value that an element may have.
+    /// The read returns this number, which doesn't come from the array. WGSL allows zero, and any value that an element
+    /// may have.
     Number(u8),
 }
 
 impl Elsewhere {
-    /// The index of the element that replaces an index. `last` is the last valid index.
+    /// The index of the element that an access uses in place of `index`, if `index` isn't valid. `last` is the last
+    /// valid index.
     pub(crate) fn find(self, index: i64, last: i64) -> i64 {
         match self {
             _ if (0..=last).contains(&index) => index,
@@ -54,7 +56,7 @@ pub struct Options {
     pub leaves: bool,
     /// The number of iterations that all loops of all cases of a dispatch may run in total. Unlimited by default.
     pub work: u64,
-    /// The time at which a run ends if it is still in a loop. `None` if there is no limit.
+    /// The time at which Karat stops a run that is still in a loop. `None` if there is no limit.
     pub deadline: Option<Instant>,
     /// In intervals, the number of iterations for which the exit of a loop may stay undecided before the results become
     /// unbounded. The default is 256. Bounds that haven't converged by then rarely converge later.
@@ -62,20 +64,22 @@ pub struct Options {
     /// In `f32`, `true` to flush subnormals to zero: the operands and results of each operation for which WGSL allows
     /// it (15.7.2). Values that are only moved aren't flushed.
     pub flush: bool,
-    /// In intervals, `true` if a constant stands for each decimal that rounds to it. The interval of `0.1` then reaches
-    /// from one neighbour of this float to the other, because each float type has its own nearest number to 0.1.
-    /// Integers and short binary fractions such as 0.75 are exact.
+    /// In intervals, `true` if the interval of a constant contains each decimal number that rounds to this constant.
+    /// The interval of `0.1` then reaches from the next smaller float to the next larger float, because each float type
+    /// has its own nearest number to 0.1. Integers and short binary fractions such as 0.75 are exact.
     pub decimals: bool,
-    /// In intervals, the measured accuracy of an adapter. It narrows the bounds of the specification.
+    /// In intervals, the measured accuracy of an adapter. This accuracy narrows the bounds of the specification.
     pub accuracy: Option<Arc<Accuracy>>,
     /// The effect of indices outside of their arrays. If two runs with different choices have different results, the
     /// result depends on something that WGSL doesn't define.
     pub outside: Choice,
-    /// The site of one operation, with the element that this operation reads instead of the one that `outside` says.
+    /// The site of one operation, and the element that this operation reads if its index is outside of its array. For
+    /// all other operations, `outside` decides.
     pub outside_at: Option<(u32, Elsewhere)>,
     /// The order in which the workgroups and invocations of a dispatch run.
     pub schedule: Schedule,
-    /// The number of turns that a dispatch may have. Unlimited by default.
+    /// The number of turns that a dispatch may have. In a turn, invocations run to their next atomic or barrier.
+    /// Unlimited by default.
     pub most_turns: usize,
     /// `true` to return the order of a dispatch's atomics.
     pub shows_order: bool,

@@ -21,15 +21,15 @@ use crate::runs::Runs;
 use crate::scalar::{File, Scalar};
 
 /// The number of lanes of a chunk. A column of floats then has 1 KiB, so about thirty columns fit into a first-level
-/// cache. The cost of finding an operation is shared by 256 cases.
+/// cache. Each operation is decoded once for 256 cases.
 const LANES: usize = 256;
 
-/// From this number of cases on, chunks are twice as wide. More cases then share the cost of finding an operation, and
+/// From this number of cases on, chunks are twice as wide. Then each operation is decoded for more cases at once, and
 /// all cores are still busy.
 const MANY: usize = 16_384;
 
 /// The largest number of registers of a program: twice the number for the largest variable. With this number of
-/// registers, a thread needs 32 MiB for floats, and twice as much for many cases.
+/// registers, a thread needs 32 MiB for floats, or 64 MiB if there are at least [`MANY`] cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
 /// If there are few cases, the number of lanes is the number of cases, rounded up to a multiple of this number. 16
@@ -120,14 +120,14 @@ impl Program {
         self.code.results.iter().map(|(_, scalar)| *scalar).collect()
     }
 
-    /// The sites of the program's operations. They include the causes of unbounded intervals.
+    /// The sites of the program's operations. An operation that causes an unbounded interval has one of these sites.
     #[must_use]
     pub fn sites(&self) -> &[Site] {
         &self.code.sites
     }
 
     /// The sites of the operations that [`Observer::reached`](crate::Observer::reached) may report. A site may occur
-    /// twice. All other sites belong to constants.
+    /// twice. The sites that aren't in the result belong to constants.
     pub fn operations(&self) -> impl Iterator<Item = &Site> {
         let all = self.code.instructions.iter().filter(|one| !one.op.is_an_end());
         all.map(|one| &self.code.sites[one.site as usize])

@@ -8,10 +8,11 @@
 //! The machine runs invocations in lockstep, so a race doesn't show in the results. Instead, each element remembers the
 //! accesses with which a later access could race:
 //!
-//! - the last write, and the last write by another invocation. If an invocation other than the current one has written
-//!   in the current epoch, that write is one of these two;
+//! - the last write, and the last write by any other invocation. If an invocation other than the current one has
+//!   written since the last barrier, one of the two writes is by such an invocation;
 //! - the last write by an earlier workgroup;
-//! - the last write of a different value, to distinguish equal writes from unequal writes;
+//! - the last write of a value that differs from the last written value, to distinguish equal writes from unequal
+//!   writes;
 //! - two reads by different invocations since the last barrier, and one read by an earlier workgroup.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -23,8 +24,8 @@ use crate::dispatch::Turn;
 use crate::explore::{Access as Touch, Word};
 use crate::refusal::Stop;
 
-/// The number of bytes or texels whose elements are allocated together. A dispatch may never access most of a large
-/// buffer.
+/// The detector allocates the elements of this number of bytes or texels together. It doesn't allocate the elements of
+/// a whole buffer, because a dispatch may access only a small part.
 const PAGE: usize = 1024;
 
 /// The largest number of elements that a dispatch remembers. Each needs 116 bytes, so all need 116 MiB. Accesses to
@@ -33,8 +34,8 @@ const MOST_CELLS: usize = 1 << 20;
 const _: () = assert!(size_of::<Cell>() == 116);
 
 /// The largest number of races that are kept for a variable. Each of these races has a different pair of source lines.
-/// Equal writes and other races are counted separately. A loop over a buffer may have a race for each element, all with
-/// the same lines.
+/// This limit applies separately to races of equal writes (both accesses write the same word) and to all other races. A
+/// loop over a buffer may have a race for each element, all with the same lines.
 const MOST_RACES: usize = 64;
 
 const NONE: u32 = u32::MAX;
@@ -60,7 +61,7 @@ pub struct Access {
     pub writes: bool,
     /// The word that the access writes or reads.
     pub word: u32,
-    /// For a texel, its channels, if they were kept.
+    /// For a texel, its four channels, if the detector kept them. Otherwise `None`.
     pub texel: Option<[u32; 4]>,
 }
 
@@ -105,24 +106,24 @@ pub struct Divergence {
     pub count: usize,
     /// `true` for a subgroup operation.
     pub subgroup: bool,
-    /// The condition or the jump at which the missing invocation went another way. `None` if the invocation never
+    /// The condition or the jump at which the missing invocation took another branch. `None` if the invocation never
     /// reached the code that leads to the barrier.
     pub parted: Option<Site>,
 }
 
-/// Reads of elements that no invocation has written: elements of workgroup memory, which WGSL initializes to zero, or
-/// of a blank buffer.
+/// Reads of elements that no invocation has written. The elements are in workgroup memory, which WGSL initializes to
+/// zero, or in a blank buffer: a buffer with unknown contents.
 #[derive(Clone, Debug)]
 pub struct Unwritten {
-    /// The first of these reads.
+    /// The first read of an unwritten element at this site.
     pub access: Access,
     /// The name of the variable in the module.
     pub variable: String,
     /// `true` for workgroup memory.
     pub own: bool,
-    /// The offset in bytes of the first such element, from the beginning of the variable.
+    /// The offset of the first unwritten element that is read, in bytes from the beginning of the variable.
     pub byte: u32,
-    /// The number of such reads at the same site.
+    /// The number of reads of unwritten elements at this site.
     pub count: u64,
 }
 
@@ -146,9 +147,9 @@ pub enum Bounds {
 pub struct Outside {
     /// The operation.
     pub site: Site,
-    /// The first invocation with such an index.
+    /// The first invocation whose index is outside of the array.
     pub invocation: usize,
-    /// The number of such indices.
+    /// The number of indices outside of the array, over all invocations.
     pub count: u64,
     /// `true` for a write or an atomic.
     pub writes: bool,
@@ -159,7 +160,7 @@ pub struct Outside {
     /// `true` if the array is inside another array or a structure.
     pub nested: bool,
     /// If the array is in a buffer: the index in the first invocation, and the number of elements. For an index that
-    /// wraps: its value without wrapping, and its value with wrapping.
+    /// wraps around: the index without wrapping, and the index with wrapping.
     pub index: Option<(i64, u64)>,
     /// The number of times that the operation ran.
     pub of: u64,
@@ -179,13 +180,14 @@ pub(crate) struct Beyond<'c> {
 /// The findings of a dispatch.
 #[derive(Clone, Debug, Default)]
 pub struct Observed {
-    /// The races: the first race of each pair of lines. Equal writes come after all other races.
+    /// The first race of each pair of source lines. Races of equal writes come after all other races.
     pub races: Vec<Race>,
     /// The barriers that only some invocations reached. Each barrier occurs once.
     pub divergences: Vec<Divergence>,
     /// The operations with indices outside of their arrays or textures. Each operation occurs once.
     pub outside: Vec<Outside>,
-    /// The reads of unwritten workgroup memory and of blank buffers, one for each site.
+    /// The reads of elements that no invocation has written, in workgroup memory and in buffers with unknown contents.
+    /// Each site occurs once.
     pub unwritten: Vec<Unwritten>,
     /// For each storage buffer or storage texture, by group and binding: the words or texels that the program wrote.
     pub written: BTreeMap<(u32, u32), Touched>,
@@ -195,17 +197,18 @@ pub struct Observed {
     pub invocations: usize,
     /// The number of iterations of all loops in all invocations.
     pub rounds: u64,
-    /// The number of turns of all invocations.
+    /// The number of turns of all invocations. In a turn, an invocation runs to its next atomic or barrier.
     pub turns: u64,
     /// The atomics of the dispatch.
     pub atomics: Atomics,
     /// The order of the atomics, if it was requested.
     pub order: Vec<Turn>,
-    /// The number of accesses to elements that aren't remembered.
+    /// The number of accesses that aren't checked for races, because the detector remembers only a limited number of
+    /// elements.
     pub unwatched: u64,
 }
 
-/// The numbers of atomics of a dispatch, to estimate the number of their orders.
+/// Counts the atomics of a dispatch, to estimate in how many orders they can run.
 #[derive(Clone, Debug, Default)]
 pub struct Atomics {
     /// The number of atomics of each invocation.
@@ -232,8 +235,8 @@ impl Atomics {
         }
     }
 
-    /// The binary logarithm of an upper bound of the number of orders. Equivalent orders count as one. The function
-    /// treats words as independent of each other.
+    /// An upper bound of the number of orders in which the atomics can run, as a binary logarithm. Equivalent orders
+    /// count as one order. The bound adds up the orders of each word, as if words were independent of each other.
     #[must_use]
     pub fn most_orders(&self) -> f64 {
         let commute = |kinds: u32| kinds.count_ones() == 1 && kinds != 1 << Touch::Changes as u32;
@@ -250,8 +253,8 @@ impl Atomics {
     }
 }
 
-/// An access that an element remembers. It has the invocation, the site and the word. `epoch` is the number of barriers
-/// for the element's address space that the workgroup had passed.
+/// An access that an element remembers. `epoch` is the number of barriers for the element's address space that the
+/// workgroup had passed at the time of the access.
 #[derive(Clone, Copy, Debug)]
 struct Who {
     invocation: u32,
@@ -265,7 +268,7 @@ const NONE_YET: Who = Who { invocation: NONE, epoch: 0, site: 0, word: 0 };
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     write: Who,
-    /// The last write by an invocation that didn't make `write`.
+    /// The last write by an invocation other than the invocation of `write`.
     other: Who,
     /// The last write of a word that differs from the word of `write`.
     unequal: Who,
@@ -318,8 +321,8 @@ struct Shadow {
     /// The elements, by the byte of a word at which they begin. Most elements begin at byte 0. 16-bit floats may also
     /// begin at byte 2, and booleans at each byte.
     pages: [Vec<Option<Box<[Cell]>>>; 4],
-    /// The written elements. In workgroup memory, these are the elements that this workgroup wrote. In blank buffers,
-    /// the elements that earlier passes wrote are included.
+    /// The written elements. In workgroup memory, these are the elements that this workgroup wrote. In buffers with
+    /// unknown contents, they include the elements that earlier passes wrote.
     touched: Touched,
 }
 
@@ -342,7 +345,8 @@ pub(crate) struct Detector {
     starts: Vec<usize>,
     /// The number of the current workgroup's first invocation, counting only workgroups that run.
     first: u32,
-    /// The number of barriers that the workgroup has passed: for workgroup memory, for storage and for textures.
+    /// The numbers of barriers that the workgroup has passed: barriers for workgroup memory, for storage, and for
+    /// textures.
     epochs: [u32; 3],
     /// The number, in its workgroup, of the first lane that runs at the moment. `waiting` has the address spaces of the
     /// barriers at which other invocations wait.
@@ -357,7 +361,7 @@ pub(crate) struct Detector {
     outside: BTreeMap<u32, Outside>,
     unwritten: BTreeMap<u32, Unwritten>,
     texels: HashMap<u32, [u32; 4]>,
-    /// For each site of an operation with an index, the number of times that it ran.
+    /// For each site of an operation with an index, the number of times that the operation ran.
     ran: Vec<u64>,
     atomics: Atomics,
 }
@@ -373,7 +377,8 @@ pub(crate) struct Accessed {
 }
 
 impl Detector {
-    /// A detector for workgroups of `invocations`. `blank` has the written elements of blank buffers.
+    /// Makes a detector for workgroups with `invocations` invocations. `blank` has the written elements of each buffer
+    /// with unknown contents.
     pub(crate) fn new(
         code: &Code,
         invocations: usize,
@@ -491,8 +496,8 @@ impl Detector {
         self.textures[slot as usize].written
     }
 
-    /// Notes a barrier that the `active` invocations reach. `parted` has the sites at which other invocations went
-    /// another way.
+    /// Notes a barrier that the `active` invocations reach. `parted` has the sites at which the other invocations took
+    /// another branch.
     pub(crate) fn barrier(
         &mut self,
         code: &Code,
@@ -508,8 +513,8 @@ impl Detector {
     }
 
     /// Notes an operation that all invocations should reach together. `first` is the first of its lanes, `subgroup` is
-    /// `true` if the lanes are a subgroup, `parted` has the sites at which other lanes went another way, and `active`
-    /// marks the lanes that reach the operation.
+    /// `true` if the lanes are a subgroup, `parted` has the sites at which the other lanes took another branch, and
+    /// `active` marks the lanes that reach the operation.
     pub(crate) fn meet(
         &mut self,
         code: &Code,

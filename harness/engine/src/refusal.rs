@@ -9,7 +9,7 @@ use thiserror::Error;
 pub struct Refusal {
     /// The construct.
     pub what: String,
-    /// The construct's bytes in the source. Undefined if naga has no position for it.
+    /// The construct's bytes in the source. Undefined if naga has no position for the construct.
     pub span: Span,
 }
 
@@ -47,7 +47,7 @@ pub enum Stop {
     /// word.
     #[error("case {case} waits in a loop for a value that no invocation changes")]
     Waits {
-        /// A read in such a loop.
+        /// A read in one of the loops that wait.
         span: Span,
         /// A case that is in the loop.
         case: usize,

@@ -22,8 +22,8 @@ impl Resources {
         Self::default()
     }
 
-    /// Binds a resource of `others`. It is at the group and binding `from` in `others`, and gets the group and binding
-    /// `to`.
+    /// Binds a resource of `others`. In `others`, the resource has the group and binding `from`. In `self`, the
+    /// resource gets the group and binding `to`.
     pub fn take_from(&mut self, others: &Self, from: [u32; 2], to: [u32; 2]) {
         let (from, to) = ((from[0], from[1]), (to[0], to[1]));
         if let Some(bytes) = others.buffers.get(&from) {
@@ -43,7 +43,7 @@ impl Resources {
     /// The group and binding for `var<immediate>`, which has no group and binding in WGSL.
     pub const IMMEDIATE: [u32; 2] = [u32::MAX; 2];
 
-    /// Binds a buffer. `bytes` have the layout of its type, in little-endian order.
+    /// Binds a buffer. The bytes must have the layout of the buffer's type, in little-endian order.
     pub fn set_buffer(&mut self, group: u32, binding: u32, bytes: impl Into<Vec<u8>>) {
         self.buffers.insert((group, binding), bytes.into());
     }

@@ -17,7 +17,7 @@ pub enum Lane<F, I, B> {
     Bool(B),
 }
 
-/// A scalar of a result in arithmetic `A`.
+/// One scalar of a result in arithmetic `A`.
 pub type LaneOf<A> = Lane<<A as Rules>::Float, <A as Rules>::Int, <A as Rules>::Bool>;
 
 /// The results of all cases, one row for each case.

@@ -1,8 +1,8 @@
 //! The rules: how each operation is computed in each arithmetic. Each family of rules has one file.
 //!
 //! A rule is defined in one place: its name, the number of its arguments and results, naga's name of the builtin, and
-//! its computation in `f32`, in `f64` and in intervals. The macros below make an enum of each family, which programs
-//! contain, and a function that selects the loop for each rule.
+//! its computation in `f32`, in `f64` and in intervals. For each family, the macros below make an enum of the rules,
+//! and a function that runs the loop of a rule. The operations of a program contain values of these enums.
 
 mod arithmetic;
 mod conversion;
@@ -276,8 +276,8 @@ mod tests {
         (0..outs as u32).map(|out| columns.get(out)[0]).collect()
     }
 
-    /// For all numbers in the argument intervals, the bounds of the numbers' result must be within the bounds of the
-    /// intervals' result. Otherwise a result that WGSL allows could be outside of the bounds.
+    /// If each argument is a single number of its interval, the bounds of the result must be within the bounds of the
+    /// result for whole intervals. Otherwise a result that WGSL allows could be outside of the bounds.
     // Lesson 109
     #[test]
     fn wider_arguments_have_wider_results() {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
 
-/// The type of one word in a row.
+/// The type of one scalar in a row of arguments or results. A row has a `u32` for each scalar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Scalar {
     /// The bits of an `f32`.

@@ -5,17 +5,18 @@ use std::collections::{BTreeSet, BinaryHeap, HashMap};
 
 use crate::explore::Step;
 
-/// An actor takes turns. It is a unit (invocations of a workgroup that run side by side, operation by operation), or
-/// one pending store of a unit.
+/// An actor takes turns with the other actors of a dispatch. An actor is a unit (invocations of a workgroup that run
+/// side by side, operation by operation), or one pending store of a unit. In its turn, a unit runs to its next atomic
+/// or barrier, or to its end. In its turn, a pending store takes effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Actor {
     /// The number of the unit. Units are numbered workgroup after workgroup.
     pub(crate) unit: u32,
-    /// 0 for the invocations themselves. For a store, its number, counted from 1.
+    /// 0 if the actor is the unit. Otherwise the number of the pending store, counted from 1.
     pub(crate) store: u32,
 }
 
-/// The rule that chooses the actor of the next turn. A turn ends before the actor's next atomic.
+/// The rule that chooses the [`Actor`] that gets the next turn. A turn ends before the actor's next atomic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Priorities {
     /// Chooses the actor with the lowest number.
@@ -25,7 +26,7 @@ pub enum Priorities {
     Backwards,
     /// Chooses the actor that has waited longest, so all actors take turns.
     InTurn,
-    /// Chooses a random actor, by a seed.
+    /// Chooses a random actor. The parameter is the seed.
     Shuffled(u64),
 }
 
@@ -36,33 +37,36 @@ pub enum Stores {
     /// All stores take effect at once.
     #[default]
     AtOnce,
-    /// Some stores, chosen by a seed, take effect only when all other actors have ended or wait. A store never takes
-    /// effect after a later barrier of its invocation, or after a later access to the same word by its invocation.
+    /// Some stores, chosen at random, take effect only when all other actors have ended or wait. The parameter is the
+    /// seed. Still, a store takes effect before the next barrier of its invocation, and before its invocation accesses
+    /// the same word again.
     Late(u64),
 }
 
 /// An order of the invocations of a dispatch.
 ///
 /// Each invocation runs to its next atomic. Then the invocation with the highest priority goes on. An invocation gets
-/// the lowest priority if it waits for others in a loop, or if it reaches an atomic at which it must stall. Such orders
-/// find each failure that needs few changes of turn, with a known probability (Burckhardt et al. 2010, *A randomized
-/// scheduler with probabilistic guarantees of finding bugs*).
+/// the lowest priority if it waits for others in a loop, or if it stalls: if it reaches an atomic that `stalls` lists.
+/// If a failure needs only a few switches between invocations, such orders find the failure with a known probability
+/// (Burckhardt et al. 2010, *A randomized scheduler with probabilistic guarantees of finding bugs*).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Schedule {
     /// The rule that chooses the actor of the next turn.
     pub priorities: Priorities,
-    /// The number of turns that invocations may wait in loops before a waiting invocation gets the lowest priority. The
-    /// loop may end although no other invocation changes a word.
+    /// The number of turns in which invocations may wait in loops before a waiting invocation gets the lowest priority.
+    /// Some loops end even if no other invocation changes a word.
     pub patience: u32,
-    /// The invocations that stall, each with the number of the atomic before which it stalls, counted from 1.
+    /// The invocations that stall. For each, the number of the invocation's atomic before which it stalls, counted from
+    /// 1.
     pub stalls: Vec<(usize, u32)>,
-    /// The turns of an explored order. They come first, and after them priorities decide.
+    /// The actors that get the first turns, in order, for example in an explored order. After these turns, `priorities`
+    /// decides.
     pub turns: Vec<Actor>,
     /// The time at which atomic stores take effect.
     pub stores: Stores,
-    /// The number of neighbours in a workgroup that run side by side, operation by operation.
+    /// The number of successive invocations of a workgroup that run side by side, operation by operation.
     pub together: usize,
-    /// The number of invocations of a subgroup. WebGPU's devices have 4 to 128 (*subgroupMinSize*).
+    /// The number of invocations of a subgroup. WebGPU allows 4 to 128 (*subgroupMinSize*).
     pub subgroup: u32,
 }
 
@@ -97,8 +101,8 @@ pub(crate) trait Turns {
     /// Announces an actor that can go on. `step` has the actor's next accesses to shared words.
     fn ready(&mut self, actor: Actor, step: Step);
 
-    /// Chooses the actor of the next turn, which then isn't ready any more. `None` if no actor is ready, or if the run
-    /// needn't be finished.
+    /// Chooses the actor of the next turn. This actor isn't ready any more until the next call of
+    /// [`ready`](Self::ready). `None` if no actor is ready, or if the run needn't be finished.
     fn next(&mut self) -> Option<Actor>;
 
     /// Announces that the actor of the last turn waits until another actor changes the word that the waiting actor
@@ -108,37 +112,37 @@ pub(crate) trait Turns {
     /// Announces that these units have passed a barrier: all their earlier turns come before all their later turns.
     fn joined(&mut self, units: std::ops::Range<u32>);
 
-    /// Checks if `ready` needs the next step of each actor.
+    /// Checks if callers must pass the real next step to [`ready`](Self::ready).
     fn asks(&self) -> bool {
         false
     }
 }
 
-/// The largest number of turns that one actor gets in a row. Then other actors get a turn, because the actor may be in
-/// a loop that waits for other actors, and Karat doesn't detect each such loop.
+/// The largest number of successive turns of one actor. After these turns, other actors get a turn, because the actor
+/// may wait for other actors in a loop that Karat doesn't recognise.
 const MOST_IN_A_ROW: u32 = 1 << 12;
 
 pub(crate) struct ByPriority<'s> {
     schedule: &'s Schedule,
-    /// The units that stall, each with the number of the atomic before which it stalls.
+    /// The units that stall. For each, the number of the unit's atomic before which it stalls.
     stalls: Vec<(u32, u32)>,
     heap: BinaryHeap<(i64, Reverse<Actor>)>,
-    /// In an explored order, the actors whose next step changes nothing that others see. Such a step isn't a turn of
-    /// that order.
+    /// In an explored order, the actors whose next step has no effect that other actors see. Such a step doesn't count
+    /// as a turn.
     eager: BTreeSet<Actor>,
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,
     lowest: i64,
-    /// The number of turns that units may still wait.
+    /// The number of turns in which units may still wait before a waiting unit gets the lowest priority.
     patience: u32,
     last: Actor,
-    /// The number of turns in a row that the current unit has had.
+    /// The number of successive turns that the current unit has had.
     row: u32,
     turns: std::slice::Iter<'s, Actor>,
 }
 
 impl<'s> ByPriority<'s> {
-    /// Turns for workgroups of `invocations`, with `lanes` invocations in each unit.
+    /// Prepares the schedule for workgroups with `invocations` invocations, of which each unit has `lanes`.
     pub(crate) fn new(schedule: &'s Schedule, invocations: usize, lanes: usize) -> Self {
         let units = invocations.div_ceil(lanes);
         let unit_of = |invocation: usize| {

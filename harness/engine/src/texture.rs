@@ -57,9 +57,9 @@ pub enum TextureError {
     Level {
         /// The index of the level.
         level: usize,
-        /// The number of texels that it has.
+        /// The number of texels that the level has.
         found: usize,
-        /// The number of texels that it needs.
+        /// The number of texels that the level needs for its size.
         needed: u64,
     },
     /// A size is zero, there is no level, the faces of a cube aren't square, or their number isn't six.
@@ -74,8 +74,8 @@ pub struct Texture {
     size: [u32; 3],
     samples: u32,
     levels: Vec<Texels>,
-    /// For a cube of floats: its levels, with the texels beyond the edges of each face. Computed when the cube is first
-    /// filtered.
+    /// For a cube of floats, the levels. Each face has a border: the texels beyond its edges. This field is computed
+    /// when the cube is first filtered.
     framed: OnceLock<Vec<Vec<[f32; 4]>>>,
     /// The least and the greatest value of each channel.
     hull: [(f32, f32); 4],
@@ -84,8 +84,8 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Makes a texture of `size` texels: width, height, and depth or layers. A cube has six layers. `texels` are the
-    /// mip levels, the largest first. `samples` is 1 unless the texture is multisampled.
+    /// Makes a texture of `size` texels: width, height, and depth or layers. A cube has six layers. `levels` has the
+    /// texels of each mip level, the largest level first. `samples` is 1 unless the texture is multisampled.
     ///
     /// # Errors
     ///
@@ -270,7 +270,7 @@ pub enum Filter {
     Linear,
 }
 
-/// The comparison of a reference with a depth.
+/// The comparison of a depth reference with a texel's depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Comparison {
     /// The comparison is never true.

@@ -18,14 +18,14 @@ pub struct Cells {
     columns: Vec<Vec<f64>>,
     /// The index of the first cell of each row, followed by the number of cells.
     offsets: Vec<usize>,
-    /// For each cell, the smallest rectangle around the pilot samples in it.
+    /// For each cell, the smallest rectangle around the pilot samples in the cell.
     occupied: Vec<Option<Rectangle>>,
 }
 
 impl Cells {
-    /// Makes at most `rows` rows of at most `columns` columns from the coordinates of pilot samples. If the support has
-    /// only one coordinate, each row has one column. If samples are equal, there may be up to twice as many rows and
-    /// columns.
+    /// Divides the support into rows and columns, by the coordinates of pilot samples. There are at most `rows` rows
+    /// with at most `columns` columns each, or up to twice these numbers if samples are equal. If the support has only
+    /// one coordinate, each row has one column.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
@@ -65,8 +65,8 @@ impl Cells {
         self.occupied.is_empty()
     }
 
-    /// The index of the cell with these coordinates. If rounding has moved the coordinates beyond an end, this is the
-    /// last cell before that end.
+    /// The index of the cell that contains the position `at`. If rounding has moved the position beyond an end of the
+    /// support, the result is the cell at that end.
     #[must_use]
     pub fn index(&self, at: [f64; 2]) -> usize {
         let row = index(&self.rows, at[0]);
@@ -82,7 +82,7 @@ impl Cells {
     /// The rectangle of a cell.
     ///
     /// # Panics
-    /// If there is no such cell.
+    /// If `cell` isn't the index of a cell.
     #[must_use]
     pub fn rectangle(&self, cell: usize) -> Rectangle {
         let row = self.offsets.partition_point(|offset| *offset <= cell) - 1;
@@ -93,12 +93,12 @@ impl Cells {
     }
 
     /// Divides a cell into parts, so that a quadrature rule of moderate order samples the density well in each part.
-    /// One part is around the pilot samples. The other parts lie on both sides of this part, and each is twice as wide
-    /// as the previous part. A density may fall quickly next to the samples, and a rule over a whole wide cell would
-    /// miss this fall.
+    /// One part contains the pilot samples. The other parts lie on both sides of this part, and become twice as wide
+    /// with each step away from it. A density may fall quickly next to the samples, and a quadrature rule over a whole
+    /// wide cell would miss this fall.
     ///
     /// # Panics
-    /// If there is no such cell.
+    /// If `cell` isn't the index of a cell.
     #[must_use]
     pub fn parts(&self, cell: usize) -> Vec<Rectangle> {
         let Rectangle { low, high } = self.rectangle(cell);
@@ -120,8 +120,8 @@ impl Cells {
     }
 }
 
-/// A gap of at most this share of the range may be a single step between neighbouring `f32`. At such a distance, even a
-/// correct sampler returns equal samples.
+/// If a gap between two samples is at most this share of the range, the gap may be a single step between neighbouring
+/// `f32`. Samples in so small a gap are equal, even if the sampler is correct.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
 /// The bounds that divide values into `parts` parts with about the same number of values. Equal values stay in one
@@ -164,8 +164,8 @@ fn bounds(inner: &[f64], part: usize, ends: (f64, f64)) -> (f64, f64) {
     (low, inner.get(part).copied().unwrap_or(ends.1))
 }
 
-/// The bounds of the parts into which `low..high` is divided. One part is `start..end`. On both sides of this part,
-/// each further part is twice as wide as the previous one.
+/// The bounds of the parts into which `low..high` is divided. One part is `start..end`. On both sides of this part, the
+/// parts become twice as wide with each step away from it.
 fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
     // The range of one sample has the width 0. At most 30 doublings of the least width reach any support's end.
     let width = (end - start).max(1e-9 * (high - low));

@@ -3,8 +3,8 @@
 use super::tail::chi_square_tail;
 use super::{NoVerdict, probability};
 
-/// Cells with fewer expected samples are pooled, because their counts aren't close to the normal distribution that the
-/// test assumes. The limit is a rule of thumb (Cochran 1952).
+/// Cells with fewer expected samples than this number are pooled, because their counts aren't close to the normal
+/// distribution that the test assumes. The number is a rule of thumb (Cochran 1952).
 pub const POOLED: f64 = 5.0;
 
 /// The difference between a histogram and the expected histogram.
@@ -12,9 +12,9 @@ pub const POOLED: f64 = 5.0;
 pub struct ChiSquare {
     /// The sum of (observed - expected)^2 / expected. Infinite if a sample is in a cell with the expected count 0.
     pub statistic: f64,
-    /// The degrees of freedom: the number of cells minus 1. The pool counts as one cell.
+    /// The degrees of freedom: the number of cells minus 1. All pooled cells count as one cell.
     pub dof: usize,
-    /// The probability that chance causes such a large sum.
+    /// The probability that chance causes a sum at least as large as `statistic`.
     pub p: f64,
     /// The number of pooled cells.
     pub pooled: usize,

@@ -3,9 +3,9 @@
 use super::gauss::gauss_legendre;
 use super::{Cells, Support};
 
-/// The number of Gauss-Legendre nodes along each side; the rule has degree 13. The second rule, Lobatto's rule of
-/// degree 7, has nodes on the sides, because the Gauss-Legendre rule alone would miss an edge between its outer nodes
-/// and the sides.
+/// The number of Gauss-Legendre nodes along each side of a rectangle. The rule has degree 13. The second rule,
+/// Lobatto's rule of degree 7, also has nodes on the sides of the rectangle. The Gauss-Legendre rule would miss an edge
+/// of the function between the outer nodes and the sides.
 const ORDER: u32 = 7;
 
 /// The largest number of nodes in one integral over all cells. A software rasteriser evaluates this many nodes in about

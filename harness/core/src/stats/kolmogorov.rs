@@ -13,7 +13,7 @@ pub struct Kolmogorov {
     pub distance: f64,
     /// The sample at which the difference is largest.
     pub at: f64,
-    /// The probability that chance causes such a large distance.
+    /// The probability that chance causes a difference at least as large as `distance`.
     pub p: f64,
 }
 

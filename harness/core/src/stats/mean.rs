@@ -1,4 +1,4 @@
-//! Compares the mean of samples with the expected mean, by the standard error of the samples.
+//! Compares the mean of samples with the expected mean. The standard error of the mean is the unit of the difference.
 
 use super::tail::normal_tail;
 use super::{NoVerdict, probability};
@@ -87,7 +87,7 @@ pub struct Mean {
     pub error: f64,
     /// The difference minus the slack, in standard errors.
     pub z: f64,
-    /// The probability that chance causes such a large difference.
+    /// The probability that chance causes a difference at least as large as the observed one.
     pub p: f64,
 }
 

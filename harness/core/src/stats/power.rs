@@ -7,11 +7,12 @@ use super::tail::{
 };
 use super::{NoVerdict, probability};
 
-/// The probability that a chi-square test rejects at `significance`. The test gets `samples` samples. The cells have
-/// the masses `actual`, and the test expects the masses `claimed`. The two lists of masses should have the same sum.
+/// The probability that a chi-square test with `samples` samples rejects at `significance`. The list `actual` has the
+/// true probability of each cell, and the list `claimed` has the probability that the test expects. The two lists
+/// should have the same sum.
 ///
 /// # Errors
-/// If a mass is negative or not a number, or if fewer than two cells have enough expected samples.
+/// If a probability is negative or not a number, or if fewer than two cells have enough expected samples.
 pub fn chi_square_power(
     claimed: &[f64],
     actual: &[f64],

@@ -32,7 +32,7 @@ pub enum Support {
 pub enum Place {
     /// The sample is on the support, at these coordinates.
     Inside([f64; 2]),
-    /// The sample is outside of the support: below the horizon, outside of the disk, or beyond an end.
+    /// The sample is outside of the support: below the horizon, outside of the disk, or beyond an end of the interval.
     Outside,
     /// The sample isn't a direction: its length isn't 1.
     NotUnit,
@@ -57,8 +57,8 @@ impl Support {
         matches!(self, Self::Interval(..))
     }
 
-    /// The ranges of the two coordinates. The first is the angle from +Z, or the radius; the second is the azimuth. An
-    /// interval's second coordinate is unused.
+    /// The ranges of the two coordinates. The first coordinate is the angle from +Z, the radius, or the number itself.
+    /// The second coordinate is the azimuth, and is unused for an interval.
     #[doc(hidden)]
     #[must_use]
     pub fn extent(self) -> [(f64, f64); 2] {

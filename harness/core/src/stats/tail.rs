@@ -32,9 +32,9 @@ pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
     high
 }
 
-/// The probability that a non-central chi-square variable is at least `x`. Its distribution is a mixture of central
-/// chi-square distributions with `dof + 2 j` degrees of freedom, where j has a Poisson distribution with the mean
-/// `lambda / 2`. Abramowitz and Stegun 26.4.25.
+/// The probability that a non-central chi-square variable is at least `x`. The distribution of this variable is a
+/// mixture of central chi-square distributions with `dof + 2 j` degrees of freedom, where j has a Poisson distribution
+/// with the mean `lambda / 2`. Abramowitz and Stegun 26.4.25.
 #[must_use]
 pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     if lambda == 0.0 {
@@ -88,8 +88,8 @@ pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) 
     high
 }
 
-/// The probability of a number of successes at least as extreme as `successes` in `trials` trials. This probability is
-/// twice the smaller tail, whose terms are summed exactly.
+/// The probability that the number of successes in `trials` trials is at least as far from the expected number as
+/// `successes`. The result is twice the smaller tail of the binomial distribution, summed term by term.
 #[must_use]
 pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     if successes > trials || !(0.0..=1.0).contains(&probability) {

@@ -6,7 +6,8 @@ use super::{Abs, Rel, Tolerance, Ulp};
 use crate::value::Scalar;
 
 /// The largest width that WGSL's range may have, unless a check sets another limit. A range of this width leaves three
-/// decimal digits, which the eye and 8-bit channels need. So a quarter of the digits of `f32` may be lost.
+/// decimal digits, which the eye and 8-bit channels need. An `f32` has seven decimal digits, so more than half of the
+/// digits may be lost.
 const NEED: f64 = 1.0 / 1024.0;
 
 /// The largest width that WGSL's range may have for `f16`, unless a check sets another limit. The last digit of an
@@ -16,10 +17,10 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 /// The range of values that the WGSL specification allows a function to return for the case's arguments. Karat computes
 /// it by interval arithmetic, from the accuracy of each operation ("Floating Point Accuracy").
 ///
-/// A case passes if both the result and the reference are inside of the range, and if the range is narrow: its width is
-/// at most 2^-10 relative (2^-5 for `f16`), or the tolerance of [`needing`](Self::needing). So a first test needs no
-/// number, and its verdict doesn't depend on the driver. Cases in which WGSL allows a wider range, or any value, fail.
-/// Set a tolerance for these cases with [`or`](Self::or).
+/// A case passes if both the result and the reference are inside of the range, and if the range is narrow. The width of
+/// the range may be at most 2^-10 of the value (2^-5 for `f16`), or within the tolerance that you pass to
+/// [`needing`](Self::needing). So a first test needs no number, and its verdict doesn't depend on the driver. Cases in
+/// which WGSL allows a wider range, or any value, fail. Set a tolerance for these cases with [`or`](Self::or).
 ///
 /// ```no_run
 /// # use karat::prelude::*;
@@ -33,7 +34,7 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 pub struct Spec;
 
 impl Spec {
-    /// [`Spec`] that requires more or fewer digits.
+    /// [`Spec`] with another limit for the width of the range, so that results need more or fewer exact digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -85,7 +86,7 @@ impl Spec {
 pub struct DeviceSpec;
 
 impl DeviceSpec {
-    /// [`DeviceSpec`] that requires more or fewer digits.
+    /// [`DeviceSpec`] with another limit for the width of the range, so that results need more or fewer exact digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -125,10 +126,10 @@ impl DeviceSpec {
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub struct SpecTolerance {
-    /// The largest width of the range that WGSL allows.
+    /// The largest width that the range may have.
     #[doc(hidden)]
     pub need: Tolerance,
-    /// The tolerance for cases with a wider range.
+    /// The tolerance for cases in which the range is wider than `need` allows.
     #[doc(hidden)]
     pub otherwise: Option<Tolerance>,
     /// `true` if the range comes from the adapter's measured accuracy.
@@ -149,7 +150,7 @@ impl SpecTolerance {
         Self { otherwise: Some(tolerance.into()), ..self }
     }
 
-    /// The largest width of the range for a type: the author's, or the default for the type's digits.
+    /// The largest width that the range may have for a scalar type: the author's limit, or the default for this type.
     #[doc(hidden)]
     pub fn need_of(&self, scalar: Scalar) -> Tolerance {
         match (&self.need, scalar) {

@@ -2,12 +2,12 @@
 
 use super::{Shape, several};
 
-/// The first member that differs between a host's structure and a WGSL structure, such as `m.roughness: f32`. If a
-/// structure has no member at this position, its field is `None`.
+/// The first member that differs between a host's structure and a WGSL structure, such as `m.roughness: f32`. If one of
+/// the structures has no member at this position, the field `wgsl` or `host` is `None`.
 #[derive(Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub struct Differing {
-    /// The WGSL structure that has the member, or should have it.
+    /// The name of the WGSL structure.
     #[doc(hidden)]
     pub structure: String,
     /// The member's position, counted from 1.

@@ -40,7 +40,8 @@ where
     }
 }
 
-/// A function without parameters has one case. The function's resources decide the result.
+/// The reference of a WGSL function without parameters. Such a function has one case, and its result depends on its
+/// resources.
 impl<F, R> Reference<()> for F
 where
     F: Fn() -> R + Sync,

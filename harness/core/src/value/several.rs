@@ -7,7 +7,8 @@ pub(super) const NAME: &str = "()";
 
 macro_rules! tuples {
     ($(($($name:ident $index:tt),+))*) => {$(
-        /// The order is: the result, the values behind pointers, the resources that the function wrote.
+        /// The tuple has the function's result, then the values behind pointers, then the resources that the function
+        /// wrote.
         impl<$($name: Mirror),+> Mirror for ($($name,)+) {
             fn shape() -> Shape {
                 let members = vec![$((stringify!($index).to_owned(), $name::shape())),+];

@@ -13,7 +13,7 @@
 
 use super::{Interval, greatest, half, least, lower_sum, upper_sum};
 
-/// The least and the greatest value of a term or a factor. They include zero if the value may be flushed.
+/// The least and the greatest value of a term or a factor. The range includes zero if the value may be flushed to zero.
 pub(super) type Ends = (f64, f64);
 
 /// The operands of the operations that computed a value.
@@ -42,7 +42,7 @@ impl Chain {
         }
     }
 
-    /// The terms of a value. A value that isn't a sum is a single term between these ends.
+    /// The terms of a value. A value that isn't a sum is a single term, with the range `ends`.
     fn sum(self, ends: Ends) -> Sum {
         match self {
             Self::Single | Self::Product(_) => Sum::of(ends),
@@ -51,7 +51,7 @@ impl Chain {
         }
     }
 
-    /// The factors of a value. A value that isn't a product is a single factor between these ends.
+    /// The factors of a value. A value that isn't a product is a single factor, with the range `ends`.
     fn product(self, ends: Ends) -> Product {
         match self {
             Self::Product(product) => product,
@@ -59,8 +59,8 @@ impl Chain {
         }
     }
 
-    /// The bounds of a value in half precision, for all orders of its operations. In addition to the results of the
-    /// operations, `more` values were rounded. `None` if a value may overflow.
+    /// The bounds of a value in half precision, for all orders of its operations. Each operation rounds its result. In
+    /// addition, `more` intermediate results were rounded. `None` if a value may overflow.
     pub(super) fn in_half(self, ends: Ends, more: u8) -> Option<Ends> {
         match self {
             Self::Single => Some(ends),
@@ -69,8 +69,9 @@ impl Chain {
         }
     }
 
-    /// The largest difference between two orders of a sum. Each addition has a rounding error of less than 2^-23 of the
-    /// largest partial sum. Both orders have this error, so the difference may be twice as large.
+    /// The largest difference between the results of two orders of a sum. Each addition has a rounding error of less
+    /// than 2^-23 of the largest partial sum. The results of both orders have such errors, so the difference may be
+    /// twice as large.
     pub(super) fn slack(self, ends: Ends) -> f64 {
         if !self.is_sum() {
             return 0.0;
@@ -196,7 +197,7 @@ pub(super) struct Sum {
     step: i16,
 }
 
-/// The step of zero, because zero is a multiple of each power of two.
+/// The value of `step` for zero, because zero is a multiple of each power of two.
 const ANY_STEP: i16 = i16::MAX;
 
 const LEAST_STEP: i16 = -149;
@@ -261,9 +262,9 @@ impl Sum {
     }
 
     /// The bounds for all orders. `count` terms need `count - 1` additions. The last addition rounds the result. Each
-    /// other addition rounds a partial sum to a neighbour, so its error is less than the distance of floats at the
-    /// largest partial sum. All results are multiples of 2^`step`. In addition, `more` terms were rounded themselves,
-    /// each with the same error as a rounded partial sum. `None` if a sum may overflow.
+    /// other addition rounds a partial sum to a neighbouring float, so its error is less than the distance between two
+    /// floats near the largest partial sum. All results are multiples of 2^`step`. In addition, `more` of the terms
+    /// were rounded, each with an error as large as that of a rounded partial sum. `None` if a sum may overflow.
     fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
@@ -321,8 +322,8 @@ pub(super) struct Product {
     /// `least` and `most` are bounds of the magnitudes of all partial products.
     least: f32,
     most: f32,
-    /// The largest magnitude of a partial product of divisors. The next field has the largest magnitude of a partial
-    /// product of the other factors.
+    /// The largest magnitude of a product of some of the divisors. The next field has the largest magnitude of a
+    /// product of some of the other factors.
     divisor: f32,
     dividend: f32,
     divisors: u16,
@@ -330,7 +331,7 @@ pub(super) struct Product {
     divisions: u16,
     /// The number of factors that may cause rounding errors: those that aren't powers of two.
     rounding: u16,
-    /// The number of digits of all these factors together. A product of up to 24 digits is exact.
+    /// The sum of the numbers of binary digits of these factors. A product of up to 24 binary digits is exact.
     digits: u16,
 }
 

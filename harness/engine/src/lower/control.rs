@@ -79,8 +79,8 @@ impl<'m> Lower<'m> {
         self.open.push(Open { frame, skips: Vec::new() });
     }
 
-    /// Ends a part, such as a branch, of the innermost open construct. Sets the next operation as the target of the
-    /// jumps that left this part.
+    /// Ends a part, such as a branch, of the innermost open construct. The jumps that left this part now jump to the
+    /// next operation.
     fn land(&mut self) {
         let here = self.code.instructions.len() as u32;
         if let Some(open) = self.open.last_mut() {
@@ -90,8 +90,8 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Ends the innermost open construct. If no lane is active after its end, control jumps to the end of the enclosing
-    /// construct's part.
+    /// Ends the innermost open construct. If no lane is active after the end of this construct, control jumps to the
+    /// end of the part that contains the construct, such as a branch.
     fn close(&mut self, op: Op) -> Lowered<usize> {
         self.land();
         self.open.pop();

@@ -8,8 +8,8 @@ use crate::rules::Basic;
 use crate::scalar::File;
 
 impl Lower<'_> {
-    /// The difference of a float between neighbouring pixels. As with WGSL's fine derivatives, each row and each column
-    /// of a quad has its own difference.
+    /// Lowers the derivative of a float: the difference between neighbouring pixels. As with WGSL's fine derivatives,
+    /// each row and each column of a quad of pixels has its own difference.
     pub(super) fn derivative(&mut self, axis: DerivativeAxis, of: Reg, half: bool) -> Lowered<Reg> {
         let neighbours = match axis {
             DerivativeAxis::X => [Neighbour::Right, Neighbour::Left],

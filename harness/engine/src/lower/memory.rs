@@ -12,16 +12,17 @@ use crate::scalar::{Counts, File, Scalar, stride_bytes};
 pub(crate) struct Place {
     root: Root,
     inner: TypeInner,
-    /// In a variable, the number of registers of each file before the target.
+    /// If the target is in a variable: the number of the variable's registers before the target, for each register
+    /// file.
     offset: Counts,
-    /// In a buffer, the number of bytes before the target.
+    /// If the target is in a buffer: the number of bytes before the target.
     bytes: u32,
     indices: Vec<Index>,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Root {
-    /// The first registers of a variable, and the number of its registers.
+    /// The variable's first register in each register file, and the number of its registers there.
     Local {
         base: Counts,
         extent: Counts,
@@ -60,7 +61,7 @@ impl Place {
         matches!(self.inner, TypeInner::Array { size: naga::ArraySize::Dynamic, .. })
     }
 
-    /// The registers of a variable's scalars, if no index is known only at run time.
+    /// The registers of a variable's scalars. The target must have no index that is known only at run time.
     pub(super) fn registers(&self, scalars: &[Scalar], extra: Counts) -> Rc<[Reg]> {
         let Root::Local { base, .. } = self.root else { return Rc::new([]) };
         let mut next: Counts = std::array::from_fn(|k| base[k] + self.offset[k] + extra[k]);
@@ -333,7 +334,8 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// Orders registers by file: booleans come after integers.
+/// Puts registers in the order of the register files: floats, integers, booleans. The indices are integers, so they
+/// come before registers of booleans.
 fn by_file(file: File, first: &[Reg], indices: &[Reg]) -> Vec<Reg> {
     if file == File::Bool { [indices, first].concat() } else { [first, indices].concat() }
 }

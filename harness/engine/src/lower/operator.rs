@@ -158,8 +158,9 @@ impl<'m> Lower<'m> {
         Ok(Value::Flat(values.into()))
     }
 
-    /// Replaces an operation by another one with the same result, or by none. Each identity also holds for NaN,
-    /// infinities and both zeros. The rounded results are equal, because the exact results are.
+    /// If an identity applies to an operation, returns a register with the same result: an operand, or the result of
+    /// another operation. Each identity also holds for NaN, infinities and both zeros. The rounded results are equal,
+    /// because the exact results are equal.
     fn identical(&mut self, op: BinaryOperator, a: Reg, b: Reg) -> Lowered<Option<Reg>> {
         use BinaryOperator as B;
         let value = |of: &Self, register: Reg| {
@@ -265,7 +266,8 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// A sum with a product as a term. If the settings ask for it, the result is rounded only once.
+    /// If the operation is a sum with a product as a term, and the settings ask to round such a sum only once, returns
+    /// the terms of the sum.
     fn fused(
         &mut self,
         scope: &mut Scope<'m>,

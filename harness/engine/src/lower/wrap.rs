@@ -1,5 +1,5 @@
-//! Finds indices that are computed from sums and products, and differences that become floats. Both may wrap around at
-//! 32 bits.
+//! Finds indices that are computed from sums and products, and differences that become floats. Such indices and
+//! differences may wrap around at 32 bits.
 
 use super::memory::Index;
 use super::{Lower, Lowered};
@@ -9,7 +9,7 @@ use crate::rules::Integer;
 /// The largest number of terms of an index. The other parts of a longer index count as single registers.
 const MOST_TERMS: usize = 64;
 
-/// The largest odd stride. A hash multiplies by larger odd numbers, and may wrap.
+/// The largest odd factor of an index. A multiplication by a larger odd number counts as a hash, which may wrap around.
 const MOST_ODD: u32 = 1 << 16;
 
 /// The operation and the operands that compute an integer register whose result may wrap.
@@ -67,7 +67,8 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Appends the terms of a register to `terms`, operands first, and the registers of the single terms to `ins`.
+    /// Appends to `terms` the terms that compute a register, operands before their operation. Appends to `ins` the
+    /// register of each [`Term::Register`].
     fn terms(&self, register: Reg, terms: &mut Vec<Term>, ins: &mut Vec<Reg>) {
         use Integer as I;
         let computed = self.computed.get(&register).filter(|_| terms.len() < MOST_TERMS);

@@ -135,8 +135,8 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Finds a coordinate or a layer of a loaded texel that is outside of the texture. Returns the first one, and the
-    /// texture's size in this direction.
+    /// Finds the first coordinate or layer of a texel load that is outside of the texture. Returns this coordinate or
+    /// layer, and the texture's size in this direction.
     pub(super) fn texel_beyond(
         &self,
         image: u32,

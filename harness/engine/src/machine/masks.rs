@@ -1,8 +1,7 @@
-//! Masks of active lanes, for control flow in which lanes go different ways.
+//! Masks of active lanes, for control flow in which lanes take different branches.
 //!
-//! Each open construct has a frame. The frame has the mask at the construct's entry, and the lanes that have left the
-//! construct by a jump. At the end of the construct, the mask is again the mask at the entry, without the lanes that
-//! have left.
+//! Each open construct has a `Frame`: the mask at the construct's entry, and the lanes that have left the construct by
+//! a jump. At the end of the construct, the mask is again the mask at the entry, without the lanes that have left.
 //!
 //! `worlds` does the same for arithmetics with undecided conditions.
 
@@ -21,7 +20,7 @@ struct Frame<A: Rules> {
     broken: Box<[A::Bool]>,
 }
 
-/// The current mask, and the frames of open constructs.
+/// The current mask, and the [`Frame`]s of the open constructs.
 pub(crate) struct Masks<A: Rules> {
     current: Box<[A::Bool]>,
     frames: Vec<Frame<A>>,
@@ -155,7 +154,7 @@ impl<A: Rules> Masks<A> {
         self.any
     }
 
-    /// Makes the lanes active again that left the iteration by `continue`.
+    /// Makes lanes that left the round by `continue` active again.
     pub(crate) fn continuing(&mut self) {
         if let Some(frame) = self.frames.last() {
             let gone = frame.broken.iter().zip(&frame.left);
@@ -188,8 +187,8 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Makes the active lanes jump to the end of the frame around the `depth` innermost frames. `breaks` is `true` if
-    /// the lanes jump out of a loop.
+    /// Makes the active lanes jump to the end of an open construct: the construct that contains the `depth` innermost
+    /// open constructs. `breaks` is `true` if the lanes jump out of a loop.
     pub(crate) fn exit(&mut self, depth: u32, breaks: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for frame in self.frames[target + 1..].iter_mut().rev() {

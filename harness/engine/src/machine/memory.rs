@@ -13,12 +13,14 @@ use crate::races::{Accessed, Detector, Place};
 use crate::rules::Half;
 use crate::scalar::{File, Scalar};
 
-/// The kind of an access, as two flags: the first is `true` if the access reads, and the second if the access writes.
+/// The kind of an access, as two flags. The first is `true` if the access reads. The second is `true` if the access
+/// writes.
 const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
 
-/// The bytes of a buffer. If a program writes the buffer, floats that aren't an `f32` are kept in addition.
+/// The bytes of a buffer. If a program writes the buffer, `floats` keeps the written floats, because an `f64` or an
+/// interval doesn't fit into a word.
 #[derive(Clone, Debug)]
 pub(crate) struct Buffer<'a, A: Rules> {
     pub(crate) bytes: Cow<'a, [u8]>,
@@ -182,9 +184,9 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// The index of a lane that is outside of an array in a buffer, or a coordinate outside of a texture, and the
-    /// number of elements in the array, or of texels in this direction. For an index that wraps: its value without
-    /// wrapping, and its value with wrapping.
+    /// If the lane's index is outside of an array in a buffer: the index, and the number of elements. If a coordinate
+    /// is outside of a texture: the coordinate, and the number of texels in this direction. For an index that wraps
+    /// around: the index without wrapping, and the index with wrapping.
     pub(super) fn beyond(
         &self,
         instruction: &Instruction,
@@ -464,7 +466,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.detector.as_deref().is_some_and(watches)
     }
 
-    /// The offset of a lane's access, and `true` if its index is outside of its array.
+    /// The offset of a lane's access, and `true` if the access has an index outside of its array.
     fn place_of(&self, walk: &Walk, indices: &[u32], lane: usize, length: usize) -> (usize, bool) {
         let mut at = 0;
         let found = (walk, Elsewhere::Clamped);
@@ -568,7 +570,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.ints.get_mut(out).fill(A::int(u32::try_from(length).unwrap_or(u32::MAX), false));
     }
 
-    /// Runs an atomic, one lane after another. This is one of the orders that the specification allows.
+    /// Runs an atomic in one lane after another. The specification allows this order of the lanes, and all other
+    /// orders.
     pub(super) fn atomic(&mut self, walk: u32, registers: &[u32], memory: &mut Memory<'_, A>) {
         let walk = &self.code.walks[walk as usize];
         let Some(atomic) = walk.atomic else { return };
@@ -644,7 +647,8 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 }
 
-/// The word that an atomic stores in place of `old`. For a compare-exchange, the comparison has succeeded.
+/// The word that an atomic stores in place of `old`. For a compare-exchange, the function assumes that the comparison
+/// has succeeded.
 pub(super) fn changed_by(function: AtomicFunction, old: u32, x: u32, signed: bool) -> u32 {
     let order = |less: bool| {
         let x_is_less = if signed { x.cast_signed() < old.cast_signed() } else { x < old };

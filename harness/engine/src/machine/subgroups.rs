@@ -38,7 +38,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Reports to the detector, if there is one, the subgroups of which only a part reaches an operation.
+    /// Reports to the detector, if there is one, each subgroup in which only some of the lanes reach an operation.
     fn note_subgroups(&mut self) {
         let Some(mut detector) = self.detector.take() else { return };
         let active: Vec<bool> = self.active().iter().map(|mask| A::possible(*mask)).collect();
@@ -135,7 +135,7 @@ impl<A: Rules> Machine<'_, A> {
     }
 }
 
-/// The results of an operation on the words of lanes, in the order of the lanes.
+/// Applies a collective operation to one `u32` of each lane. Returns a result for each lane, in order.
 fn collected(
     scalar: Scalar,
     function: SubgroupOperation,
@@ -161,7 +161,7 @@ fn collected(
     }
 }
 
-/// The result of an operation on no lanes. WGSL scans only sums and products.
+/// The result of an operation on no lanes. Only sums and products need such a result, for WGSL's scans.
 fn identity(scalar: Scalar, function: SubgroupOperation) -> u32 {
     match (function, scalar.file()) {
         (SubgroupOperation::Mul, File::Float) => 1.0_f32.to_bits(),

@@ -26,7 +26,7 @@ pub(crate) struct Late {
     signed: bool,
     word: u32,
     site: u32,
-    /// The turn in which the store's invocation reached it.
+    /// The number of recorded atomics at the time when the invocation reached the store.
     pub(crate) turn: usize,
 }
 
@@ -34,17 +34,16 @@ pub(crate) struct Late {
 pub(crate) struct Done {
     pub(crate) lane: usize,
     pub(crate) site: u32,
-    /// The word that the atomic returned, or wrote if it returns nothing. `reads` is `true` if the atomic returned the
-    /// word.
+    /// The word that the atomic returned (then `reads` is `true`), or the word that the atomic wrote.
     pub(crate) word: u32,
     pub(crate) reads: bool,
     pub(crate) place: (u32, usize),
-    /// For a late store: its number, and the turn in which its invocation reached it.
+    /// For a store that took effect late: the store's number, and [`Late::turn`].
     pub(crate) late: Option<(u32, usize)>,
 }
 
 impl Walk {
-    /// The kind of access of an atomic. `writes` is `true` for a store, and `false` for a load.
+    /// The kind of an atomic access. `writes` is `true` for a store, and `false` for a load.
     pub(super) fn access(&self, writes: bool) -> Access {
         match self.atomic {
             Some(atomic) => Access::of(atomic.function, atomic.used),
@@ -69,8 +68,8 @@ impl Code {
         }
     }
 
-    /// The change that an atomic makes, if nothing uses its result. Its invocation needn't wait until the change takes
-    /// effect.
+    /// If `op` is an atomic whose result nothing uses: the atomic function, or `Some(None)` for a plain store. The
+    /// invocation of such an atomic needn't wait until the change takes effect. `None` for all other operations.
     fn stored(&self, op: Op) -> Option<Option<AtomicFunction>> {
         let walk = self.walk_of(op)?;
         match (op, walk.atomic) {
@@ -95,8 +94,8 @@ impl<A: Rules> Machine<'_, A> {
         (instruction, &self.code.pool[start..start + instruction.count as usize])
     }
 
-    /// The words that an atomic operation accesses, for the lanes that are active and aren't helpers. An index outside
-    /// of its array selects the nearest element.
+    /// For each lane that is active and isn't a helper: the lane, and the offset of the word that an atomic operation
+    /// accesses. An index outside of its array selects the nearest element.
     fn places(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> Vec<(usize, usize)> {
         let Some(walk) = self.code.walk_of(op) else { return Vec::new() };
         let (indices, _) = self.code.operands_of(op, walk, registers);
@@ -170,8 +169,8 @@ impl<A: Rules> Machine<'_, A> {
         (slot, if own { group + 1 } else { 0 }, at as u32)
     }
 
-    /// Delays the stores of the next atomic. Returns `false` if the atomic isn't a store, or if all stores take effect
-    /// at once.
+    /// Delays the stores of an atomic operation. Returns `false` if the operation isn't a store, or if all stores take
+    /// effect at once.
     pub(super) fn postpones(&mut self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
         let (true, Some(function)) = (self.relaxes, self.code.stored(op)) else { return false };
         let Some(walk) = self.code.walk_of(op) else { return false };
@@ -215,8 +214,8 @@ impl<A: Rules> Machine<'_, A> {
         Some(Done { lane, site, word: new, reads: false, place: (slot, at), late })
     }
 
-    /// Notes an atomic that took effect. Also notes if its invocation now waits until another invocation changes the
-    /// word.
+    /// Notes an atomic that took effect. Also notes if the machine now waits in a loop until another invocation changes
+    /// the word.
     pub(super) fn note_turn(
         &mut self,
         op: Op,

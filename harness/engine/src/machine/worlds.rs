@@ -1,13 +1,14 @@
-//! Masks of active lanes for conditions that may be undecided. Both ways run, and then their values are joined.
+//! Masks of active lanes for conditions that may be undecided. Both branches run, and then the values of their
+//! variables are joined.
 //!
-//! A lane whose condition is undecided forks into two *worlds*. Each is a copy of the lane's variables for one branch.
-//! The world of the first branch runs first. Then the lane's variables get back their values from before the branch,
-//! and the world of the other branch runs. The worlds are joined where control meets again: at the end of a branch, of
-//! a loop's body, of a loop, or of a call. So a store can simply overwrite a variable, and a `break` may be in a branch
-//! with an undecided condition.
+//! A lane whose condition is undecided forks into two *worlds*. A world is a copy of the lane's variables for one
+//! branch. The world of the first branch runs first. Then the lane's variables get back their values from before the
+//! branch, and the world of the other branch runs. The worlds are joined where control meets again: at the end of a
+//! branch, of a loop's body, of a loop, or of a call. So a store can simply overwrite a variable, and a `break` may be
+//! in a branch with an undecided condition.
 //!
 //! If a world jumps out of a construct, and another world of its lane goes on, the first world waits at the jump's
-//! target, in `waiting`. Otherwise its variables stay in the registers.
+//! target: its variables are stored in `waiting`. If no other world goes on, the variables stay in the registers.
 
 use crate::arithmetic::sealed::Rules;
 use crate::code::Code;
@@ -38,7 +39,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Adds a lane's variables. If the state already has variables for this lane, joins both.
+    /// Adds a lane's variables. If the state already has variables for this lane, joins the old and the new values.
     fn add(&mut self, files: &Files<'_, A>, mutable: &[Vec<u32>; 3], lane: usize) {
         let joins = std::mem::replace(&mut self.here[lane], true);
         for (kept, &register) in self.floats.iter_mut().zip(&mutable[0]) {
@@ -55,8 +56,8 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Writes a lane's variables back to the registers. If `joins` is set, joins the variables with the values that the
-    /// registers have.
+    /// Writes a lane's variables back to the registers. If `joins` is `true`, joins the variables with the values that
+    /// the registers have.
     fn take(
         &mut self,
         files: &mut Files<'_, A>,
@@ -88,7 +89,7 @@ struct Frame<A: Rules> {
     ended: Box<[bool]>,
     /// The lanes that wait for the end of a loop's body, and have their variables in the registers.
     continued: Box<[bool]>,
-    /// For the lanes that fork, their variables at the entry.
+    /// The variables at the entry, for the lanes that fork.
     start: State<A>,
     waiting: State<A>,
     round: State<A>,
@@ -96,13 +97,13 @@ struct Frame<A: Rules> {
 }
 
 impl<A: Rules> Frame<A> {
-    /// Checks if another world of the lane goes on in this frame.
+    /// Checks if another world of the lane goes on in the construct of this frame.
     fn forks(&self, lane: usize) -> bool {
         self.start.here[lane] || self.waiting.here[lane] || self.round.here[lane]
     }
 }
 
-/// The current mask, and the frames of open constructs.
+/// The current mask, and the [`Frame`]s of the open constructs.
 pub(crate) struct Worlds<'p, A: Rules> {
     mutable: &'p [Vec<u32>; 3],
     current: Box<[bool]>,
@@ -321,8 +322,9 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Makes the active lanes jump to the end of the frame around the `depth` innermost frames. If `continues` is set,
-    /// this frame is a loop, and the lanes jump only to the end of the loop's body.
+    /// Makes the active lanes jump to the end of an open construct: the construct that contains the `depth` innermost
+    /// open constructs. If `continues` is `true`, this construct is a loop, and the lanes jump to the end of the loop's
+    /// body.
     pub(crate) fn exit(&mut self, files: &Files<'_, A>, depth: u32, continues: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for lane in (0..self.width).filter(|&lane| self.current[lane]) {

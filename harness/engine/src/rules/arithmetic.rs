@@ -21,7 +21,7 @@ float_rules! {
             double: |[x, y]| [x * y],
             interval: |[x, y]| [x.mul(y)],
         }
-        /// A number times itself. It is never negative, also in intervals.
+        /// A number times itself. The result is never negative, even for an interval that contains numbers below zero.
         Square[1, 1] {
             single: |[x]| [x * x],
             double: |[x]| [x * x],

@@ -283,8 +283,8 @@ impl Scale {
 }
 
 impl ToInt {
-    /// The least and the greatest number of the integer type, if the rule converts a value. `None` for all other rules,
-    /// such as those that return bits.
+    /// If the rule converts a number to an integer: the least and the greatest number of the integer type. `None` for
+    /// all other rules, such as rules that return the bits of a float.
     pub(crate) fn holds(self) -> Option<(f64, f64)> {
         match self {
             Self::Signed => Some((f64::from(i32::MIN), f64::from(i32::MAX))),

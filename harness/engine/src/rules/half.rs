@@ -10,15 +10,15 @@ pub enum Half {
     /// The result of a conversion from another type, which is rounded correctly. The conversion is a separate
     /// operation.
     Converted,
-    /// An operand that already has half precision. Karat doesn't consider other orders of the operations that computed
-    /// the operand.
+    /// The result is an operand that already has half precision. Karat doesn't consider other orders of the operations
+    /// that computed the operand.
     Operand,
-    /// A sum, a product or a quotient, with all orders of its operations. The argument is the number of additional
-    /// roundings inside.
+    /// The result of a sum, a product or a quotient, for all orders of its operations. The argument is the number of
+    /// intermediate results that are also rounded.
     Chained(u8),
     /// The error is at most this many ulp.
     Ulps(u8),
-    /// The square root of the sum of the squares of this number of components.
+    /// The result is the length of a vector with this number of components.
     Length(u8),
     /// The error is at most 1 + 2 |x| ulp for the argument x.
     Power,

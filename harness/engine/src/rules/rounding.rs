@@ -27,7 +27,7 @@ float_rules! {
             double: |[x]| [x.trunc()],
             interval: |[x]| [stepped(x, f64::trunc)],
         }
-        /// `x - floor(x)`. Just below zero it rounds to 1.
+        /// `x - floor(x)`. For x just below zero, the result rounds to 1.
         Fract[1, 1] = Fract {
             single: |[x]| [x - x.floor()],
             double: |[x]| [x - x.floor()],

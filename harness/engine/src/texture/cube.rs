@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 /// The face to which a direction points, and the position on the face: two numbers from 0 to 1, from the top left.
-/// WebGPU's table of faces is that of Vulkan, "Cube Map Face Selection".
+/// WebGPU has the same table of faces as Vulkan, "Cube Map Face Selection".
 #[inline(always)]
 pub(super) fn face([x, y, z]: [f64; 3]) -> (f64, f64, f64) {
     let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
@@ -23,7 +23,8 @@ pub(super) fn face([x, y, z]: [f64; 3]) -> (f64, f64, f64) {
     (face, 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
 }
 
-/// Converts a step of a direction to a step of the position on the face: Vulkan's *Cube Map Derivative Transformation*.
+/// Converts a small change of a direction to the change of the position on the face, by Vulkan's *Cube Map Derivative
+/// Transformation*.
 pub(super) fn step(at: [f64; 3], step: [f64; 3]) -> [f64; 3] {
     let (face, u, v) = face(at);
     let (axis, negative) = (face as usize / 2, face as usize % 2 == 1);
@@ -73,7 +74,8 @@ static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
     std::array::from_fn(|face| std::array::from_fn(|number| edge(face, number)))
 });
 
-/// The texel of the neighbouring face at a position that is at most one texel beyond an edge.
+/// Finds the texel of the neighbouring face for a position that is at most one texel beyond an edge of `face`. Returns
+/// the texel's face, column and row.
 pub(super) fn beyond(face: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let last = i64::from(size) - 1;
     let (edge, along) = match () {

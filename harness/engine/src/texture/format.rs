@@ -2,8 +2,8 @@
 
 use naga::StorageFormat as F;
 
-/// The words that reading a texel returns after it was written. They are rounded to the format. Channels that the
-/// format doesn't have are read as 0, 0, 0, 1. `None` for unknown formats.
+/// Rounds a texel to a format: returns the words that a read of this texel returns after the texel was written.
+/// Channels that the format doesn't have are read as 0, 0, 0, 1. `None` for unknown formats.
 pub(crate) fn stored(format: F, texel: [u32; 4]) -> Option<[u32; 4]> {
     let float = |word: u32| f64::from(f32::from_bits(word));
     // NaN has no normalised value, so it becomes 0.

@@ -16,7 +16,7 @@ pub(crate) const TOGETHER: usize = 64;
 /// One number for each of [`TOGETHER`] samples.
 pub(crate) type Many = [f64; TOGETHER];
 
-/// Texels with their weights. The sum of the weights is one. At a corner of a cube there are three texels.
+/// Texels with their weights. The sum of the weights is 1.
 pub(crate) type Footprint = Vec<(f64, [u32; 3])>;
 
 /// The largest integer that isn't above `x`, as a float and as an integer. The code avoids `f64::floor`, which is a
@@ -59,7 +59,8 @@ impl Texture {
         }
     }
 
-    /// The mean of the texels that a sampler filters, or the mean of their comparisons with `reference`.
+    /// The weighted mean of the texels that a sampler reads. With `reference`, the mean of the comparisons of these
+    /// texels with `reference`.
     pub(crate) fn mean(
         &self,
         sampler: &Sampler,
@@ -123,8 +124,8 @@ impl Texture {
         is_flat && is_linear && matches!(*self.levels, [Texels::Float(_)])
     }
 
-    /// The sums of the four channels for samples at these coordinates. Also returns the samples for which there is no
-    /// sum, because a texel is beyond an edge, or there are fewer than four texels.
+    /// For each sample at these coordinates, the weighted sum of its four texels in each channel. The second result is
+    /// `true` for samples without such a sum, because a texel is beyond an edge, or there are fewer than four texels.
     pub(crate) fn bilinear_of(
         &self,
         [x, y, z]: &[Many; 3],
@@ -148,8 +149,8 @@ impl Texture {
         (sums, left_out)
     }
 
-    /// Adds four texels of a level. Nearly all samples have four texels, none of which is beyond an edge. Returns
-    /// `false` for a sample without four such texels.
+    /// Adds four texels of a level to `mean`. Nearly all samples have four texels, none of which is beyond an edge. For
+    /// other samples, adds nothing and returns `false`.
     #[inline]
     fn bilinear(
         &self,
@@ -173,8 +174,8 @@ impl Texture {
         true
     }
 
-    /// The texels of a level, of which each sample reads four. For a cube, they include the texels beyond the edges of
-    /// its faces. `None` if the texels aren't floats.
+    /// The texels of a level, stored for samples that read four texels. For a cube, the plane includes the texels
+    /// beyond the edges of its faces. `None` if the texels aren't floats.
     #[inline]
     fn plane(&self, level: u32) -> Option<Plane<'_>> {
         let Texels::Float(texels) = &self.levels[level as usize] else { return None };
@@ -186,8 +187,8 @@ impl Texture {
         Some(Plane { texels, size: [width, height].map(f64::from), frame, row })
     }
 
-    /// The levels of a cube. Each face is inside a frame of its neighbours' texels, so the four texels of a sample are
-    /// next to each other. Where three faces meet, the frame has no texel. No sample reads the 0 in this position.
+    /// The levels of a cube. Each face has a border of its neighbours' texels, so the four texels of a sample are next
+    /// to each other. Where three faces meet, the border has 0 in place of a texel, but no sample reads this 0.
     fn framed(&self) -> &[Vec<[f32; 4]>] {
         self.framed
             .get_or_init(|| (0..self.levels()).map(|level| self.framed_level(level)).collect())
@@ -301,8 +302,8 @@ impl Texture {
         }
     }
 
-    /// The texel at an index that may be beyond the edge. At the corner of a cube, where three faces meet, it is the
-    /// mean of three texels.
+    /// Finds the texel at an index, which may be beyond an edge. At a corner of a cube, where three faces meet, the
+    /// function finds three texels, each with the weight 1/3.
     fn find(
         &self,
         sampler: &Sampler,
@@ -341,20 +342,20 @@ impl Texture {
     }
 }
 
-/// The layers of a level, stored so that four neighbouring texels are next to each other. Each layer may be inside a
-/// frame of texels beyond its edges.
+/// The layers of a level, stored so that four neighbouring texels are next to each other. Each layer may have a border:
+/// the texels beyond its edges.
 #[derive(Clone, Copy)]
 struct Plane<'a> {
     texels: &'a [[f32; 4]],
     size: [f64; 2],
-    /// The width of the frame in texels: 0 or 1.
+    /// The width of the border in texels: 0 or 1.
     frame: f64,
     row: u32,
 }
 
-/// The index of the first of four texels, counted over all layers, and the distances from its centre. The index is
-/// negative if one of the four texels doesn't exist or has no weight. The code uses only floats, so that one
-/// instruction handles several positions.
+/// The index of the first of a sample's four texels, counted over all layers, and the distances from the centre of this
+/// texel to the sample, to the right and down. The index is negative if one of the four texels doesn't exist or has no
+/// weight. The code uses only floats, so that one instruction handles several positions.
 #[derive(Clone, Copy, Default)]
 struct Corner {
     first: f64,

@@ -1,4 +1,4 @@
-//! Runs WGSL functions on rows of words.
+//! Helpers that call WGSL functions with rows of arguments.
 use karat_engine::{
     F32, F64, Interval, Intervals, Lane, Options, Program, Resources, Runs, Settings,
 };
@@ -24,7 +24,7 @@ pub(crate) fn program(source: &str, name: &str) -> Program {
     Program::function(&module, &info, name, &Settings::default()).expect("it lowers")
 }
 
-/// Calls `f` of the source with rows of words.
+/// Calls the function `f` of a WGSL source. The rows and the results have the bits of each scalar as a `u32`.
 pub(crate) fn words(source: &str, rows: &[u32]) -> Vec<u32> {
     let program = program(source, "f");
     let cases = rows.len() / program.parameters().len().max(1);
@@ -39,13 +39,13 @@ pub(crate) fn call<A: Runs>(
     program.call::<A>(cases, rows, &Resources::new(), &Options::default(), &()).expect("it runs")
 }
 
-/// Calls `f` with floats in `f32`, and returns floats.
+/// Calls the function `f` in `f32` arithmetic, with float arguments and float results.
 pub(crate) fn floats(source: &str, rows: &[f32]) -> Vec<f32> {
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     words(source, &rows).into_iter().map(f32::from_bits).collect()
 }
 
-/// Calls `f` with floats in `f64`, and returns floats.
+/// Calls the function `f` in `f64` arithmetic, with float arguments and float results.
 pub(crate) fn doubles(source: &str, rows: &[f32]) -> Vec<f64> {
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     let program = program(source, "f");
@@ -60,7 +60,7 @@ pub(crate) fn doubles(source: &str, rows: &[f32]) -> Vec<f64> {
         .collect()
 }
 
-/// Calls `f` with floats in intervals, and returns intervals.
+/// Calls the function `f` in interval arithmetic. Each argument is an interval of one float.
 pub(crate) fn intervals(source: &str, rows: &[f32]) -> Vec<Interval> {
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     let program = program(source, "f");

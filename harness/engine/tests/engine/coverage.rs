@@ -6,7 +6,8 @@ use karat_engine::{Count, F32, Options, Program, Resources, Settings, StatementK
 
 use crate::common;
 
-/// Calls `f` with these arguments. Returns its statements with their text.
+/// Calls the function `f` of `text` with the arguments `x`. Returns each statement: its text, its kind, `true` if it is
+/// needed, and its counts.
 fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     let (module, info) = common::module(text);
     let settings = Settings { statements: true, ..Settings::default() };

@@ -202,7 +202,7 @@ fn generated(state: &mut u64, invocations: usize, atomics: usize) -> Vec<Vec<Ato
     (0..invocations).map(|_| (0..atomics).map(|_| one()).collect()).collect()
 }
 
-/// The explorer finds each result that any order has, and no other results, and runs fewer orders than there are.
+/// The explorer finds exactly the results of all possible orders, but doesn't run more orders than possible.
 // Lesson 216: each outcome is found
 #[test]
 fn the_explorer_finds_exactly_the_outcomes_of_all_orders() {

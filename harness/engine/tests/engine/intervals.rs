@@ -259,8 +259,8 @@ fn results_lie_within_their_bounds() {
     }
 }
 
-/// If another sine leads to another decision, the result is still within the bounds. The test changes the sine by at
-/// most the error that the specification allows.
+/// Another implementation's sine may lead to another decision of an `if`, but the result must be within the bounds. The
+/// test changes the sine by at most the error that the specification allows.
 #[test]
 fn every_decision_within_the_bounds_is_followed() {
     let body = "

@@ -19,7 +19,8 @@ fn f(x: f32, k: i32) -> f32 {
     return x;
 }";
 
-/// The lines at which an active lane got NaN, each with the case. Also the named values.
+/// The lines at which an active lane got NaN, each with the case. The second field has the values of named
+/// let-bindings.
 #[derive(Default)]
 struct Seen {
     nan: Mutex<Vec<(u32, usize)>>,

@@ -50,7 +50,7 @@ fn a_draw_runs_each_of_its_pixels() {
     assert!((0..5).all(|y| (0..11).all(|x| numbers.clone().any(|pixel| pixel == [x, y]))));
 }
 
-/// A discarded pixel continues, so that its neighbours have derivatives. It has no other effect.
+/// A discarded pixel continues, so that its neighbours have derivatives. The discarded pixel has no other effect.
 #[test]
 fn a_discarded_pixel_gives_derivatives_and_writes_nothing() {
     let body = "if at(p) % 2u == 0u { discard; }\n\

@@ -31,8 +31,8 @@ const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> d: array<u32>
                     @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32,\n\
                         @builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) g: vec3u) {\n";
 
-/// The races of a body as text: the variable, the element, both invocations with `w` or `r`, `apart` if the invocations
-/// are in different workgroups, and `equal` for equal writes.
+/// The races of a body as text: the variable, the element, both invocations, each after `w` for a write or `r` for a
+/// read, `apart` if the invocations are in different workgroups, and `equal` for equal writes.
 fn races(body: &str, groups: u32) -> Vec<String> {
     let observed = observe(&format!("{HEAD}{body}\n}}\n"), groups, 64 * groups as usize);
     let one = |race: &karat_engine::Race| {
@@ -243,8 +243,8 @@ fn barriers_that_some_miss_are_reported() {
     assert!(of("for (var k = 0u; k < 5u; k++) { workgroupBarrier(); }").is_empty());
 }
 
-/// Indices of the elements that invocations access, as WGSL and as functions of the invocation. There are `WIDTH`
-/// invocations.
+/// Indices of the elements that invocations access. Each index is a WGSL expression, and the same function of the
+/// invocation's number in Rust. There are `WIDTH` invocations.
 const INDICES: [Index; 7] = [
     ("i", |i| i),
     ("(i ^ 1u)", |i| i ^ 1),
@@ -263,11 +263,11 @@ type Index = (&'static str, fn(u32) -> u32);
 enum Statement {
     /// A barrier for workgroup memory, or for storage if `storage` is set.
     Barrier { storage: bool },
-    /// An access by the invocations below a number. It accesses workgroup memory, or the part of a storage buffer that
-    /// belongs to its own workgroup or to the first workgroup.
+    /// An access by the invocations whose number is less than `below`. It accesses workgroup memory, or the part of a
+    /// storage buffer that belongs to its own workgroup or to the first workgroup.
     Access {
         below: u32,
-        /// The workgroup that makes the access. `None` for all workgroups.
+        /// The only workgroup that makes the access. `None` if all workgroups make the access.
         of: Option<u32>,
         storage: bool,
         shared: bool,

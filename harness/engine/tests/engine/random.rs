@@ -94,8 +94,8 @@ impl Random {
     }
 }
 
-/// The way in which the interpreter left a block: at the block's end, or by a jump. `Break` leaves the innermost loop
-/// or switch. Each generated jump stands inside of an `if`.
+/// The event that ended a block in the interpreter: the block's end, or a jump. `Break` leaves the innermost loop or
+/// switch. Each generated jump stands inside of an `if`.
 enum End {
     Next,
     Break,
