@@ -50,7 +50,7 @@ pub enum StatementKind {
     /// A clause of a `switch`. The parameter is the clause's index. Lanes can go only one way.
     Clause(usize),
     /// A loop. Lanes can go three ways: a lane leaves the loop in the first iteration, in the second iteration, or in a
-    /// later round.
+    /// later iteration.
     Loop,
     /// The condition of a `for` or `while`. Lanes can go the same three ways as for [`Loop`](Self::Loop).
     Exit,

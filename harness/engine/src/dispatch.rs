@@ -326,7 +326,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// If a resource is missing, or if an invocation runs too many loop rounds. In the second error, `case` is the
+    /// If a resource is missing, or if an invocation runs too many loop iterations. In the second error, `case` is the
     /// number of this invocation in the dispatch, counted workgroup after workgroup.
     pub fn dispatch<A: Runs>(
         &self,

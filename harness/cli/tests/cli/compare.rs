@@ -86,7 +86,10 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     write(alone.path(), "calc.wgsl", &format!("{bounded}fn more() -> f32 {{ return 1.0; }}\n"));
     let more = karat(alone.path(), &["compare", &old.path().display().to_string()]).good();
     assert!(more.starts_with("added      calc::more  ("), "{more}");
-    assert!(more.contains(" of 2)\nfunctions: 0 changed, 1 added, 0 edited with the same"), "{more}");
+    assert!(
+        more.contains(" of 2)\nfunctions: 0 changed, 1 added, 0 edited with the same"),
+        "{more}"
+    );
     for (wrong, part) in [
         (&["nowhere"][..], "neither a folder nor a revision"),
         (&["--upload-pack=x"], "unexpected argument"),

@@ -154,7 +154,7 @@ impl<A: Rules> Masks<A> {
         self.any
     }
 
-    /// Makes lanes that left the round by `continue` active again.
+    /// Makes lanes that left the iteration by `continue` active again.
     pub(crate) fn continuing(&mut self) {
         if let Some(frame) = self.frames.last() {
             let gone = frame.broken.iter().zip(&frame.left);
