@@ -219,7 +219,7 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     text
 }
 
-/// Returns notes on pixels without a value, and on changed colours.
+/// Returns notes on pixels without a value, and on pixels that get another colour when Karat reads the value.
 fn notes(tapped: &Tapped) -> Vec<String> {
     let all = tapped.told.len();
     let undrawn = tapped.times.iter().filter(|times| times.is_none()).count();

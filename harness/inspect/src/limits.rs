@@ -1,7 +1,8 @@
 //! The constants that determine the results of `hazards`, `compare` and `matrix`, each with the reason for its value.
 //! The ranges that names suggest are in `made_up/meaning.rs`.
 
-/// The number of inputs for each function. For three arguments with six edges each, 800 inputs are random samples.
+/// The number of inputs for each function. If a function has three arguments with six edges each, about 800 inputs are
+/// random samples, and the other inputs are combinations of edges.
 pub(crate) const CASES: usize = 1024;
 
 /// The seed of the inputs. Functions with the same signature get the same inputs on every machine.
@@ -21,11 +22,11 @@ pub(crate) const CONTENTS: usize = 6;
 pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 
 /// The number of failing cases that Karat holds, one after the other: it keeps a case's declared inputs, and samples
-/// its free inputs again. The first cases include an end of a range.
+/// its free inputs again. The first of these cases have an argument at an end of its range.
 pub(crate) const HOLDS: usize = 4;
 
-/// The number of held cases (see [`HOLDS`]) for all findings of a function together. Each held case costs a twentieth
-/// of the function's trial.
+/// The number of held cases (see [`HOLDS`]) for all findings of a function together. Each held case takes a twentieth
+/// of the time that the first run of the function over all contents takes.
 pub(crate) const ALL_HOLDS: usize = 8;
 
 /// The number of failing cases that are kept for each finding. Karat chooses the held cases from the kept cases.
@@ -46,8 +47,8 @@ pub(crate) const MET: usize = 256;
 /// takes some seconds on one core, because the engine computes each operation four times and compares all results.
 pub(crate) const WORK: u64 = 1 << 21;
 
-/// The number of long loops that continue to run in the search for an endless one. Each of these loops takes some
-/// tenths of a second.
+/// In the search for an endless loop, this number of long loops continues to run. Each of these loops takes some tenths
+/// of a second.
 pub(crate) const LONG_CASES: usize = 3;
 
 /// The number of buffer members that are shown beside the arguments.
@@ -69,7 +70,7 @@ pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 /// contents only show how far the results change, and take a tenth of a second each.
 pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
 
-/// The number of inputs with equal results that is enough for the verdict "same" if not all inputs could run. It equals
+/// If not all inputs could run, the verdict "same" needs at least this number of inputs with equal results. It equals
 /// [`DRAWS`].
 pub(crate) const LEAST_EQUAL: usize = 64;
 

@@ -272,8 +272,8 @@ pub struct Request {
     journal: Option<PathBuf>,
 }
 
-/// The number of cases of each function. It suffices to find differences between translations. Finding the largest
-/// error would need more.
+/// The number of cases of each function. So many cases suffice to find differences between translations. To find the
+/// largest error, more cases would be necessary.
 const CASES: usize = 512;
 
 /// The largest difference between two columns that counts as equal. WGSL allows an error of 2^-11 for sine and cosine,
@@ -372,8 +372,8 @@ impl Request {
     /// Makes the matrix.
     ///
     /// # Errors
-    /// If the package can't be read or has no functions and entry points, a setting is wrong, or the file of
-    /// [`journal`](Self::journal) can't be read.
+    /// Returns an error if the package can't be read or has no functions and entry points, if a setting is wrong, or if
+    /// the file of [`journal`](Self::journal) can't be read.
     pub fn run(&self) -> Result<Matrix, MatrixError> {
         self.run_with(&|_, _| {})
     }

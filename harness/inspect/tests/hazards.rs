@@ -1051,8 +1051,8 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
     assert!(scatter.needs.contains(&"idx".to_owned()), "{scatter}");
 }
 
-/// A loop with many iterations isn't reported as endless. Karat still checks inputs on which the number of iterations
-/// doesn't depend.
+/// A loop with many iterations isn't reported as endless. In such a function, Karat still finds the hazards of inputs
+/// that don't change the number of iterations.
 #[test]
 fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {
@@ -1186,8 +1186,8 @@ fn races_of_read_values_are_reported() {
     assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
 }
 
-/// The tail shows a missing guard, along a long side and along three short sides. The report gives the condition under
-/// which the index is outside.
+/// If a dispatch has more invocations than elements, Karat finds a missing guard, in a dispatch with one long side or
+/// with three short sides. The report gives the condition under which the index is outside of the array.
 #[test]
 fn a_tail_without_its_guard_is_found() {
     let line = "@group(0) @binding(0) var<storage, read_write> v: array<f32>;
@@ -1526,8 +1526,8 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// Each kind of declaration removes the findings that it concerns: distinct elements, lengths, workgroups, directions,
-/// and numbers of one function.
+/// Each kind of declaration removes the findings that the declaration excludes. The kinds are: distinct elements,
+/// lengths, workgroups, directions, and numbers of one function.
 #[test]
 fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -17,7 +17,7 @@ const LONGEST_HEAD: usize = 16 << 10;
 /// The largest number of headers. Browsers send about twenty.
 const MOST_HEADERS: usize = 100;
 /// The time limit for a request to arrive, and for a client to accept a part of the response. Client and server are on
-/// one machine.
+/// the same machine, so a longer wait would be useless.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The time for reading and dropping the rest of a request after the response.
 const LINGER: Duration = Duration::from_secs(2);
@@ -200,8 +200,8 @@ impl Connection {
         stream.shutdown(Shutdown::Write)
     }
 
-    /// Reads the rest of the client's data. If the server closed earlier, the system would reset the connection, and
-    /// the response might be lost.
+    /// Reads the rest of the client's data. If the server closed the connection before the rest arrived, the system
+    /// would reset the connection, and the response might be lost.
     fn linger(self) -> io::Result<()> {
         let mut rest = Timed { stream: Arc::clone(&self.stream), end: Instant::now() + LINGER };
         io::copy(&mut rest, &mut io::sink()).map(drop)

@@ -160,8 +160,8 @@ impl Request {
 }
 
 impl Request {
-    /// The violations between pixels, for a fragment function that writes memory: those that the edit adds, and those
-    /// that it removes.
+    /// Returns two lists of violations between the pixels of a fragment function that writes memory: the violations
+    /// that the edit adds, and the violations that the edit removes.
     pub(super) fn brought_to_pixels(
         &self,
         name: &str,
@@ -191,9 +191,9 @@ impl Request {
     }
 }
 
-/// Checks if the sanitizer saw both versions completely. If the sanitizer saw only the original completely, violations
-/// that the edit adds may be missing. In this case, this function writes the reason into `unwatched`, and the
-/// comparison reports the reason if nothing else shows the edit.
+/// Checks if the sanitizer could watch both versions. If the sanitizer could watch only the original, violations that
+/// the edit adds may be missing. In this case, this function writes the reason into `unwatched`, and the comparison
+/// reports the reason if nothing else shows the edit.
 fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) -> bool {
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
     if was.is_empty() && !is.is_empty() {
@@ -204,8 +204,8 @@ fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) 
     was.is_empty() && is.is_empty()
 }
 
-/// The kind and the variable of a violation, by the variable's name after the edit. For a wrong index, the text is the
-/// violation's headline, because the violation has no variable.
+/// The kind of a violation, and the variable's name after the edit. For a wrong index, the text is the violation's
+/// headline, because such a violation has no variable.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
     let text = match one.kind.is_of_index() {
@@ -221,14 +221,14 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
-    /// All indices outside of arrays, including those that occur only with arbitrary sizes and numbers. These
-    /// violations show that the edit removed a guard.
+    /// All indices outside of arrays, including indices that are outside only with arbitrary sizes and numbers. Such an
+    /// index shows that the edit removed a guard.
     of_indices: Vec<Violation>,
 }
 
 impl Brought {
-    /// Adds the violations over one content, if only the second version has them. `renamed` has the resources that the
-    /// edit renamed.
+    /// Adds the violations that the second version has with one content (set of generated values), and the first
+    /// version hasn't. `renamed` has the resources that the edit renamed.
     fn add(&mut self, content: Content, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
         let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
@@ -260,8 +260,8 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
-/// The change of results if the invocations run in another order. Only orders count in which the original pass has its
-/// usual results. `None` if no tested order shows a change.
+/// Returns the change of the results if the invocations run in another order, or `None` if no tested order shows a
+/// change. An order counts only if the original pass has its usual results in this order.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
@@ -293,7 +293,7 @@ struct Difference {
     words: usize,
     changed: usize,
     largest: Largest,
-    /// The element of each resource that shows its change most clearly.
+    /// For each resource, the element that shows the resource's change most clearly.
     firsts: Vec<(Clarity, WordChange)>,
 }
 

@@ -282,8 +282,8 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
 }
 
 /// For each 32-bit word, the distance between two neighbouring values that the word may have. A texture may store
-/// texels as fractions of an integer. Between two fractions, columns may round in different directions. For all other
-/// words, the distance is 0.
+/// texels as fractions of an integer. Between two fractions, columns may round in different directions. For words that
+/// aren't such fractions, the distance is 0.
 fn steps(passes: &Passes) -> Vec<f32> {
     let of = |(binding, words): (&Binding, Vec<u32>)| {
         let step = match binding.kind {

@@ -188,8 +188,7 @@ impl Matrix {
     /// Checks that there are no findings.
     ///
     /// # Panics
-    /// If there is a [finding](Self::findings), if the matrix has no row, or if no cell got further than its
-    /// translation.
+    /// Panics if there is a [finding](Self::findings), if the matrix has no row, or if no cell has been judged.
     #[track_caller]
     pub fn expect_no_findings(&self) {
         self.try_expect_evidence().unwrap_or_else(|missed| panic!("{missed}"));

@@ -24,7 +24,7 @@ impl Cell {
 }
 
 impl Cell {
-    /// The reason why the cell's row stops, and the weight of the reason.
+    /// The reason why the cell has no higher status, and the weight by which the page sorts reasons.
     fn reason(&self) -> Option<(Weight, String)> {
         if let Some(known) = self.fails_as_declared() {
             return Some((Weight::Other, format!("known: {}", known.reason)));
@@ -189,7 +189,7 @@ impl Matrix {
         Ok(text)
     }
 
-    /// The number of rows that reach at least a status on a column.
+    /// The number of rows that reach this status, or a higher status, on a column.
     #[must_use]
     pub fn count(&self, column: usize, status: Status) -> usize {
         let rows = self.rows.iter().filter(|row| row.is_judged());
