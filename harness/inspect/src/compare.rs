@@ -1359,7 +1359,7 @@ mod tests {
         }
     }
 
-    /// The results are the same, but the host must supply resources differently.
+    /// These edits change no results, but after such an edit, the host must supply resources differently.
     // Lesson 152
     // Lesson 200
     #[test]
@@ -1406,8 +1406,8 @@ mod tests {
         assert_eq!(interface(aligned, aligned, &renamed), [""; 0]);
     }
 
-    /// Generated textures differ in size and number of levels. Numbers have the ranges in `karat.toml`. A cosine may
-    /// round to slightly above 1.
+    /// Generated textures differ in size and number of levels. Numbers have the ranges in `karat.toml`. A number with a
+    /// cosine's name may be slightly above 1, because dot products are rounded.
     // Lesson 153
     #[test]
     fn generated_resources_reveal_edits() {

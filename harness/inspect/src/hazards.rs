@@ -83,7 +83,7 @@ pub struct Request {
 pub enum Class {
     /// The operation goes wrong in every sample of the free inputs that reaches it.
     Fault,
-    /// The operation doesn't go wrong in some sample, or too few samples reached it.
+    /// There is a sample in which the operation doesn't go wrong, or too few samples reached the operation.
     Requirement,
     /// The function's callers meet the requirement: in at least 256 of their calls, the operation ran without an error.
     Met,
@@ -635,7 +635,8 @@ type ByPlace = BTreeMap<OfPlace, Hazard>;
 
 type OfPlace = (String, String, Kind);
 
-/// The key of a finding. A value that is NaN for some inputs, and infinite or unbounded for others, has one key.
+/// The key of a finding. If a value is NaN for some inputs, and infinite or unbounded for others, these findings have
+/// the same key.
 fn key_of(hazard: &Hazard) -> OfPlace {
     let kind = match hazard.kind {
         Kind::Infinite | Kind::Unbounded => Kind::Nan,

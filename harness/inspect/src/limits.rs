@@ -54,7 +54,7 @@ pub(crate) const LONG_CASES: usize = 3;
 /// The number of buffer members that are shown beside the arguments.
 pub(crate) const MEMBERS: usize = 6;
 
-/// The number of inputs that measure the work of a function. They always run.
+/// The number of inputs with which Karat measures the work of a function. These inputs always run.
 pub(crate) const SAMPLE: usize = 16;
 
 // Limits of `compare`.
@@ -120,8 +120,9 @@ pub(crate) const VISIBLE: f32 = 1e-3;
 /// in texels still has 10 bits after the point.
 pub(crate) const REPEATED: f64 = 1024.0;
 
-/// In comparisons, a component's scale is at least this share of the largest component's scale. With the default
-/// tolerance of 1e-3, the allowed error is 1e-6 of the largest component, or about 8 steps of an `f32`.
+/// Karat compares each component relative to its scale, the largest magnitude of its results. This is the smallest
+/// scale, as a share of the largest component's scale. With the default tolerance of 1e-3, the allowed error is 1e-6 of
+/// the largest component, or about 8 steps of an `f32`.
 pub(crate) const CANCELLED: f64 = 1e-3;
 
 // Sizes of generated resources.
@@ -130,8 +131,7 @@ pub(crate) const CANCELLED: f64 = 1e-3;
 /// million elements.
 pub(crate) const MOST_BYTES: usize = 1 << 20;
 
-/// The largest size of a texture that each device supports, in texels (WebGPU, 3.6.2: `maxTextureDimension1D` is
-/// 8,192).
+/// The largest size of a texture that each GPU supports, in texels (WebGPU, 3.6.2: `maxTextureDimension1D` is 8,192).
 pub(crate) const MOST_SIDE: u32 = 8192;
 
 /// The largest size of a cube's face, in texels. A cube has six faces with mip levels.

@@ -23,8 +23,9 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     one.unwrap_or_else(|| panic!("no {kind:?} at `{operation}`: {hazards:#?}")).clone()
 }
 
-/// A fault goes wrong in every sample of the free inputs. If some sample doesn't go wrong, the finding is a
-/// requirement. The finding's `needs` list each input that can avert the error without a change of other inputs.
+/// The operation of a fault goes wrong in every sample of the free inputs. If at least one sample doesn't go wrong, the
+/// finding is a requirement. The finding's `needs` list each input that can avert the error without a change of other
+/// inputs.
 // Lesson 97
 #[test]
 fn running_separates_faults_from_requirements() {
@@ -942,7 +943,7 @@ fn a_pass_without_results_is_checked_for_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
-/// One divisor is 0 for only one of eight sets of buffer contents. The other divisor is 0 for all sets.
+/// One divisor is 0 for only one of the sets of values in the buffers. The other divisor is 0 for all sets.
 #[test]
 fn a_hazard_of_one_buffer_content_is_a_requirement() {
     let pass = |divisor: &str| {

@@ -599,7 +599,7 @@ fn split_templates(tokens: Vec<Token<'_>>) -> Vec<Token<'_>> {
     found
 }
 
-/// Checks if a word begins like a type or built-in with template arguments.
+/// Checks if a word begins like the name of a type or a built-in function that may have template arguments.
 fn is_generic(word: &str) -> bool {
     let begins = ["vec", "mat", "array", "ptr", "atomic", "texture_", "var", "bitcast"];
     begins.iter().any(|begin| word.starts_with(begin))

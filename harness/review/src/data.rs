@@ -43,7 +43,7 @@ pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
     received(&data)
 }
 
-/// Returns the script of a golden without a pending frame: its parts, and its versions.
+/// Returns the script of a golden without a pending frame. The script has the parts and the versions of the golden.
 pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Value]) -> String {
     let provenance = golden.metadata.as_deref().map(Provenance::parse);
     let (facts, verdict) = match &provenance {
@@ -68,7 +68,8 @@ pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Val
     }))
 }
 
-/// Returns the script of a golden of values without pending values: its rows, and its versions.
+/// Returns the script of a golden of values without pending values. The script has the rows and the versions of the
+/// golden.
 pub(super) fn golden_table(
     index: usize,
     name: &str,

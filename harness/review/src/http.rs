@@ -27,7 +27,7 @@ const MOST_OPEN: usize = 64;
 /// spin.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// The headers of each response: browsers use the response only as this type, and don't store it.
+/// The headers of each response: they tell browsers to trust the stated content type, and not to store the response.
 const HEADERS: &str = "Cache-Control: no-store\r\n\
     X-Content-Type-Options: nosniff\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\

@@ -285,7 +285,6 @@ fn ordered(
     Ok(None)
 }
 
-/// The reason for an `expect`: each resource that a pass writes has lanes.
 const WRITTEN: &str = "a pass writes the resource";
 
 #[derive(Default)]
@@ -535,7 +534,7 @@ mod tests {
         );
     }
 
-    /// A loop may end before the edit and not after it, or never end.
+    /// If a loop of a pass is endless before or after the edit, the comparison reports this and has no verdict.
     #[test]
     fn a_loop_that_becomes_endless_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -613,7 +612,8 @@ mod tests {
         assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
-    /// Atomics don't race. Statements that run in lockstep count correctly even without a barrier.
+    /// Atomics don't race, so the sanitizer reports no violation. In the engine's usual order, invocations run in
+    /// lockstep, so the counts are right even without a barrier.
     #[test]
     fn a_result_that_becomes_dependent_on_order_is_a_change() {
         let change = |texts: [&str; 2]| {

@@ -91,7 +91,7 @@ impl Tally {
         wrong > 0 && wrong >= cases && (wrong >= DRAWS || contents >= CONTENTS)
     }
 
-    /// Checks if the operation doesn't go wrong in some case that reaches it.
+    /// Checks if there is a case that reaches the operation and in which the operation doesn't go wrong.
     fn is_averted(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         wrong < self.reached(key)[0]
@@ -168,7 +168,7 @@ impl Trial {
         Ok(tally)
     }
 
-    /// Adds a loop that may not end, and finds out if it ends for other inputs.
+    /// Adds the finding of a loop that may not end, and counts the other inputs for which the loop may not end.
     fn endless(
         &self,
         tally: &mut Tally,

@@ -132,7 +132,7 @@ fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clon
     !always.is_empty()
 }
 
-/// A pass, or pixels, with the data for the search.
+/// A pass, or the pixels of a draw, in which Karat searches for hazards.
 struct Looked<'l> {
     name: &'l str,
     make: Make<'l>,

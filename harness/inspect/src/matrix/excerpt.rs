@@ -1,7 +1,7 @@
 //! Finds a function and its variables in naga's output.
 
 /// The first and the last line of a function in a translation, counted from 1. naga keeps a function's name, or appends
-/// to it if another item has the name or the language reserves it. In GLSL, each entry point is `main`.
+/// a suffix if another item has the name or the language reserves the name. In GLSL, each entry point is `main`.
 pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Option<(usize, usize)> {
     let heads = |line: &str| {
         let top = line.starts_with(|c: char| c.is_alphabetic());

@@ -202,7 +202,7 @@ impl Matrix {
 mod tests {
     use super::*;
 
-    /// The HTML outside of code, in text without two adjacent backticks.
+    /// Returns the parts of a text that aren't between backticks. The text has no two adjacent backticks.
     fn bare(text: &str) -> String {
         text.split('`').step_by(2).collect()
     }
