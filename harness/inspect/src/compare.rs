@@ -54,7 +54,7 @@ use rayon::prelude::*;
 
 pub use karat::unstable::interpret::{Missed, Uncovered};
 
-/// The number of inputs for each function. They run in a moment on any path.
+/// The number of inputs for each function. So many inputs run in a moment on any path.
 const CASES: usize = 4096;
 
 /// A comparison of a package with an edited version of it.
@@ -101,7 +101,7 @@ pub struct Compared {
     pub interface: Vec<String>,
     /// The ranges from which arguments and members were sampled; empty if nothing ran.
     pub drawn: Drawn,
-    /// The number of inputs that didn't run because they cost too much work.
+    /// The number of inputs that didn't run, because they would execute too many operations.
     pub cut: usize,
     /// The number of invocations of a compute pass in each direction; `None` for other functions. For a pass, the
     /// numbers of cases in [`change`](Self::change) are numbers of 32-bit values that the pass writes.
@@ -259,7 +259,7 @@ impl Request {
     /// verdicts, in the order of the functions' names.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Returns the same errors as [`run`](Self::run).
     pub fn run_with(
         &self,
         told: &(dyn Fn(&Compared, usize, usize) + Sync),
@@ -480,7 +480,8 @@ impl Request {
     }
 
     /// The verdict on a function. If the results are the same before and after the edit, Karat also compares the
-    /// function with other values of features. If the results differ with one of these values, this is the verdict.
+    /// function with other values of features. If the results differ with one of these values, returns the verdict for
+    /// this value.
     fn verdict_under(
         &self,
         name: &str,
@@ -839,7 +840,8 @@ fn name_of(feature: &str) -> &str {
     feature.split_once('=').map_or(feature, |(name, _)| name)
 }
 
-/// The features that a package's conditions use, with or without values.
+/// Returns the features among `features` that a package's conditions use. A feature with a value is used if a condition
+/// compares the feature with a number.
 fn asked(features: &[String], values: &Values, conditions: &[String]) -> Vec<String> {
     let asks = |name: &&String| match name.split_once('=') {
         Some((name, _)) => values.contains_key(name),

@@ -319,7 +319,7 @@ impl Request {
     /// Does the same as [`run`](Self::run), and calls `progress` after each checked function.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Returns the same errors as [`run`](Self::run).
     pub fn run_with(
         &self,
         progress: &(dyn Fn(&Progress<'_>) + Sync),
@@ -553,7 +553,7 @@ impl Request {
 #[derive(Default)]
 struct Seen {
     hazards: Vec<Hazard>,
-    /// For each position of an operation: the number of cases that reached it with good operands. It may be 0.
+    /// For each position of an operation: the number of cases that reached it with good operands. This number may be 0.
     reached: BTreeMap<String, usize>,
     drawn: Drawn,
     /// The number of inputs that didn't run because their loops were too long.
@@ -593,8 +593,8 @@ fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
     none.map(|((file, line), _)| format!("{file}:{line}")).collect()
 }
 
-/// The findings, judged through callers. For each function, `roots` has those of its callers that have no callers
-/// themselves.
+/// Returns the findings after Karat has judged them through callers. For each function, `roots` has its outermost
+/// callers, which have no callers themselves.
 fn judged(
     roots: &BTreeMap<String, BTreeSet<String>>,
     looked: &BTreeMap<String, Seen>,
@@ -646,7 +646,7 @@ fn key_of(hazard: &Hazard) -> OfPlace {
 }
 
 /// Adds a function's finding to the findings in other functions. A fault replaces other classes. Otherwise the finding
-/// with fewer arguments is kept, because it is closer to the operation.
+/// in the function with fewer arguments is kept, because this function is probably closer to the operation.
 fn add(found: &mut ByPlace, hazard: Hazard) {
     match found.entry(key_of(&hazard)) {
         std::collections::btree_map::Entry::Vacant(place) => {

@@ -98,8 +98,8 @@ pub(crate) const MOST_STATE: usize = 256;
 /// The value of an override without a default. The value can be the size of a small texture, or a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 
-/// The second value with which an override is compared. It isn't 0, 1 or a usual size, and is valid for each number
-/// type.
+/// The second value with which an override is compared. This value isn't 0, 1 or a usual size, and is valid for each
+/// number type.
 pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 
 /// The number of workgroups of a pass that usually runs one workgroup, but may run more.

@@ -163,8 +163,8 @@ pub struct Cell {
     /// The number of cases that were compared with another column. For an entry point: the number of 32-bit words in
     /// its buffers.
     pub compared: usize,
-    /// The number of cases whose results differ by more than the tolerance, although WGSL defines them. For an entry
-    /// point: the number of words that differ in this way.
+    /// The number of cases whose results differ by more than the tolerance, although WGSL doesn't leave these results
+    /// open. For an entry point: the number of words that differ in this way.
     pub differing: usize,
     /// The number of cases, or of an entry point's words, that differ where WGSL leaves the result open: after an index
     /// outside of an array, or with a float that isn't finite.
@@ -382,7 +382,7 @@ impl Request {
     /// number of all rows.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Returns the same errors as [`run`](Self::run).
     pub fn run_with(
         &self,
         progress: &(dyn Fn(usize, usize) + Sync),

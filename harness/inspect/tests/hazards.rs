@@ -348,7 +348,8 @@ fn a_function_is_judged_by_what_it_uses() {
     assert!(error.to_string().contains("invalid field accessor"), "{error}");
 }
 
-/// The callers in an invalid module are unknown, so each of its functions is judged without callers.
+/// Karat doesn't know the callers of a function in an invalid module, so Karat judges each valid function of this
+/// module on its own.
 // Lesson 143
 #[test]
 fn a_requirement_is_met_despite_an_invalid_calling_module() {

@@ -368,7 +368,7 @@ impl Request {
     /// Does the same as [`run`](Self::run), and also runs tests that the package doesn't contain.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Returns the same errors as [`run`](Self::run).
     pub fn run_with(
         &self,
         others: Option<&dyn Others>,

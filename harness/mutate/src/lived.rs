@@ -23,7 +23,8 @@ pub enum Lived {
         /// The number of inputs that Karat tried.
         cases: usize,
     },
-    /// The mutant changes a sampler of a test, not the shader. No test samples where the two samplers differ.
+    /// The mutant changes a sampler of a test, not the shader. No test samples at a coordinate for which the original
+    /// and the mutated sampler give different results.
     Sampler,
     /// Karat can't compare the mutant with the original.
     Unknown {

@@ -21,7 +21,7 @@ const MOST_HEADERS: usize = 100;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The time for reading and dropping the rest of a request after the response.
 const LINGER: Duration = Duration::from_secs(2);
-/// The largest number of connections at a time. A browser opens six connections, and one more that it may need soon.
+/// The largest number of connections at a time. A browser opens six connections, and one more in advance.
 const MOST_OPEN: usize = 64;
 /// The pause after a connection that couldn't be accepted. Without this pause, a lasting error would make the server
 /// spin.
@@ -35,10 +35,11 @@ const HEADERS: &str = "Cache-Control: no-store\r\n\
     Referrer-Policy: same-origin\r\n\
     Connection: close\r\n";
 
-/// The policy for HTML frames without an editor: no other page may show this page in a frame.
+/// The policy for HTML frames if no editor shows the page: no other page may show this page in an HTML frame.
 const UNFRAMED: &str = "'none'";
-/// The policy for HTML frames with an editor that shows the page in a panel. The windows of VS Code have their own URL
-/// schemes; in a browser, VS Code's windows are pages from this machine. Any other page would need to know the token.
+/// The policy for HTML frames if an editor shows the page in a panel. The windows of VS Code have their own URL
+/// schemes; in a browser, VS Code's windows are pages from this machine. Without the secret in the URL, other pages on
+/// this machine can't load the page.
 const FRAMED: &str = "vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*";
 
 /// A response: status, content type, body.

@@ -288,7 +288,7 @@ const ULPS: usize = 2;
 
 impl Random {
     /// The result of a tree if each operation is rounded up or down, and each quotient then has an additional error of
-    /// up to [`ULPS`] floats.
+    /// up to [`ULPS`] steps from one float to the next.
     fn rounded(&mut self, tree: &Tree, row: &[f32]) -> f32 {
         let format = self.format;
         let mut of = |x: &Tree| self.rounded(x, row);

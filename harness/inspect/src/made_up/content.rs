@@ -62,7 +62,7 @@ pub(crate) enum Texels {
     OfText(usize),
 }
 
-/// The resources that are shorter than others. A resource is a runtime-sized array or a texture.
+/// The choice of the resources that are shorter than others. A resource is a runtime-sized array or a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shorter {
     /// Resources with a small hash of their names have more elements than others.
@@ -82,7 +82,7 @@ pub(crate) struct Content {
     pub(super) elements: usize,
     /// The values of integers in arrays; `None` if they are sampled.
     pub(crate) numbered: Option<Numbered>,
-    /// The smallest value of integers that their names don't constrain; `None` if they are sampled.
+    /// The smallest value of integers whose names suggest no range; `None` if these integers are sampled.
     pub(super) least: Option<u32>,
     /// The tail: the number of invocations without an element in each direction. The first number is for a short side
     /// of the dispatch, and the second number for a long side. With a tail, the number of elements isn't a multiple of

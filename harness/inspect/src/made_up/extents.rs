@@ -59,8 +59,8 @@ impl Extents {
         Self { elements, workgroups, content: Content { shorter, ..content } }
     }
 
-    /// The value of an integer that its name doesn't constrain: the content's `least`, or a few more if `least` is 2, 3
-    /// or 4; `None` without `least`. Neighbouring components have different values, so that exchanging them changes the
+    /// The value of an integer whose name suggests no range: the content's `least`, or a few more if `least` is 2, 3 or
+    /// 4; `None` without `least`. Neighbouring components have different values, so that exchanging them changes the
     /// result.
     pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
         const APART: std::ops::RangeInclusive<u32> = 2..=4;

@@ -72,8 +72,8 @@ pub(crate) struct Resources {
 
 impl Resources {
     /// Generates resources. Textures and samplers differ from each other, so that exchanging two of them changes the
-    /// result. An error names the resource that can't be generated, or the declared range that contains no value of its
-    /// type.
+    /// result. An error names the resource that can't be generated, or the declared range that contains no value of the
+    /// input's type.
     pub(crate) fn of(probed: &Probed, ranges: &Ranges, content: Content) -> Result<Self, String> {
         Self::made_of(probed, ranges, (content, None), Likeness::Own)
     }

@@ -1,5 +1,5 @@
 //! Recovers from rows that end the process: a hanging driver can't be stopped, and a crashing driver ends the process.
-//! A file records which row runs on which path, so that the next process skips the row.
+//! A file records which row runs on which path, so that the next process can skip the row that ended the process.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};

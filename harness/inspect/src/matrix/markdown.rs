@@ -116,7 +116,7 @@ impl Matrix {
     }
 
     /// A sentence with the number of results that differ where WGSL leaves the result open; `None` if there are none.
-    /// They aren't findings.
+    /// Such results aren't findings.
     #[must_use]
     pub fn open(&self) -> Option<String> {
         let open = |cell: &&Cell| cell.open > 0;

@@ -1,5 +1,5 @@
-//! Names the suspect if two columns differ: the column from which at least two columns differ that agree with each
-//! other.
+//! Names the suspect if two columns differ. The suspect is a column that differs from at least two other columns, which
+//! agree with each other.
 
 use super::{Cell, Stop};
 
