@@ -35,19 +35,19 @@ pub struct RenderArguments {
     /// Values to print in place of the frame: see `karat tap`
     #[arg(long, hide = true, value_name = "VALUE", num_args = 0..=1)]
     pub(super) tap: Option<Vec<String>>,
-    /// Prints the values that a pixel computes the Nth time, from 1
+    /// The number of the round in which a pixel computes the values
     #[arg(long, hide = true, value_name = "N", requires = "tap")]
     pub(super) round: Option<u32>,
-    /// Also draw the frame's colours
+    /// Also draws the frame's colours
     #[arg(long, hide = true, requires = "tap")]
     pub(super) beside: bool,
-    /// A pixel for which to print the engine's value, too
+    /// A pixel for which Karat also prints the engine's value
     #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, requires = "tap")]
     pub(super) at: Vec<(u32, u32)>,
     /// A pixel whose steps to print as JSON: see `karat trace`
     #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, conflicts_with = "tap")]
     pub(super) trace: Option<(u32, u32)>,
-    /// The draw to trace there, counted from the visible one
+    /// The number of the draw to trace at this pixel, counted from the visible draw
     #[arg(long, hide = true, value_name = "N", requires = "trace")]
     pub(super) layer: Option<u32>,
 }

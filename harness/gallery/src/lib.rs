@@ -1,7 +1,8 @@
 //! Frames of a project by name, and the command line that renders them.
 //!
 //! Frames are described in Rust, so only a binary of the project can know them. This binary contains only a
-//! [`Gallery`]; `karat render` builds and runs it. Both programs have the same arguments, which `arguments.rs` defines.
+//! [`Gallery`]; `karat render` builds and runs it. The binary and `karat render` have the same arguments, which
+//! `arguments.rs` defines.
 
 mod arguments;
 mod steps;
@@ -156,9 +157,9 @@ impl Gallery {
         Self::default()
     }
 
-    /// Adds a frame. The first frame is the project's scene. `name` becomes the name of the frame's files: use letters,
-    /// digits, `-`, `_` and `/`. `about` says in one line what the frame shows. The gallery calls `describe` when it
-    /// renders the frame.
+    /// Adds a frame. The frame that you add first counts as the project's scene. `name` becomes the name of the frame's
+    /// files: use letters, digits, `-`, `_` and `/`. `about` says in one line what the frame shows. The gallery calls
+    /// `describe` when it renders the frame.
     pub fn frame(
         mut self,
         name: &str,

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 /// The relative difference between the `f32` and the `f64` value above which a value has lost half of its digits.
 const LOST: f64 = 1.0 / 4096.0;
 
-/// The text in place of a value that doesn't exist: the calculation in this format didn't run the operation, because a
-/// condition had another result.
+/// The text in place of a missing value: the calculation in one format may not run an operation, because a condition
+/// has another result in this format.
 const ELSEWHERE: &str = "not run";
 
 /// An operation of a call.

@@ -1,4 +1,4 @@
-//! Printing values of a frame or of passes, beside the values of the engine.
+//! Prints values of a frame or of passes, beside the engine's values.
 
 use std::error::Error;
 use std::io::Write;

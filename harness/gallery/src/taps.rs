@@ -1,4 +1,5 @@
-//! Writing values of frames as images: EXR with the numbers, PNG to look at, and a summary as text.
+//! Writes the values of frames as images: EXR files have the numbers, and PNG files have colours to look at. Also
+//! writes a summary as text.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -18,8 +19,8 @@ use karat::unstable::value::{Scalar, Shape, format_f32, format_lane};
 const NAN: [u8; 4] = [255, 0, 255, 255];
 const INFINITE: [u8; 4] = [255, 255, 0, 255];
 
-/// The largest deviation from 1 of a direction's squared length. `normalize` may be off by some steps of `f32`, and
-/// `f16` has three digits.
+/// The largest deviation of a direction's squared length from 1. `normalize` may have an error of some steps of `f32`,
+/// and `f16` has only three decimal digits.
 const UNIT: f64 = 4e-3;
 
 /// The mapping from numbers to colours.
@@ -219,7 +220,7 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     text
 }
 
-/// Returns notes on pixels without a value, and on changed colours.
+/// Returns notes on pixels without a value, and on pixels that get another colour when Karat reads the value.
 fn notes(tapped: &Tapped) -> Vec<String> {
     let all = tapped.told.len();
     let undrawn = tapped.times.iter().filter(|times| times.is_none()).count();

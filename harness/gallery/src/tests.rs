@@ -116,7 +116,7 @@ fn a_gallery_that_makes_no_sense_is_an_error() {
     }
 }
 
-/// A writer whose reader has closed.
+/// A writer like a pipe that the reader has closed.
 struct Closed;
 
 impl Write for Closed {

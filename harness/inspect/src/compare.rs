@@ -7,7 +7,7 @@
 //! The comparison is bit by bit, and all NaNs count as equal. A function without a result has no verdict. If all
 //! results are equal, the comparison lists the edited lines that no input covers, because their results are unknown.
 //!
-//! Code that a condition excludes is compared with the fewest features that include it.
+//! If a condition excludes the edited code, Karat turns on the fewest features that include this code.
 //!
 //! ```no_run
 //! use karat::Package;
@@ -54,7 +54,7 @@ use rayon::prelude::*;
 
 pub use karat::unstable::interpret::{Missed, Uncovered};
 
-/// The number of inputs for each function. They run in a moment on any path.
+/// The number of inputs for each function. So many inputs run in a moment on any path.
 const CASES: usize = 4096;
 
 /// A comparison of a package with an edited version of it.
@@ -101,10 +101,10 @@ pub struct Compared {
     pub interface: Vec<String>,
     /// The ranges from which arguments and members were sampled; empty if nothing ran.
     pub drawn: Drawn,
-    /// The number of inputs that didn't run because they cost too much work.
+    /// The number of inputs that didn't run, because they would execute too many operations.
     pub cut: usize,
-    /// The workgroup size of a compute pass; `None` for other functions. For a pass, the numbers of cases in
-    /// [`change`](Self::change) are numbers of 32-bit values that the pass writes.
+    /// The number of invocations of a compute pass in each direction; `None` for other functions. For a pass, the
+    /// numbers of cases in [`change`](Self::change) are numbers of 32-bit values that the pass writes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispatched: Option<[u32; 3]>,
     /// Violations that exist only after the edit, for example races in a compute pass or between pixels that write
@@ -167,7 +167,7 @@ pub struct PathChange {
     pub ulp: Option<u64>,
     /// The largest change relative to the old value; `None` in the same cases as `ulp`.
     pub relative: Option<f64>,
-    /// The simplest arguments that show the change, followed by the members of buffers that aren't array elements.
+    /// The simplest arguments that show the change, followed by the members of buffers, except for array elements.
     /// Karat prefers arguments whose results are plain numbers that differ by at least 0.001, then arguments with NaN,
     /// then arguments whose results differ in the last digit. Arguments and members that don't affect the change are
     /// left out.
@@ -250,7 +250,7 @@ impl Request {
     /// Compares the selected functions, in the order of their names.
     ///
     /// # Errors
-    /// If a package can't be read, or an override has a value in `karat.toml` but exists in neither package.
+    /// Returns an error if a package can't be read, or if `karat.toml` sets an override that exists in neither package.
     pub fn run(&self) -> Result<Vec<Compared>, PackageError> {
         self.run_with(&|_, _, _| {})
     }
@@ -259,7 +259,7 @@ impl Request {
     /// verdicts, in the order of the functions' names.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Returns the same errors as [`run`](Self::run).
     pub fn run_with(
         &self,
         told: &(dyn Fn(&Compared, usize, usize) + Sync),
@@ -445,8 +445,8 @@ impl Request {
         }
     }
 
-    /// The changes of those overrides of a module that no function uses; an error if the module is invalid before or
-    /// after the edit.
+    /// Returns the changes of a module's overrides, except for overrides that a function uses. Returns an error if the
+    /// module is invalid before or after the edit.
     fn overrides_of(&self, module: &str) -> Result<Vec<String>, [Option<String>; 2]> {
         let whole = |side| Program::of_module(side, module);
         let (before, after) = match (whole(&self.before), whole(&self.after)) {
@@ -479,8 +479,9 @@ impl Request {
         Ok(all.into_iter().filter(is_open).collect())
     }
 
-    /// The verdict on a function. If the function's results are the same, Karat tries other values of features, and
-    /// returns the verdict with a value that changes the results.
+    /// The verdict on a function. If the results are the same before and after the edit, Karat also compares the
+    /// function with other values of features. If the results differ with one of these values, returns the verdict for
+    /// this value.
     fn verdict_under(
         &self,
         name: &str,
@@ -624,8 +625,9 @@ impl Request {
         one
     }
 
-    /// The private variables through which a function receives values from other functions or passes values to them.
-    /// Only variables that both packages declare with the same type count, and a variable that the edit renamed.
+    /// The private variables through which a function receives values from other functions or passes values to them. A
+    /// variable counts only if both packages declare the variable with the same type, or if the edit renamed the
+    /// variable.
     fn state_of(&self, name: &str) -> Stateful {
         let sides = [&self.before, &self.after];
         let programs = sides.map(|side| Program::of_function(side, name).ok());
@@ -775,8 +777,9 @@ impl Compared {
         matches!(self.change, Change::Same { .. }) && self.violations.is_empty()
     }
 
-    /// Replaces this verdict by another setting's verdict if the other verdict shows a change. If neither verdict shows
-    /// a change, a line that either setting covers counts as covered.
+    /// Replaces this verdict by the verdict with another setting of overrides or features, if the other verdict shows a
+    /// change. If neither verdict shows a change, a line counts as covered if at least one of the two settings covers
+    /// the line.
     fn take(&mut self, next: Self) {
         match next.change {
             Change::Same { .. } if next.violations.is_empty() => {
@@ -801,7 +804,7 @@ struct Stateful {
 
 #[derive(Debug)]
 enum Pair {
-    /// A function with its stage, before and after the edit.
+    /// A function that exists with the default features: its stage before and after the edit.
     There(Option<Option<Stage>>, Option<Option<Stage>>),
     /// A function that exists only with some features on.
     Under(Under, Option<Option<Stage>>, Option<Option<Stage>>),
@@ -815,7 +818,7 @@ enum Pair {
     Hidden(Vec<String>),
 }
 
-/// The features that an edit needs, and those of them that each package's conditions use.
+/// The features that an edit needs, and for each package, the features among them that the package's conditions use.
 #[derive(Debug)]
 struct Under {
     features: Vec<String>,
@@ -837,7 +840,8 @@ fn name_of(feature: &str) -> &str {
     feature.split_once('=').map_or(feature, |(name, _)| name)
 }
 
-/// The features that a package's conditions use, with or without values.
+/// Returns the features among `features` that a package's conditions use. A feature with a value is used if a condition
+/// compares the feature with a number.
 fn asked(features: &[String], values: &Values, conditions: &[String]) -> Vec<String> {
     let asks = |name: &&String| match name.split_once('=') {
         Some((name, _)) => values.contains_key(name),
@@ -858,8 +862,8 @@ fn featured(package: &Package, features: &[String]) -> Package {
 }
 
 /// Sets of features, smaller sets first. No set has two values for one feature. For few features, the function returns
-/// all sets. For more features: the empty set, each feature, each pair, and for each n, all features with their n-th
-/// value. For many features, the function leaves out the pairs.
+/// all sets. For more features, the function returns the empty set, each single feature, each pair, and for each n, the
+/// set in which each feature has its n-th value. For many features, the function leaves out the pairs.
 fn subsets(all: &[String]) -> Vec<Vec<String>> {
     let chosen = |at: Vec<usize>| at.into_iter().map(|at| all[at].clone()).collect::<Vec<_>>();
     let of_mask = |mask: usize| chosen((0..all.len()).filter(|at| mask >> at & 1 == 1).collect());
@@ -986,7 +990,7 @@ impl Both {
         [after.uncovered_beside(before), before.uncovered_beside(after)].concat()
     }
 
-    /// A violation if an index is outside of an array only after the edit, and the results depend on this index.
+    /// Returns a violation if, only after the edit, the results depend on an index outside of an array.
     fn outside(&self, function: &str) -> Option<Violation> {
         let [before, after] = &self.sides;
         let place = after.outside_beside(before).into_iter().next().filter(|_| self.strays)?;
@@ -1006,7 +1010,8 @@ impl PathChange {
         (self.clarity, self.ulp.unwrap_or(u64::MAX))
     }
 
-    /// Adds the change that other contents of buffers show, and keeps the case that shows the change more clearly.
+    /// Adds the change that the function shows with other contents of the buffers. Of the two shown cases, keeps the
+    /// case that shows the change more clearly.
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
         let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
@@ -1356,7 +1361,7 @@ mod tests {
         }
     }
 
-    /// The results are the same, but the host must supply resources differently.
+    /// These edits change no results, but after such an edit, the host must supply resources differently.
     // Lesson 152
     // Lesson 200
     #[test]
@@ -1403,8 +1408,8 @@ mod tests {
         assert_eq!(interface(aligned, aligned, &renamed), [""; 0]);
     }
 
-    /// Generated textures differ in size and number of levels. Numbers have the ranges in `karat.toml`. A cosine may
-    /// round to slightly above 1.
+    /// Generated textures differ in size and number of levels. Numbers have the ranges in `karat.toml`. A number with a
+    /// cosine's name may be slightly above 1, because dot products are rounded.
     // Lesson 153
     #[test]
     fn generated_resources_reveal_edits() {
@@ -1595,7 +1600,7 @@ mod tests {
         }
     }
 
-    /// Code under a condition is compared with the fewest features that include it.
+    /// Karat compares code under a condition with the fewest features that include the code.
     #[test]
     fn edits_under_a_condition_are_compared_with_its_features_set() {
         let text = "@if(A) fn f(x: f32) -> f32 { return x; }
@@ -1907,8 +1912,8 @@ mod tests {
         assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
     }
 
-    /// A setting without a verdict covers no line. If a setting shows a violation, Karat reports the verdict with this
-    /// setting.
+    /// A setting of the overrides for which the function has no verdict covers no line. If the function has a violation
+    /// with a setting, Karat reports the verdict with this setting.
     #[test]
     fn a_setting_that_cannot_be_judged_covers_no_line() {
         let line = || Uncovered {
@@ -2024,7 +2029,7 @@ mod tests {
         assert_eq!(both.uncovered("f.wgsl:1:1")[0].missed, Missed::Unmeasured);
     }
 
-    /// Code that can't be read must not count as unchanged, neither under a condition nor in an invalid module.
+    /// If Karat can't read code under a condition, or in an invalid module, the code doesn't count as unchanged.
     // Lesson 88
     #[test]
     fn edits_that_cannot_be_read_are_unjudged() {

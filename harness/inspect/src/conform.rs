@@ -95,7 +95,7 @@ const MOST_HUNG: usize = 2;
 /// Asks an executor all questions. Calls `tell` with each answer as soon as it arrives.
 ///
 /// # Errors
-/// If the path doesn't open, so that no question was asked.
+/// Returns an error if the path doesn't open. In this case, Karat asks no question.
 pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, PathError> {
     let executor = executor::of(path)?;
     let (mut answers, mut hung) = (Vec::new(), 0);

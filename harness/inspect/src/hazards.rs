@@ -83,7 +83,7 @@ pub struct Request {
 pub enum Class {
     /// The operation goes wrong in every sample of the free inputs that reaches it.
     Fault,
-    /// The operation doesn't go wrong in some sample, or too few samples reached it.
+    /// There is a sample in which the operation doesn't go wrong, or too few samples reached the operation.
     Requirement,
     /// The function's callers meet the requirement: in at least 256 of their calls, the operation ran without an error.
     Met,
@@ -146,7 +146,8 @@ pub struct Hazard {
     pub accepted: Option<String>,
     /// The other functions in which the same operation goes wrong.
     pub also: Vec<String>,
-    /// The sanitizer's finding in a compute pass, or the pixel that doesn't reach a derivative.
+    /// The sanitizer's finding in a compute pass, or the information that one pixel reaches a derivative and another
+    /// pixel doesn't.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violation: Option<Violation>,
 }
@@ -181,7 +182,8 @@ pub struct Hazards {
     pub invalid: usize,
     /// Faults and requirements, one for each line and kind. Faults come first, and worse kinds before others.
     pub found: Vec<Hazard>,
-    /// Findings that the callers meet or don't reach, and findings whose wrong value is dropped.
+    /// The findings of the other classes: requirements that the callers meet, findings that the callers don't reach,
+    /// and findings whose wrong value is dropped.
     pub others: Vec<Hazard>,
     /// The functions for which `karat.toml` accepts a fault that Karat doesn't find. You can remove these
     /// acceptances.
@@ -309,7 +311,7 @@ impl Request {
     /// Runs the search.
     ///
     /// # Errors
-    /// If the package can't be read, Karat can check no function, or a declaration is wrong.
+    /// Returns an error if the package can't be read, if Karat can check no function, or if a declaration is wrong.
     pub fn run(&self) -> Result<Hazards, HazardError> {
         self.run_with(&|_| {})
     }
@@ -317,7 +319,7 @@ impl Request {
     /// Does the same as [`run`](Self::run), and calls `progress` after each checked function.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Returns the same errors as [`run`](Self::run).
     pub fn run_with(
         &self,
         progress: &(dyn Fn(&Progress<'_>) + Sync),
@@ -505,8 +507,8 @@ impl Request {
         Err(HazardError::UnknownInput { name: name.clone(), nearest, place })
     }
 
-    /// The reason and the position if naga rejects a function or code that it uses. `None` for the shaders of a crate,
-    /// because they may need abilities that only the crate's renderer enables.
+    /// If naga rejects a function or code that the function uses, returns the reason and the position. Returns `None`
+    /// for the shaders of a crate, because these shaders may need abilities that only the crate's renderer enables.
     fn invalid(&self, name: &str) -> Option<String> {
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = || Program::of_items(&self.package, module, &[own]);
@@ -551,7 +553,7 @@ impl Request {
 #[derive(Default)]
 struct Seen {
     hazards: Vec<Hazard>,
-    /// For each position of an operation: the number of cases that reached it with good operands. It may be 0.
+    /// For each position of an operation: the number of cases that reached it with good operands. This number may be 0.
     reached: BTreeMap<String, usize>,
     drawn: Drawn,
     /// The number of inputs that didn't run because their loops were too long.
@@ -591,8 +593,8 @@ fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
     none.map(|((file, line), _)| format!("{file}:{line}")).collect()
 }
 
-/// The findings, judged through callers. For each function, `roots` has those of its callers that have no callers
-/// themselves.
+/// Returns the findings after Karat has judged them through callers. For each function, `roots` has its outermost
+/// callers, which have no callers themselves.
 fn judged(
     roots: &BTreeMap<String, BTreeSet<String>>,
     looked: &BTreeMap<String, Seen>,
@@ -633,7 +635,8 @@ type ByPlace = BTreeMap<OfPlace, Hazard>;
 
 type OfPlace = (String, String, Kind);
 
-/// The key of a finding. A value that is NaN for some inputs, and infinite or unbounded for others, has one key.
+/// The key of a finding. If a value is NaN for some inputs, and infinite or unbounded for others, these findings have
+/// the same key.
 fn key_of(hazard: &Hazard) -> OfPlace {
     let kind = match hazard.kind {
         Kind::Infinite | Kind::Unbounded => Kind::Nan,
@@ -643,7 +646,7 @@ fn key_of(hazard: &Hazard) -> OfPlace {
 }
 
 /// Adds a function's finding to the findings in other functions. A fault replaces other classes. Otherwise the finding
-/// with fewer arguments is kept, because it is closer to the operation.
+/// in the function with fewer arguments is kept, because this function is probably closer to the operation.
 fn add(found: &mut ByPlace, hazard: Hazard) {
     match found.entry(key_of(&hazard)) {
         std::collections::btree_map::Entry::Vacant(place) => {
@@ -691,8 +694,8 @@ fn operands(found: &Found) -> Vec<String> {
     all.into_iter().flatten().map(|x| format_f32(*x)).collect()
 }
 
-/// The violation if one pixel reaches a derivative and another pixel doesn't, with the condition at which the pixels
-/// diverged. `None` for other findings.
+/// If one pixel reaches a derivative and another pixel doesn't, returns a violation with the position of the condition
+/// at which the pixels diverged. Returns `None` for other findings.
 fn parted(function: &str, found: &Found) -> Option<Violation> {
     let Missing { reached, missing, parted } = found.missing.as_ref()?;
     let access = |span: &Span, invocation: &str, does: &str| ViolationAccess {
@@ -716,10 +719,10 @@ fn one_line(text: &str) -> String {
 trait Acceptance {
     fn covers(&self, hazard: &Hazard) -> bool;
 
-    /// Checks that each named function has a finding that this acceptance covers.
+    /// Checks that this acceptance covers at least one finding in each function that the acceptance names.
     ///
     /// # Errors
-    /// If a named function has no such finding.
+    /// Returns an error if the acceptance covers no finding in one of these functions.
     fn expect_current(&self, all: &[Hazard]) -> Result<(), HazardError>;
 }
 

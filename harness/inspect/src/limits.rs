@@ -1,7 +1,8 @@
 //! The constants that determine the results of `hazards`, `compare` and `matrix`, each with the reason for its value.
 //! The ranges that names suggest are in `made_up/meaning.rs`.
 
-/// The number of inputs for each function. For three arguments with six edges each, 800 inputs are random samples.
+/// The number of inputs for each function. If a function has three arguments with six edges each, about 800 inputs are
+/// random samples, and the other inputs are combinations of edges.
 pub(crate) const CASES: usize = 1024;
 
 /// The seed of the inputs. Functions with the same signature get the same inputs on every machine.
@@ -21,11 +22,11 @@ pub(crate) const CONTENTS: usize = 6;
 pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 
 /// The number of failing cases that Karat holds, one after the other: it keeps a case's declared inputs, and samples
-/// its free inputs again. The first cases include an end of a range.
+/// its free inputs again. The first of these cases have an argument at an end of its range.
 pub(crate) const HOLDS: usize = 4;
 
-/// The number of held cases (see [`HOLDS`]) for all findings of a function together. Each held case costs a twentieth
-/// of the function's trial.
+/// The number of held cases (see [`HOLDS`]) for all findings of a function together. Each held case takes a twentieth
+/// of the time that the first run of the function over all contents takes.
 pub(crate) const ALL_HOLDS: usize = 8;
 
 /// The number of failing cases that are kept for each finding. Karat chooses the held cases from the kept cases.
@@ -46,14 +47,14 @@ pub(crate) const MET: usize = 256;
 /// takes some seconds on one core, because the engine computes each operation four times and compares all results.
 pub(crate) const WORK: u64 = 1 << 21;
 
-/// The number of long loops that continue to run in the search for an endless one. Each of these loops takes some
-/// tenths of a second.
+/// In the search for an endless loop, this number of long loops continues to run. Each of these loops takes some tenths
+/// of a second.
 pub(crate) const LONG_CASES: usize = 3;
 
 /// The number of buffer members that are shown beside the arguments.
 pub(crate) const MEMBERS: usize = 6;
 
-/// The number of inputs that measure the work of a function. They always run.
+/// The number of inputs with which Karat measures the work of a function. These inputs always run.
 pub(crate) const SAMPLE: usize = 16;
 
 // Limits of `compare`.
@@ -69,7 +70,7 @@ pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 /// contents only show how far the results change, and take a tenth of a second each.
 pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
 
-/// The number of inputs with equal results that is enough for the verdict "same" if not all inputs could run. It equals
+/// If not all inputs could run, the verdict "same" needs at least this number of inputs with equal results. It equals
 /// [`DRAWS`].
 pub(crate) const LEAST_EQUAL: usize = 64;
 
@@ -97,8 +98,8 @@ pub(crate) const MOST_STATE: usize = 256;
 /// The value of an override without a default. The value can be the size of a small texture, or a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 
-/// The second value with which an override is compared. It isn't 0, 1 or a usual size, and is valid for each number
-/// type.
+/// The second value with which an override is compared. This value isn't 0, 1 or a usual size, and is valid for each
+/// number type.
 pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 
 /// The number of workgroups of a pass that usually runs one workgroup, but may run more.
@@ -119,8 +120,9 @@ pub(crate) const VISIBLE: f32 = 1e-3;
 /// in texels still has 10 bits after the point.
 pub(crate) const REPEATED: f64 = 1024.0;
 
-/// In comparisons, a component's scale is at least this share of the largest component's scale. With the default
-/// tolerance of 1e-3, the allowed error is 1e-6 of the largest component, or about 8 steps of an `f32`.
+/// Karat compares each component relative to its scale, the largest magnitude of its results. This is the smallest
+/// scale, as a share of the largest component's scale. With the default tolerance of 1e-3, the allowed error is 1e-6 of
+/// the largest component, or about 8 steps of an `f32`.
 pub(crate) const CANCELLED: f64 = 1e-3;
 
 // Sizes of generated resources.
@@ -129,8 +131,7 @@ pub(crate) const CANCELLED: f64 = 1e-3;
 /// million elements.
 pub(crate) const MOST_BYTES: usize = 1 << 20;
 
-/// The largest size of a texture that each device supports, in texels (WebGPU, 3.6.2: `maxTextureDimension1D` is
-/// 8,192).
+/// The largest size of a texture that each GPU supports, in texels (WebGPU, 3.6.2: `maxTextureDimension1D` is 8,192).
 pub(crate) const MOST_SIDE: u32 = 8192;
 
 /// The largest size of a cube's face, in texels. A cube has six faces with mip levels.

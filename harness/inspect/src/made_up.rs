@@ -56,7 +56,7 @@ impl Ranges {
     /// Reads the ranges that a package's `karat.toml` declares.
     ///
     /// # Errors
-    /// If `karat.toml` can't be read.
+    /// Returns an error if `karat.toml` can't be read.
     pub fn of(package: &Package) -> Result<Self, PackageError> {
         let hazards = declared_hazards(package)?;
         Ok(Self { declared: hazards.inputs, overrides: hazards.overrides, ..Self::default() })
@@ -65,7 +65,7 @@ impl Ranges {
     /// Declares the range of a name, from `least` to `most`. Replaces an earlier declaration.
     ///
     /// # Errors
-    /// If an end isn't finite, or `least` is above `most`. The error is a sentence.
+    /// Returns an error, as a sentence, if an end isn't finite, or if `least` is above `most`.
     pub fn declare(&mut self, name: &str, least: f64, most: f64) -> Result<(), String> {
         if !(least <= most && least.is_finite() && most.is_finite()) {
             return Err(format!(
@@ -118,8 +118,8 @@ impl Ranges {
         all.filter(|key| self.declared.contains_key(key)).for_each(|key| drawn.add(key));
     }
 
-    /// The number of elements of a runtime-sized array; `usual` without a declaration. If `least` is `true`, the
-    /// smallest declared number.
+    /// Returns the number of elements of a runtime-sized array, or `usual` without a declaration. If `least` is `true`,
+    /// returns the smallest number in the declared range.
     pub(crate) fn length(&self, binding: &str, usual: u32, least: bool) -> u32 {
         let own = binding.rsplit("::").next().unwrap_or(binding);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
@@ -149,8 +149,7 @@ impl Ranges {
         }
     }
 
-    /// Returns ranges in which each range that a name suggests counts as declared. A function without callers uses
-    /// them.
+    /// Returns ranges for a function without callers: each range that a name suggests counts as declared.
     #[must_use]
     pub(crate) fn with_names(&self) -> Self {
         Self { named: true, ..self.clone() }
@@ -236,7 +235,7 @@ impl Ranges {
         self.declared.get(path).or_else(|| self.declared.get(own))
     }
 
-    /// The builtin value at a path of an entry point's inputs.
+    /// Returns the name of the builtin value if the input at this path is a builtin value.
     fn builtin(&self, path: &str) -> Option<&str> {
         let mut all = self.builtins.iter();
         all.find(|(known, _)| known == path).map(|(_, builtin)| builtin.as_str())
@@ -246,7 +245,7 @@ impl Ranges {
 /// The parts of a [`Dynamic`] domain for an argument, from its name and type.
 ///
 /// # Errors
-/// If a declared range contains no value of the argument's type. The error is a sentence.
+/// Returns an error, as a sentence, if a declared range contains no value of the argument's type.
 pub fn suggested(name: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Part>, String> {
     Ok(described(name, shape, ranges)?.into_iter().map(|one| one.part).collect())
 }
@@ -512,7 +511,7 @@ impl Arguments {
         self.select(rows, count, |at| draw == 0 || count < SHARE || at % SHARE == draw % SHARE)
     }
 
-    /// The rows for whose row number `wanted` returns `true`.
+    /// Returns the rows with the numbers for which `wanted` returns `true`.
     pub(crate) fn select(
         &self,
         rows: &[u32],
@@ -654,7 +653,7 @@ impl Arguments {
         rows
     }
 
-    /// Checks if all undeclared integers of a row are small, so that a loop with such a count ends.
+    /// Checks if all undeclared integers of a row are small, so that a loop that counts to such an integer ends soon.
     pub(crate) fn counts_little(&self, row: &[u32]) -> bool {
         /// With this count, three nested loops have 512 iterations together, far fewer than a long loop.
         const MOST: u32 = 8;
@@ -689,8 +688,8 @@ impl MadeUp {
     /// Generates the inputs of case number `case`. Edges come first.
     ///
     /// # Errors
-    /// If a resource can't be generated, or a declared range contains no value of its argument's type. The error is a
-    /// sentence.
+    /// Returns an error, as a sentence, if a resource can't be generated, or if the declared range of an argument
+    /// contains no value of the argument's type.
     pub fn of(
         probed: &karat::unstable::probe::Probed,
         ranges: &Ranges,
@@ -714,7 +713,7 @@ impl MadeUp {
     /// first two cases, indices in buffers also follow from the dispatch.
     ///
     /// # Errors
-    /// If the entry point isn't valid, or a resource can't be generated.
+    /// Returns an error if the entry point isn't valid, or if a resource can't be generated.
     pub fn of_pass(
         (package, name): (&Package, &str),
         overrides: &BTreeMap<String, f64>,

@@ -163,8 +163,8 @@ pub struct Cell {
     /// The number of cases that were compared with another column. For an entry point: the number of 32-bit words in
     /// its buffers.
     pub compared: usize,
-    /// The number of cases whose results differ by more than the tolerance, although WGSL defines them. For an entry
-    /// point: the number of words that differ in this way.
+    /// The number of cases whose results differ by more than the tolerance, although WGSL doesn't leave these results
+    /// open. For an entry point: the number of words that differ in this way.
     pub differing: usize,
     /// The number of cases, or of an entry point's words, that differ where WGSL leaves the result open: after an index
     /// outside of an array, or with a float that isn't finite.
@@ -272,8 +272,8 @@ pub struct Request {
     journal: Option<PathBuf>,
 }
 
-/// The number of cases of each function. It suffices to find differences between translations. Finding the largest
-/// error would need more.
+/// The number of cases of each function. So many cases suffice to find differences between translations. To find the
+/// largest error, more cases would be necessary.
 const CASES: usize = 512;
 
 /// The largest difference between two columns that counts as equal. WGSL allows an error of 2^-11 for sine and cosine,
@@ -372,8 +372,8 @@ impl Request {
     /// Makes the matrix.
     ///
     /// # Errors
-    /// If the package can't be read or has no functions and entry points, a setting is wrong, or the file of
-    /// [`journal`](Self::journal) can't be read.
+    /// Returns an error if the package can't be read or has no functions and entry points, if a setting is wrong, or if
+    /// the file of [`journal`](Self::journal) can't be read.
     pub fn run(&self) -> Result<Matrix, MatrixError> {
         self.run_with(&|_, _| {})
     }
@@ -382,7 +382,7 @@ impl Request {
     /// number of all rows.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Returns the same errors as [`run`](Self::run).
     pub fn run_with(
         &self,
         progress: &(dyn Fn(usize, usize) + Sync),

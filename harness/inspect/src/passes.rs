@@ -60,7 +60,7 @@ impl Usual {
     /// Determines the usual dispatch of a compute entry point.
     ///
     /// # Errors
-    /// If the entry point isn't valid, or isn't a compute entry point.
+    /// Returns an error if the entry point isn't valid, or isn't a compute entry point.
     pub fn of(package: &Package, name: &str) -> Result<Self, String> {
         Self::with_overrides(package, name, &Overrides::new())
     }
@@ -94,15 +94,15 @@ impl Usual {
         self.workgroups
     }
 
-    /// The size that the name of an integer or of a vector suggests for the integer or for one component of the vector:
-    /// in a pass over 16 columns, `width` is 16.
+    /// The size that the name of an integer suggests: in a pass over 16 columns, `width` is 16. For a vector, the size
+    /// that the vector's name suggests for one component.
     #[must_use]
     pub fn number(&self, name: &str, lane: usize, lanes: usize) -> Option<u32> {
         Extents::of(self.size, self.workgroups, Content::OF_PASSES[0]).size(name, lane, lanes, true)
     }
 
-    /// The number of invocations in each direction with which two passes can be compared, whatever their workgroup
-    /// sizes are.
+    /// The number of invocations in each direction that two passes with different workgroup sizes can both run, so that
+    /// their results can be compared.
     pub(crate) fn invocations_with(self, other: Self) -> [u32; 3] {
         [0, 1, 2].map(|k| {
             let usual = |one: Self| one.size[k] * one.workgroups[k];
@@ -114,10 +114,11 @@ impl Usual {
 }
 
 /// Makes a pass over generated resources. The resources' sizes follow from `invocations`, or otherwise from the usual
-/// dispatch. The resources in `given` replace generated ones, and some inputs may come from another content.
+/// dispatch. The resources in `given` replace generated ones, and with `mix`, some inputs come from another content
+/// (set of generated values).
 ///
 /// # Errors
-/// If the pass isn't valid, or a resource can't be generated.
+/// Returns an error if the pass isn't valid, or if a resource can't be generated.
 pub(crate) fn arbitrary(
     package: &Package,
     name: &str,

@@ -23,8 +23,9 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     one.unwrap_or_else(|| panic!("no {kind:?} at `{operation}`: {hazards:#?}")).clone()
 }
 
-/// A fault goes wrong in every sample of the free inputs. If some sample doesn't go wrong, the finding is a
-/// requirement. The finding's `needs` list each input that can avert the error without a change of other inputs.
+/// The operation of a fault goes wrong in every sample of the free inputs. If at least one sample doesn't go wrong, the
+/// finding is a requirement. The finding's `needs` list each input that can avert the error without a change of other
+/// inputs.
 // Lesson 97
 #[test]
 fn running_separates_faults_from_requirements() {
@@ -347,7 +348,8 @@ fn a_function_is_judged_by_what_it_uses() {
     assert!(error.to_string().contains("invalid field accessor"), "{error}");
 }
 
-/// The callers in an invalid module are unknown, so each of its functions is judged without callers.
+/// Karat doesn't know the callers of a function in an invalid module, so Karat judges each valid function of this
+/// module on its own.
 // Lesson 143
 #[test]
 fn a_requirement_is_met_despite_an_invalid_calling_module() {
@@ -942,7 +944,7 @@ fn a_pass_without_results_is_checked_for_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
-/// One divisor is 0 for only one of eight sets of buffer contents. The other divisor is 0 for all sets.
+/// One divisor is 0 for only one of the sets of values in the buffers. The other divisor is 0 for all sets.
 #[test]
 fn a_hazard_of_one_buffer_content_is_a_requirement() {
     let pass = |divisor: &str| {
@@ -1051,8 +1053,8 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
     assert!(scatter.needs.contains(&"idx".to_owned()), "{scatter}");
 }
 
-/// A loop with many iterations isn't reported as endless. Karat still checks inputs on which the number of iterations
-/// doesn't depend.
+/// A loop with many iterations isn't reported as endless. In such a function, Karat still finds the hazards of inputs
+/// that don't change the number of iterations.
 #[test]
 fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {
@@ -1186,8 +1188,8 @@ fn races_of_read_values_are_reported() {
     assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
 }
 
-/// The tail shows a missing guard, along a long side and along three short sides. The report gives the condition under
-/// which the index is outside.
+/// If a dispatch has more invocations than elements, Karat finds a missing guard, in a dispatch with one long side or
+/// with three short sides. The report gives the condition under which the index is outside of the array.
 #[test]
 fn a_tail_without_its_guard_is_found() {
     let line = "@group(0) @binding(0) var<storage, read_write> v: array<f32>;
@@ -1526,8 +1528,8 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// Each kind of declaration removes the findings that it concerns: distinct elements, lengths, workgroups, directions,
-/// and numbers of one function.
+/// Each kind of declaration removes the findings that the declaration excludes. The kinds are: distinct elements,
+/// lengths, workgroups, directions, and numbers of one function.
 #[test]
 fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");

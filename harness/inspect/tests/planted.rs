@@ -65,7 +65,7 @@ fn faults_of_passes_are_seen_in_what_they_leave() {
     );
 }
 
-/// A race may not change the results in the engine's order, but the sanitizer reports it.
+/// Even if a race doesn't change the results in the engine's order, the sanitizer reports the race.
 #[test]
 fn a_barrier_that_is_gone_is_a_new_violation() {
     let all = edited("tile[i] += add;\n        workgroupBarrier();", "tile[i] += add;");

@@ -84,8 +84,8 @@ pub enum Fate {
         /// is the test that came closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
-        /// `true` if all of these tests show the values that they compare. Then no test saw a difference, except for
-        /// the test in `hidden`, if there is one.
+        /// `true` if each test that uses the mutated code shows the values that it compares. In this case, at most the
+        /// test in `hidden` saw a difference.
         #[serde(skip)]
         seen: bool,
         /// The reason why the mutant lived.
@@ -202,7 +202,7 @@ pub enum MutateError {
     },
 }
 
-/// Tests that the package doesn't contain, such as Rust tests. All of them passed without a mutant.
+/// Tests that the package doesn't contain, such as Rust tests. All these tests passed on the original shaders.
 pub trait Others: Sync {
     /// The number of the tests.
     fn count(&self) -> usize;
@@ -269,7 +269,7 @@ impl Request {
     /// Finds the selected mutants, in the order of modules and positions. Also returns their number before sampling.
     ///
     /// # Errors
-    /// If Karat can't read the package.
+    /// Returns an error if Karat can't read the package.
     pub fn mutants(&self) -> Result<(Vec<Candidate>, usize), MutateError> {
         Ok(self.chosen(self.all()?))
     }
@@ -360,7 +360,7 @@ impl Request {
     /// finished mutants and the number of all mutants.
     ///
     /// # Errors
-    /// If there is no mutant or no test, or a test fails without a mutant.
+    /// Returns an error if there is no mutant or no test, or if a test fails on the original shaders.
     pub fn run(&self, told: &(dyn Fn(&Tried, usize, usize) + Sync)) -> Result<Hunted, MutateError> {
         self.run_with(None, told)
     }
@@ -368,7 +368,7 @@ impl Request {
     /// Does the same as [`run`](Self::run), and also runs tests that the package doesn't contain.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Returns the same errors as [`run`](Self::run).
     pub fn run_with(
         &self,
         others: Option<&dyn Others>,
@@ -447,7 +447,7 @@ impl Request {
         Ok(accepted)
     }
 
-    /// The tests, if all of them pass without a mutant, and the number of frames that don't run.
+    /// Returns the tests, and the number of frames that don't run. Returns an error if a test fails without a mutant.
     fn judges(
         &self,
         suite: &Suite,
@@ -612,8 +612,8 @@ fn reason(error: &ReflectError) -> String {
     error.diagnostic().map_or_else(|| error.to_string(), |found| found.message.clone())
 }
 
-/// Runs a function for each element, on all cores. Each test runs in its own thread, because its checks use Rayon's
-/// pool, and a thread of that pool can't wait for them.
+/// Runs a function for each element, on all cores. The threads aren't in Rayon's pool, because the checks of a test use
+/// this pool, and a thread of the pool can't wait for the checks.
 fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);

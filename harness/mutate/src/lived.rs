@@ -23,7 +23,8 @@ pub enum Lived {
         /// The number of inputs that Karat tried.
         cases: usize,
     },
-    /// The mutant changes a sampler of a test, not the shader. No test samples where the two samplers differ.
+    /// The mutant changes a sampler of a test, not the shader. No test samples at a coordinate for which the original
+    /// and the mutated sampler give different results.
     Sampler,
     /// Karat can't compare the mutant with the original.
     Unknown {
@@ -47,7 +48,7 @@ pub struct Difference {
     pub floats: bool,
     /// `true` for a compute pass, which writes buffers and returns no value.
     pub leaves: bool,
-    /// The arguments' types, if the difference depends only on arguments and on no feature.
+    /// The arguments' types; `None` if the difference also depends on a resource, an override or a feature.
     #[serde(skip)]
     types: Option<Vec<Shape>>,
     #[serde(skip)]
@@ -136,8 +137,8 @@ pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -
     }
 }
 
-/// The combined result of several comparisons: a difference if one was found, otherwise an unknown result, otherwise no
-/// difference. `None` if nothing was compared.
+/// Returns the combined result of several comparisons: the first difference, otherwise the first unknown result,
+/// otherwise no difference. Returns `None` if nothing was compared.
 fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>) -> Option<Lived> {
     let (mut cases, mut unknown) = (0, None);
     for one in compared {
@@ -196,8 +197,9 @@ impl Difference {
     }
 
     /// A test for a `*.test.toml` that the original passes and the mutant fails. The test expects the original's
-    /// result, so its author must check that the result is right. `None` if an input isn't an argument, the original's
-    /// result isn't finite, or the results differ only in the sign of a 0, which tests ignore.
+    /// result, so its author must check that the result is right. Returns `None` if the results also depend on inputs
+    /// that aren't arguments, if the original's result isn't finite, or if the results differ only in the sign of a 0,
+    /// which tests ignore.
     #[must_use]
     pub fn test(&self) -> Option<String> {
         let over = self.arguments.iter().map(|(name, value)| {

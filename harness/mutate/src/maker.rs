@@ -128,8 +128,8 @@ pub fn mutants(text: &str) -> Vec<Mutant> {
     found
 }
 
-/// All mutants of the samplers that a test file declares, each with the name of the sampler's variable. A sampler is a
-/// string below a `with` that begins with a filter, such as `filtering = "linear repeat"`.
+/// All mutants of the samplers that a test file declares, each with the name of the sampler's variable. A string in a
+/// `with` table declares a sampler if the string begins with a filter: `filtering = "linear repeat"`.
 pub(crate) fn samplers(text: &str) -> Vec<Mutant> {
     let mut found = Vec::new();
     if let Ok(table) = DeTable::parse(text) {
@@ -440,8 +440,8 @@ impl<'a> Maker<'a> {
         first
     }
 
-    /// The index of the right operand's last token. An operator that binds as tightly as the one at `at`, or less, ends
-    /// the operand.
+    /// The index of the right operand's last token. The operand ends before the next operator that doesn't bind more
+    /// tightly than the operator at `at`.
     fn right_operand(&self, at: usize) -> usize {
         let binds = precedence(self.word(at));
         let mut last = at;
@@ -599,7 +599,7 @@ fn split_templates(tokens: Vec<Token<'_>>) -> Vec<Token<'_>> {
     found
 }
 
-/// Checks if a word begins like a type or built-in with template arguments.
+/// Checks if a word begins like the name of a type or a built-in function that may have template arguments.
 fn is_generic(word: &str) -> bool {
     let begins = ["vec", "mat", "array", "ptr", "atomic", "texture_", "var", "bitcast"];
     begins.iter().any(|begin| word.starts_with(begin))

@@ -15,7 +15,7 @@ const TESTS: &str = "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nequals = 1
                      [[test]]\nfunction = \"capped\"\nover = { x = \"-4..4\" }\nagrees_with = \"capped_once\"\n\
                      tolerance = \"1 ulp\"\n";
 
-/// The reference of `capped`, in a module without mutants.
+/// The reference in the tests of `capped`. The requests select no mutants of the reference's module.
 const REFERENCE: &str = "fn square(x: f32) -> f32 { return x * x; }\n";
 
 fn folder(shader: &str, tests: &str) -> TempDir {

@@ -43,7 +43,7 @@ pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
     received(&data)
 }
 
-/// Returns the script of a golden without a pending frame: its parts, and its versions.
+/// Returns the script of a golden without a pending frame. The script has the parts and the versions of the golden.
 pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Value]) -> String {
     let provenance = golden.metadata.as_deref().map(Provenance::parse);
     let (facts, verdict) = match &provenance {
@@ -68,7 +68,8 @@ pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Val
     }))
 }
 
-/// Returns the script of a golden of values without pending values: its rows, and its versions.
+/// Returns the script of a golden of values without pending values. The script has the rows and the versions of the
+/// golden.
 pub(super) fn golden_table(
     index: usize,
     name: &str,
@@ -163,8 +164,8 @@ fn received(data: &Value) -> String {
 }
 
 /// Returns a measurement of the test, with its bound, as JSON. NaN and infinity become strings, because JSON has
-/// neither. Because the page can't compare these strings with the bound, Rust computes `passes`. `place` has the
-/// corners of a rectangle that includes its right column and bottom row of pixels.
+/// neither. Because the page can't compare these strings with the bound, Rust computes `passes`. `place` has the left,
+/// top, right and bottom pixel of a rectangle, all of which belong to the rectangle.
 fn gate(margin: &CriterionMargin) -> Value {
     let CriterionMargin { name, value, bound, note, .. } = margin;
     let corners = margin.place.map(|place| {
@@ -186,7 +187,8 @@ fn gate(margin: &CriterionMargin) -> Value {
 }
 
 /// Returns the bounds of the gate: the bounds that the test sets, or the default bounds. The page needs the bounds to
-/// find the pixels that the gate rejected. A margin states its bounds only in its name: `gate rel 1e-3 or abs 1e-5`.
+/// find the pixels that the gate rejected. A [`CriterionMargin`] has these bounds only in its name: `gate rel 1e-3 or
+/// abs 1e-5`.
 fn bounds(margins: &[CriterionMargin]) -> Value {
     let gate = margins.iter().find(|margin| margin.criterion == FrameCriterion::Gate);
     let bound = |word: &str| {

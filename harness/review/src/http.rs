@@ -17,17 +17,17 @@ const LONGEST_HEAD: usize = 16 << 10;
 /// The largest number of headers. Browsers send about twenty.
 const MOST_HEADERS: usize = 100;
 /// The time limit for a request to arrive, and for a client to accept a part of the response. Client and server are on
-/// one machine.
+/// the same machine, so a longer wait would be useless.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The time for reading and dropping the rest of a request after the response.
 const LINGER: Duration = Duration::from_secs(2);
-/// The largest number of connections at a time. A browser opens six connections, and one more that it may need soon.
+/// The largest number of connections at a time. A browser opens six connections, and one more in advance.
 const MOST_OPEN: usize = 64;
 /// The pause after a connection that couldn't be accepted. Without this pause, a lasting error would make the server
 /// spin.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// The headers of each response: browsers use the response only as this type, and don't store it.
+/// The headers of each response: they tell browsers to trust the stated content type, and not to store the response.
 const HEADERS: &str = "Cache-Control: no-store\r\n\
     X-Content-Type-Options: nosniff\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
@@ -35,10 +35,11 @@ const HEADERS: &str = "Cache-Control: no-store\r\n\
     Referrer-Policy: same-origin\r\n\
     Connection: close\r\n";
 
-/// The policy for HTML frames without an editor: no other page may show this page in a frame.
+/// The policy for HTML frames if no editor shows the page: no other page may show this page in an HTML frame.
 const UNFRAMED: &str = "'none'";
-/// The policy for HTML frames with an editor that shows the page in a panel. The windows of VS Code have their own URL
-/// schemes; in a browser, VS Code's windows are pages from this machine. Any other page would need to know the token.
+/// The policy for HTML frames if an editor shows the page in a panel. The windows of VS Code have their own URL
+/// schemes; in a browser, VS Code's windows are pages from this machine. Without the secret in the URL, other pages on
+/// this machine can't load the page.
 const FRAMED: &str = "vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*";
 
 /// A response: status, content type, body.
@@ -200,8 +201,8 @@ impl Connection {
         stream.shutdown(Shutdown::Write)
     }
 
-    /// Reads the rest of the client's data. If the server closed earlier, the system would reset the connection, and
-    /// the response might be lost.
+    /// Reads the rest of the client's data. If the server closed the connection before the rest arrived, the system
+    /// would reset the connection, and the response might be lost.
     fn linger(self) -> io::Result<()> {
         let mut rest = Timed { stream: Arc::clone(&self.stream), end: Instant::now() + LINGER };
         io::copy(&mut rest, &mut io::sink()).map(drop)

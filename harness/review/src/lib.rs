@@ -49,7 +49,7 @@ const MOST_VERSIONS: usize = 8;
 
 /// The data of a pending frame or table for the page.
 ///
-/// [`load`](Self::load) fills it in. You can add more maps.
+/// [`load`](Self::load) reads the data. You can add more maps.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// The name of the golden.
@@ -158,7 +158,7 @@ pub struct Review {
     asked: pixels::Asked,
 }
 
-/// An entry of the page. The page finds its data file by the entry's number.
+/// An entry of the page. The entry's number is in the name of the data file that the page loads for the entry.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Entry {
     /// A pending frame, by its name.

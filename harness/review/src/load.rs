@@ -128,7 +128,8 @@ impl Rows {
     }
 }
 
-/// Returns the parts of both sides by name. The frame is first.
+/// Returns the parts of golden and frame, matched by name. The frame's parts come first, then the parts that only the
+/// golden has.
 fn parts(golden: Option<ExrFile>, actual: ExrFile) -> Vec<Part> {
     // In another tool's golden, the first part has another name, or no name.
     let named = |(index, part): (usize, karat::unstable::image::Part)| {

@@ -287,8 +287,8 @@ impl Random {
 const ULPS: usize = 2;
 
 impl Random {
-    /// The result of a tree if each operation is rounded up or down, and each quotient then moves by up to [`ULPS`]
-    /// more floats.
+    /// The result of a tree if each operation is rounded up or down, and each quotient then has an additional error of
+    /// up to [`ULPS`] steps from one float to the next.
     fn rounded(&mut self, tree: &Tree, row: &[f32]) -> f32 {
         let format = self.format;
         let mut of = |x: &Tree| self.rounded(x, row);
@@ -356,8 +356,8 @@ fn is_narrow(bound: &Interval) -> bool {
 const PROGRAMS: usize = 2000;
 const CASES: usize = 16;
 
-/// Runs four orders of each of 2,000 programs in `f32`. Then runs each order again, with each operation rounded up or
-/// down. Almost as many cases have bounds as if the bounds included only the written order.
+/// Runs 2,000 programs in `f32`, each in four orders. Then runs each order again, with each operation rounded up or
+/// down. The bounds include all orders, but almost as many cases have bounds as with bounds for only the written order.
 // Lesson 168: each order of terms lies within the bound
 #[test]
 fn every_order_of_a_random_program_is_within_the_bounds() {
@@ -412,7 +412,8 @@ fn one(result: &str, row: [f32; 4]) -> Interval {
     intervals(&source("", result, Format::Single), &row)[0]
 }
 
-/// A sum that overflows in another order is unbounded, and the other order is reported as the cause.
+/// If a sum or product overflows in another order than the written one, its result is unbounded, and the engine reports
+/// that another order is the cause.
 #[test]
 fn an_order_that_overflows_has_no_bound() {
     let large = [3e38, -3e38, 3e38, -3e38];

@@ -1,4 +1,5 @@
-//! Programs that Karat must recognise as computing the same, and programs that it mustn't.
+//! Tests that the engine recognises programs that compute the same results, and tells them from similar programs with
+//! other results.
 
 use karat_engine::{Program, Settings};
 
@@ -41,7 +42,7 @@ fn equivalent_expressions_are_equal_for_each_number() {
     }
 }
 
-/// A caller sees the private variables that a function writes, so they are results.
+/// A caller sees the private variables that a function writes, so these variables count as results of the function.
 // Lesson 29
 #[test]
 fn private_variables_are_results() {

@@ -8,7 +8,8 @@ use crate::common::module;
 
 const LANES: u32 = 64;
 
-/// Dispatches a body over one workgroup, with the subgroups of a schedule. Returns the contents of `d`.
+/// Runs a function body in one workgroup, with the subgroups of a schedule. Returns the values that the buffer `d` has
+/// after the run.
 fn run(body: &str, schedule: Schedule) -> Vec<u32> {
     let source = format!(
         "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -134,7 +135,7 @@ fn subgroup_operations_exchange_values_between_lanes() {
     }
 }
 
-/// A read from a lane that doesn't exist may return any value, as a read with an index outside of an array may.
+/// A read from a lane that doesn't exist may return any value, like a read with an index outside of an array.
 #[test]
 fn a_lane_that_is_not_there() {
     let zero = Options {

@@ -1,5 +1,5 @@
-//! Compares the engine's bounds with those that `table.py` computed with 200 bits. `table.py` shares no code with the
-//! engine.
+//! Compares the engine's bounds with bounds that `table.py` computed with a precision of 200 bits. `table.py` shares no
+//! code with the engine.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ fn word(text: &str) -> f32 {
     f32::from_bits(u32::from_str_radix(text, 16).expect("a word"))
 }
 
-/// The inputs, and the least and the greatest allowed result. `None` if any result is allowed.
+/// The inputs of a case, and the smallest and the largest allowed result, or `None` if any result is allowed.
 type Case = (Vec<f32>, Option<(f32, f32)>);
 
 /// The engine's bounds contain the bounds of the table. At each end, the engine's bounds may be one step wider, because

@@ -44,7 +44,7 @@ fn run(program: &Program, rows: &[f32], texture: Texture, sampler: Sampler) -> V
     found.words().into_iter().map(f32::from_bits).collect()
 }
 
-/// For one coordinate, the two texels around it, and the weight of the second texel.
+/// Returns the two texels around a coordinate, and the weight of the second texel.
 fn neighbours(u: f64, size: u32, address: Address) -> (u32, u32, f64) {
     let at = u * f64::from(size) - 0.5;
     let n = i64::from(size);
@@ -328,7 +328,7 @@ fn bounds(source: &str, texture: Texture) -> Vec<(f32, f32)> {
     found.row(0).into_iter().map(ends).collect()
 }
 
-/// Even if all texels are equal, a filter adds texels with rounded weights.
+/// A filter adds texels with rounded weights, so the result may differ from the texels even if all texels are equal.
 // Lesson 169
 #[test]
 fn bounds_of_filtered_equal_texels_are_wider_than_the_texel() {

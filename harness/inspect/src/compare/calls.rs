@@ -179,7 +179,8 @@ impl Request {
     }
 }
 
-/// The contents of buffers and textures: those that follow from names, and those that ignore names.
+/// All contents (sets of generated values) of buffers and textures: some follow from the resources' names, and some
+/// ignore the names.
 fn contents() -> impl Iterator<Item = Content> {
     Content::OF_FUNCTIONS.into_iter().chain(Content::NAMELESS)
 }
@@ -212,8 +213,8 @@ impl Made {
     }
 }
 
-/// The members of buffers that affect a change: if such a member has another value, the results for the arguments in
-/// `row` are different.
+/// Returns the members of buffers that affect a change: another value of such a member changes the results for the
+/// arguments in `row`.
 fn matter(
     sides: [&Probed; 2],
     ranges: &Ranges,
@@ -317,8 +318,8 @@ fn changed(
     Ok(Some((change, row)))
 }
 
-/// Checks for each argument lane (scalar) if it affects the change. A lane affects the change if the results are
-/// different with the lane's value from another case. If the work budget allows no further runs, each lane counts as
+/// Checks for each argument lane (scalar) if it affects the change. A lane affects the change if the results differ
+/// when the lane gets its value from another case. If the work budget allows no further runs, each lane counts as
 /// affecting the change.
 fn lanes_that_matter(
     pair: &Pair<'_>,

@@ -21,7 +21,8 @@ pub(super) struct Shared {
     pub(super) own: Vec<u32>,
 }
 
-/// Lanes, each with its attribute and component. A lane without an attribute has its name and component.
+/// Lanes, each with a key and a type. The key is the lane's attribute and component, such as `@location(0).x`, or the
+/// lane's name and component if the lane has no attribute.
 type Keyed = Vec<(String, Scalar)>;
 
 impl Shared {

@@ -160,8 +160,8 @@ impl Request {
 }
 
 impl Request {
-    /// The violations between pixels, for a fragment function that writes memory: those that the edit adds, and those
-    /// that it removes.
+    /// Returns two lists of violations between the pixels of a fragment function that writes memory: the violations
+    /// that the edit adds, and the violations that the edit removes.
     pub(super) fn brought_to_pixels(
         &self,
         name: &str,
@@ -191,9 +191,9 @@ impl Request {
     }
 }
 
-/// Checks if the sanitizer saw both versions completely. If the sanitizer saw only the original completely, violations
-/// that the edit adds may be missing. In this case, this function writes the reason into `unwatched`, and the
-/// comparison reports the reason if nothing else shows the edit.
+/// Checks if the sanitizer could watch both versions. If the sanitizer could watch only the original, violations that
+/// the edit adds may be missing. In this case, this function writes the reason into `unwatched`, and the comparison
+/// reports the reason if nothing else shows the edit.
 fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) -> bool {
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
     if was.is_empty() && !is.is_empty() {
@@ -204,8 +204,8 @@ fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) 
     was.is_empty() && is.is_empty()
 }
 
-/// The kind and the variable of a violation, by the variable's name after the edit. For a wrong index, the text is the
-/// violation's headline, because the violation has no variable.
+/// The kind of a violation, and the variable's name after the edit. For a wrong index, the text is the violation's
+/// headline, because such a violation has no variable.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
     let text = match one.kind.is_of_index() {
@@ -221,14 +221,14 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
-    /// All indices outside of arrays, including those that occur only with arbitrary sizes and numbers. These
-    /// violations show that the edit removed a guard.
+    /// All indices outside of arrays, including indices that are outside only with arbitrary sizes and numbers. Such an
+    /// index shows that the edit removed a guard.
     of_indices: Vec<Violation>,
 }
 
 impl Brought {
-    /// Adds the violations over one content, if only the second version has them. `renamed` has the resources that the
-    /// edit renamed.
+    /// Adds the violations that the second version has with one content (set of generated values), and the first
+    /// version hasn't. `renamed` has the resources that the edit renamed.
     fn add(&mut self, content: Content, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
         let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
@@ -260,8 +260,8 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
-/// The change of results if the invocations run in another order. Only orders count in which the original pass has its
-/// usual results. `None` if no tested order shows a change.
+/// Returns the change of the results if the invocations run in another order, or `None` if no tested order shows a
+/// change. An order counts only if the original pass has its usual results in this order.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
@@ -285,7 +285,6 @@ fn ordered(
     Ok(None)
 }
 
-/// The reason for an `expect`: each resource that a pass writes has lanes.
 const WRITTEN: &str = "a pass writes the resource";
 
 #[derive(Default)]
@@ -293,7 +292,7 @@ struct Difference {
     words: usize,
     changed: usize,
     largest: Largest,
-    /// The element of each resource that shows its change most clearly.
+    /// For each resource, the element that shows the resource's change most clearly.
     firsts: Vec<(Clarity, WordChange)>,
 }
 
@@ -535,7 +534,7 @@ mod tests {
         );
     }
 
-    /// A loop may end before the edit and not after it, or never end.
+    /// If a loop of a pass is endless before or after the edit, the comparison reports this and has no verdict.
     #[test]
     fn a_loop_that_becomes_endless_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -613,7 +612,8 @@ mod tests {
         assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
-    /// Atomics don't race. Statements that run in lockstep count correctly even without a barrier.
+    /// Atomics don't race, so the sanitizer reports no violation. In the engine's usual order, invocations run in
+    /// lockstep, so the counts are right even without a barrier.
     #[test]
     fn a_result_that_becomes_dependent_on_order_is_a_change() {
         let change = |texts: [&str; 2]| {

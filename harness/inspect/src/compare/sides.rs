@@ -29,8 +29,8 @@ impl<'s> Side<'s> {
     }
 }
 
-/// The resource before the edit that corresponds to a resource after it: the resource with the same name, or a removed
-/// resource that had the same binding. `None` if there is neither.
+/// Returns the old resource that corresponds to a resource after the edit: the resource with the same name, or
+/// otherwise a removed resource with the same binding. Returns `None` if neither resource exists.
 fn was<'b>(before: Side<'b>, after: Side<'_>, new: &Binding) -> Option<&'b Binding> {
     let is_gone = |old: &Binding| after.bindings.iter().all(|new| new.path != old.path);
     let place = |one: &Binding| (one.group, one.binding, one.kind);
@@ -50,8 +50,8 @@ pub(super) fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)
 }
 
 /// Sets the same contents in both packages for renamed resources, and for resources with renamed members, because
-/// contents depend on names. If one version writes a resource, the resource has the length that this version needs in
-/// both packages.
+/// contents depend on names. If one version writes a resource, this version determines the resource's length in both
+/// packages.
 pub(super) fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
     let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
     let mut named = renamed(Side::of(before), Side::of(after));

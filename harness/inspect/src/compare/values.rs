@@ -45,8 +45,8 @@ impl Distance {
         if let Self::Ulp(steps) = self { Some(steps) } else { None }
     }
 
-    /// Checks if the distance is about as clear as the largest distance: the number of steps has at least half as many
-    /// binary digits.
+    /// Checks if the distance shows the change about as clearly as the largest distance: the distance in steps is at
+    /// least the square root of the largest distance.
     pub(super) fn is_like(self, farthest: Self) -> bool {
         match (self, farthest) {
             (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),

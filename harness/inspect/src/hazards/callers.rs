@@ -35,8 +35,8 @@ impl Callers {
         self.by_called.contains_key(function)
     }
 
-    /// The functions through which Karat judges a function: those of its checked direct and indirect callers that no
-    /// other checked caller calls. If there are none, the function itself.
+    /// Returns the functions through which Karat judges a function: the checked direct and indirect callers of the
+    /// function, except for callers that another checked caller calls. If there is no caller, returns the function.
     pub(super) fn roots<'c>(
         &'c self,
         function: &'c str,

@@ -21,15 +21,15 @@ use rayon::prelude::*;
 /// The number of an operation, and the kind of its error.
 pub(super) type Key = (usize, Kind);
 
-/// The contents (sets of generated values) of the resources. All cases run over the first content, and some cases over
-/// each other content.
+/// The contents (sets of generated values) of the resources. All cases run over the first content, and some cases also
+/// run over each further content.
 const CONTENTS_TRIED: &[Content] = &Content::OF_FUNCTIONS;
 const FIRST: Content = Content::OF_FUNCTIONS[0];
 
 /// The number that stands for a loop that may not end.
 const LOOP: usize = usize::MAX;
 
-/// A function, with the inputs of its trial.
+/// A function with the inputs over which Karat runs the function, and with the findings of this run.
 pub(super) struct Trial {
     name: String,
     probed: Probed,
@@ -91,7 +91,7 @@ impl Tally {
         wrong > 0 && wrong >= cases && (wrong >= DRAWS || contents >= CONTENTS)
     }
 
-    /// Checks if the operation doesn't go wrong in some case that reaches it.
+    /// Checks if there is a case that reaches the operation and in which the operation doesn't go wrong.
     fn is_averted(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         wrong < self.reached(key)[0]
@@ -168,7 +168,7 @@ impl Trial {
         Ok(tally)
     }
 
-    /// Adds a loop that may not end, and finds out if it ends for other inputs.
+    /// Adds the finding of a loop that may not end, and counts the other inputs for which the loop may not end.
     fn endless(
         &self,
         tally: &mut Tally,
@@ -279,8 +279,8 @@ impl Trial {
         })
     }
 
-    /// Runs the function over each content, with the arguments that `rows` returns for the content. The inputs that
-    /// `takes` selects come from another content, which `rows` also returns.
+    /// Runs the function over each content (set of generated values), with the arguments that `rows` returns for the
+    /// content. The inputs that `takes` selects come from another content, which `rows` also returns.
     fn again(
         &self,
         takes: Takes<'_>,
@@ -512,8 +512,8 @@ impl Trial {
     }
 }
 
-/// Checks if a kind counts as a fault only if all inputs are declared. Most functions somewhere lose digits, or use an
-/// operation for which WGSL bounds no error.
+/// Checks if a finding of this kind needs declared inputs to count as a fault: most functions lose digits somewhere, or
+/// use an operation for which WGSL bounds no error.
 fn is_of_wgsl(kind: Kind) -> bool {
     matches!(kind, Kind::LostDigits | Kind::Unbounded)
 }

@@ -43,7 +43,7 @@ pub(super) fn look_at_pixels(
     Looked { name, make: &make, are_pixels: true }.seen()
 }
 
-/// Contents whose arrays have only zeros, only ones, or numbers far from each other.
+/// Contents (sets of generated values) in which all arrays have only zeros, only ones, or numbers far from each other.
 fn plain() -> [Content; 3] {
     [Numbered::Zero, Numbered::One, Numbered::Apart].map(|how| Content::OF_PASSES[0].numbered(how))
 }
@@ -55,8 +55,8 @@ fn others() -> Vec<Content> {
     [&plain()[..], &[first, second].map(Content::long), &one].concat()
 }
 
-/// The contents over which the pass runs again, with the declared inputs of a failing content. The list is short, and
-/// the contents are of different kinds.
+/// To classify a finding, the pass runs again over each of these contents, with the declared inputs of a failing
+/// content. The list is short, but its contents are of different kinds.
 fn held() -> Vec<Content> {
     let [first, _, third, bits, _, _, _, _, drawn] = Content::OF_PASSES;
     [&[first, third, bits, drawn][..], &plain(), &[first.long(), first.of_one_workgroup()]].concat()
@@ -102,16 +102,17 @@ impl InContent {
         }
     }
 
-    /// Checks if the finding occurs. Two equal writes, for example of zeros, also count as the race that these writes
-    /// cause over other contents.
+    /// Checks if the finding occurs. If two writes race over other contents, the finding also occurs over a content
+    /// with which the two writes are equal, for example because both write 0.
     fn is_wrong(&self, key: &Key) -> bool {
         let equal = || (key.0.clone(), Kind::EqualWrites, key.2.clone());
         self.wrong.contains_key(key) || key.1 == Kind::Race && self.wrong.contains_key(&equal())
     }
 }
 
-/// Checks if a finding occurs always: the pass reaches the finding's operation over enough contents, the finding occurs
-/// over each of these contents, and one invocation goes wrong whenever it reaches the operation.
+/// Checks if a finding always occurs. The pass must reach the finding's operation over enough contents, the finding
+/// must occur over each of these contents, and there must be an invocation that goes wrong whenever it reaches the
+/// operation.
 fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
     let reaching = || contents.clone().filter(|content| content.is_reached(key));
     let is_enough = reaching().count() >= CONTENTS;
@@ -131,7 +132,7 @@ fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clon
     !always.is_empty()
 }
 
-/// A pass, or pixels, with the data for the search.
+/// A pass, or the pixels of a draw, in which Karat searches for hazards.
 struct Looked<'l> {
     name: &'l str,
     make: Make<'l>,
@@ -409,7 +410,7 @@ impl Looked<'_> {
     }
 }
 
-/// The names of two inputs that a pass may need: the number of workgroups, and lengths.
+/// The texts for two changes that may avert a finding in a pass: another number of workgroups, and other sizes.
 const WORKGROUPS: &str = "another number of workgroups";
 const SIZES: &str = "other sizes of arrays and textures";
 

@@ -62,7 +62,7 @@ pub(crate) enum Texels {
     OfText(usize),
 }
 
-/// The resources that are shorter than others. A resource is a runtime-sized array or a texture.
+/// The choice of the resources that are shorter than others. A resource is a runtime-sized array or a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shorter {
     /// Resources with a small hash of their names have more elements than others.
@@ -73,8 +73,8 @@ pub(crate) enum Shorter {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Content {
-    /// The content's number. In content 0, all values are random samples. In each further content, the first value is
-    /// another preferred number.
+    /// The content's number. In content 0, all values are random samples. In each further content, a member of a buffer
+    /// has another one of its preferred numbers, such as an end of its range.
     pub(crate) draw: usize,
     pub(super) texels: Texels,
     /// The number of elements in a runtime-sized array that a function reads. In a pass, the dispatch determines this
@@ -82,14 +82,14 @@ pub(crate) struct Content {
     pub(super) elements: usize,
     /// The values of integers in arrays; `None` if they are sampled.
     pub(crate) numbered: Option<Numbered>,
-    /// The smallest value of integers that their names don't constrain; `None` if they are sampled.
+    /// The smallest value of integers whose names suggest no range; `None` if these integers are sampled.
     pub(super) least: Option<u32>,
-    /// The number of invocations without an element in each direction: the first number for a short side of the
-    /// dispatch, the second number for a long side. With a tail, the number of elements isn't a multiple of the
-    /// workgroup size.
+    /// The tail: the number of invocations without an element in each direction. The first number is for a short side
+    /// of the dispatch, and the second number for a long side. With a tail, the number of elements isn't a multiple of
+    /// the workgroup size.
     pub(crate) tail: Option<[u32; 2]>,
     /// The number of elements for each invocation of a one-dimensional dispatch; the elements then form a grid of
-    /// several rows. The grid doesn't cause a race that another content lacks.
+    /// several rows. In this grid, a pass has only races that it also has with other contents.
     pub(super) rows: Option<u32>,
     /// `true` if unconstrained floats in arrays are negative, so that a missing element changes the result.
     pub(super) negative: bool,
@@ -98,8 +98,8 @@ pub(crate) struct Content {
     pub(crate) shorter: Option<Shorter>,
     /// `true` if resources have more elements than a pass needs.
     pub(super) long: bool,
-    /// The kinds of values of three successive buffers. The next three buffers have these kinds again, and so on. A
-    /// sorted buffer leads to an unsorted one, like the edges of a graph.
+    /// The kinds of values of three successive buffers. The next three buffers have these kinds again, and so on. So
+    /// the integers of a sorted buffer may be indices into an unsorted buffer, as in the data of a graph.
     pub(super) orders: Option<[Numbered; 3]>,
     pub(crate) one_workgroup: bool,
     /// `true` if the content's indices and counts are like those that a host may use.
@@ -127,9 +127,9 @@ const DRAWN: Content = Content {
 };
 
 impl Content {
-    /// The contents that functions read. The first content has random samples. In the other contents, each member has
-    /// its first preferred number, then its second, and so on. Preferred numbers include ends of ranges, 0 and 1.
-    /// Textures have another size in each content. A short array shows a missing guard.
+    /// The contents that functions read. The first content has random samples. In the second content, each member has
+    /// its first preferred number, in the third content its second one, and so on. Preferred numbers include ends of
+    /// ranges, 0 and 1. Textures have another size in each content. A short array shows a missing guard.
     pub(crate) const OF_FUNCTIONS: [Self; 6] = [
         DRAWN,
         Self { draw: 1, ..DRAWN },
@@ -146,9 +146,9 @@ impl Content {
         Self { draw: 66, texels: Texels::OfText(11), ..DRAWN },
     ];
 
-    /// The contents that passes read and write. In the first content, sizes follow from the dispatch. The second
-    /// content has a tail. Other contents have numbers with which a shader may compare a parameter. The last content
-    /// has random samples.
+    /// The contents that passes read and write. In the first content, sizes follow from the dispatch. In the second
+    /// content, some invocations have no element. Other contents have numbers with which a shader may compare a
+    /// parameter. The last content has random samples.
     pub(crate) const OF_PASSES: [Self; 9] = {
         use Numbered::{Backwards, Bits, Forwards};
         const LIKELY: Content = Content { is_likely: true, ..DRAWN };

@@ -16,7 +16,8 @@ const DIRECTIONS: [&str; 7] = ["grid", "extent", "extents", "dims", "shape", "bo
 const EACH: [&str; 8] =
     ["samples", "sample", "steps", "rays", "bounces", "iterations", "octaves", "taps"];
 
-/// The size of a dispatch, from which sizes of resources follow, and the content.
+/// The size of a dispatch, which determines the sizes of resources, and the content (set of generated values) of the
+/// resources.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extents {
     /// The number of elements in each direction: the number of invocations, or fewer.
@@ -26,7 +27,8 @@ pub(crate) struct Extents {
 }
 
 impl Extents {
-    /// The extents of a dispatch. Each invocation has an element, except for those that the content's tail excludes.
+    /// Returns the extents of a dispatch. Each invocation has an element, except for the invocations in the content's
+    /// tail.
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], content: Content) -> Self {
         /// The minimum number of elements of an array.
         const LEAST: u32 = 64;
@@ -57,8 +59,8 @@ impl Extents {
         Self { elements, workgroups, content: Content { shorter, ..content } }
     }
 
-    /// The value of an integer that its name doesn't constrain: the content's `least`, or a few more if `least` is 2, 3
-    /// or 4; `None` without `least`. Neighbouring components have different values, so that exchanging them changes the
+    /// The value of an integer whose name suggests no range: the content's `least`, or a few more if `least` is 2, 3 or
+    /// 4; `None` without `least`. Neighbouring components have different values, so that exchanging them changes the
     /// result.
     pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
         const APART: std::ops::RangeInclusive<u32> = 2..=4;
@@ -79,7 +81,7 @@ impl Extents {
     /// Checks that there are at most 2^22 elements. Each element may have several 32-bit words.
     ///
     /// # Errors
-    /// If there are more elements.
+    /// Returns an error if there are more than 2^22 elements.
     pub(crate) fn expect_few(&self) -> Result<(), String> {
         match self.total() {
             total if total > MOST_ELEMENTS => Err(format!(
@@ -93,15 +95,16 @@ impl Extents {
         self.part_of(name, self.total())
     }
 
-    /// The number of elements that a resource with this name has, as a share of `count`. Of two resources, the one with
-    /// the smaller share under `Shorter::Most` has the larger share under `Shorter::Least`.
+    /// The number of elements of a resource: `count`, a share of `count` that depends on the resource's name, or a
+    /// multiple. Of two resources, the one with the smaller share under `Shorter::Most` has the larger share under
+    /// `Shorter::Least`.
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
         /// The largest and the smallest share in sixteenths. The smallest share is more than half, because a host
         /// dispatches no workgroup without elements.
         const MOST: u32 = 16;
         const LEAST: u32 = 9;
-        /// The factor for long resources, in each direction of a texture. A pass that steps from level to level then
-        /// has four levels.
+        /// Long resources have this multiple of the usual elements, in each direction of a texture. A pass that halves
+        /// the size at each level then has four levels.
         const LONG: u32 = 8;
         if self.content.long {
             return count.saturating_mul(LONG);
@@ -119,7 +122,7 @@ impl Extents {
         self.elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count))
     }
 
-    /// The value of a number whose name suggests a size. `lanes` is the number of lanes in its vector.
+    /// The value of a number whose name suggests a size. `lanes` is the number of components of the number's vector.
     pub(crate) fn size(&self, name: &str, lane: usize, lanes: usize, whole: bool) -> Option<u32> {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));

@@ -118,7 +118,7 @@ const SIZED: [&str; 8] =
 /// Words in names of projection matrices, which divide by a distance.
 const PROJECTIONS: [&str; 6] = ["clip", "projection", "proj", "ndc", "mvp", "vp"];
 
-/// Words in names of matrices that move points between spaces. Hosts use matrices with an inverse.
+/// Words in names of matrices that transform points from one space to another. Such a matrix of a host has an inverse.
 const SPACES: [&str; 14] = [
     "view",
     "model",
@@ -239,7 +239,7 @@ const LAST_VERTEX: f64 = 2.0;
 /// The number of the last invocation. Generated buffers have 64 elements.
 const LAST_INVOCATION: f64 = 63.0;
 
-/// The last local invocation in each direction of a workgroup of 8 x 8, the smallest usual size.
+/// The largest coordinate of an invocation in a workgroup of 8 x 8, the smallest usual size.
 const LAST_LOCAL: f64 = 7.0;
 
 /// Checks if WGSL limits a builtin value to a range, such as a position in a workgroup or a subgroup.

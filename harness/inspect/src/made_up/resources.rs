@@ -55,7 +55,7 @@ pub(crate) struct Resources {
     /// The members of buffers that aren't array elements, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
-    /// `true` if some input varies, so that another content gives other resources.
+    /// `true` if there is a resource, so that another content may give other values.
     pub(crate) varies: bool,
     /// The inputs in the resources: members of buffers, arrays and textures.
     pub(crate) inputs: Vec<Input>,
@@ -65,13 +65,15 @@ pub(crate) struct Resources {
     depth: usize,
     /// The lengths of the arrays in all buffers.
     lengths: BTreeMap<String, u32>,
-    /// `true` if a pass writes the buffer. A number in the buffer then begins at 0, because the pass may count in it.
+    /// `true` if a pass writes the buffer that is being filled. In such a buffer, an integer outside of arrays begins
+    /// at 0, because the pass may use the integer as a counter.
     counts: bool,
 }
 
 impl Resources {
     /// Generates resources. Textures and samplers differ from each other, so that exchanging two of them changes the
-    /// result. An error names the resource that can't be generated, or the declared range without a value.
+    /// result. An error names the resource that can't be generated, or the declared range that contains no value of the
+    /// input's type.
     pub(crate) fn of(probed: &Probed, ranges: &Ranges, content: Content) -> Result<Self, String> {
         Self::made_of(probed, ranges, (content, None), Likeness::Own)
     }
@@ -250,7 +252,7 @@ impl Resources {
         self.inputs.push(Input { path: path.to_owned(), declared, known, lanes });
     }
 
-    /// Samples the lanes of a value. The elements of an array have the preferred numbers in turn.
+    /// Samples the lanes of a value. Successive elements of an array get successive preferred numbers.
     fn fill(
         &mut self,
         (path, shape): (&str, &Shape),
@@ -438,8 +440,8 @@ fn length_of(shape: &Shape) -> Option<u32> {
     }
 }
 
-/// The descriptions of an array's elements. A name doesn't constrain integers, because they may be indices of any
-/// array.
+/// The descriptions of an array's elements. The name of an integer in an element doesn't constrain the integer, because
+/// the integer may be an index into any array.
 fn described_elements(
     path: &str,
     shape: &Shape,
@@ -506,10 +508,10 @@ impl Ranges {
     }
 }
 
-/// The degree to which one function's textures and samplers are equal to each other.
+/// The choice between equal and different textures and samplers for one function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Likeness {
-    /// All are equal, so that drivers agree. Texels beyond the edges follow this address mode.
+    /// All textures are equal, and all samplers are equal, so that drivers agree. The samplers have this address mode.
     Equal(Address),
     /// Each variable has a texture or sampler of its own, so that exchanging two of them changes the result.
     Own,
@@ -713,8 +715,9 @@ struct Noise<'l> {
 }
 
 impl Noise<'_> {
-    /// The value of a texel in every second square of 4 x 4 texels: 0, 1, a number from the text, or a number next to
-    /// it. `None` in the other squares. A filter in the middle of a square doesn't change the number.
+    /// A hash selects about half of the squares of 4 x 4 texels. In a selected square, returns the value of all texels:
+    /// 0, 1, a number from the shader's text, or one of the two neighbouring floats. In other squares, returns `None`.
+    /// In the middle of a selected square, filtering doesn't change the value.
     fn of_text(self, own: f32, [x, y, z, channel]: [u32; 4]) -> Option<f32> {
         const SIDE: u32 = 4;
         if self.literals.is_empty() {
@@ -728,10 +731,10 @@ impl Noise<'_> {
     }
 }
 
-/// Makes a texture. Its texels are smooth, so that the few bits of a filter's weights hardly matter. With `own`, each
-/// variable has different texels, which aren't linear, so that levels differ, and which may be transparent. With noise,
-/// texels are independent of each other, so that each order of neighbours occurs. With a contrast below 1, texels use
-/// only a part of their range.
+/// Makes a texture. Its texels are smooth, so that the few bits of a filter's weights hardly matter. With `own`, the
+/// texels differ from other variables' texels, may be transparent, and don't change linearly, so that mip levels
+/// differ. With noise, texels are independent of each other, so that a texel may be larger or smaller than its
+/// neighbour. With a contrast below 1, texels use only a part of their range.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
@@ -908,7 +911,8 @@ mod tests {
         assert!(sizes("image") > 2);
     }
 
-    /// An integer after an array in a buffer, and a declared integer, don't have the values of array elements.
+    /// Only undeclared integers in array elements have values such as 0, 1, 2: an integer after an array doesn't, and a
+    /// declared integer doesn't.
     #[test]
     fn integers_after_an_array_are_not_numbered() {
         let text =
@@ -937,7 +941,7 @@ mod tests {
         assert_eq!(of(first.numbered(Numbered::One)), (vec![1; 9], vec![7; 3]));
     }
 
-    /// A mixed-in input has its value in the other content. All other inputs keep their values.
+    /// A mixed-in input gets the value that it has in the other content. All other inputs keep their values.
     // Lesson 99
     #[test]
     fn mixing_in_an_input_changes_only_its_words() {

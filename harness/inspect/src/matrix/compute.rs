@@ -282,8 +282,8 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
 }
 
 /// For each 32-bit word, the distance between two neighbouring values that the word may have. A texture may store
-/// texels as fractions of an integer. Between two fractions, columns may round in different directions. For all other
-/// words, the distance is 0.
+/// texels as fractions of an integer. Between two fractions, columns may round in different directions. For words that
+/// aren't such fractions, the distance is 0.
 fn steps(passes: &Passes) -> Vec<f32> {
     let of = |(binding, words): (&Binding, Vec<u32>)| {
         let step = match binding.kind {
@@ -313,8 +313,9 @@ fn floats(passes: &Passes) -> Vec<bool> {
     writable(passes).flat_map(of_resource).collect()
 }
 
-/// Checks if a driver may take too long to compile an entry point with so many barriers. vello's `binning` has four:
-/// llvmpipe takes more than 40 s to compile it on GL and from glslang's output, but 0.3 s on Vulkan from naga's output.
+/// Checks if a driver may take too long to compile an entry point with this number of barriers. vello's `binning` has
+/// four barriers: llvmpipe takes more than 40 s to compile `binning` on GL and from glslang's output, but 0.3 s on
+/// Vulkan from naga's output.
 fn is_slow(device: &Device, barriers: usize) -> bool {
     const MOST_BARRIERS: usize = 3;
     let path = device.path();

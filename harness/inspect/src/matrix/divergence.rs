@@ -87,8 +87,8 @@ impl Divergence {
     }
 }
 
-/// Explains a case that differs between two columns. `text` is the translation of the second column, with the
-/// function's lines.
+/// Explains a case that differs between two columns. `text` has the translation of the second column, and the first and
+/// the last line of the function.
 pub(super) fn divergence(
     request: &Request,
     probed: &Probed,

@@ -1,7 +1,7 @@
 //! Finds a function and its variables in naga's output.
 
 /// The first and the last line of a function in a translation, counted from 1. naga keeps a function's name, or appends
-/// to it if another item has the name or the language reserves it. In GLSL, each entry point is `main`.
+/// a suffix if another item has the name or the language reserves the name. In GLSL, each entry point is `main`.
 pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Option<(usize, usize)> {
     let heads = |line: &str| {
         let top = line.starts_with(|c: char| c.is_alphabetic());
@@ -15,8 +15,9 @@ pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Optio
     Some((first + 1, first + rest + 1))
 }
 
-/// The line, counted from 1, that defines variable number `which` of several variables with the same name. naga writes
-/// variables in the author's order. `None` if the translation has more or fewer variables with this name.
+/// Returns the line, counted from 1, that defines a variable. If several variables have this name, `which` is the
+/// variable's number among them, from 0. naga writes variables in the author's order. `None` if the translation has
+/// more or fewer variables with this name.
 pub(super) fn definition_line(
     text: &str,
     (first, last): (usize, usize),

@@ -15,8 +15,8 @@ pub(super) struct Ran<'p> {
     pub(super) results: Vec<u32>,
 }
 
-/// The reason why a function didn't run. It has no function name, so that equal reasons of several functions appear
-/// once.
+/// The reason why a function didn't run. The text has no function name, so that a reason that several functions have
+/// appears only once.
 pub(super) fn not_run(error: ProbeError) -> String {
     match error {
         ProbeError::Compile { error, .. } => error.to_string(),

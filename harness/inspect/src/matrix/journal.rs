@@ -1,5 +1,5 @@
 //! Recovers from rows that end the process: a hanging driver can't be stopped, and a crashing driver ends the process.
-//! A file records which row runs on which path, so that the next process skips the row.
+//! A file records which row runs on which path, so that the next process can skip the row that ended the process.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -62,8 +62,8 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Checks if a row is suspected. A suspected row runs without other rows, because another row may have ended the
-    /// process.
+    /// Checks if a row may have ended an earlier process. Such a row runs without other rows, so that Karat knows which
+    /// row ends the process.
     pub(super) fn is_suspected(&self, row: &str) -> bool {
         self.culprits.contains_key(row)
     }
@@ -136,8 +136,8 @@ fn lines(file: &Path) -> io::Result<Vec<Line>> {
     Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
 }
 
-/// The rows that ran when each process ended. If rows exceeded the time limit, the list has only these rows for the
-/// process.
+/// The rows that ran when each process ended. If rows exceeded the time limit before a process ended, only these rows
+/// are listed for this process.
 fn culprits(lines: &[Line]) -> Vec<Culprit> {
     let (mut culprits, mut running, mut overdue) = (Vec::new(), Vec::<At>::new(), Vec::new());
     for line in lines {
@@ -175,12 +175,12 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
     culprits
 }
 
-/// Runs a program that makes matrices, and restarts it whenever a row ends it, because of the time limit or of a crash.
-/// The program must use the same file in [`Request::journal`](super::Request::journal). Returns the exit status of the
-/// last run.
+/// Runs a program that makes matrices. If a row ends the program by exceeding the time limit or by a crash, restarts
+/// the program. The program must use the same file in [`Request::journal`](super::Request::journal). Returns the exit
+/// status of the last run.
 ///
 /// # Errors
-/// If the program doesn't start, or the file can't be read or written.
+/// Returns an error if the program doesn't start, or if the file can't be read or written.
 pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     loop {
         let before = culprits(&lines(file)?).len();
@@ -286,7 +286,7 @@ mod tests {
         assert_eq!(wrong.count(), 1, "{cells:?}");
     }
 
-    /// If a process ends while no row runs, no row is suspected.
+    /// If a process ends while no row runs, Karat suspects no row.
     // Lesson 162
     #[test]
     fn a_process_that_ends_between_rows_has_no_culprit() {

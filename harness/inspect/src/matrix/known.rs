@@ -65,8 +65,8 @@ impl Known {
     }
 }
 
-/// Sets the declarations of cells. Returns the declarations that can't be checked here, because the column isn't in the
-/// matrix, the row has no verdict, or a validator or a driver is missing.
+/// Sets the declaration of each cell for which there is one. Returns the declarations that can't be checked here,
+/// because the column isn't in the matrix, the row has no verdict, or a validator or a driver is missing.
 pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> Vec<Known> {
     let here = |known: &&Known| {
         let absent = !columns.iter().any(|column| known.is_of(*column));
@@ -94,8 +94,8 @@ impl Cell {
         Status::ALL.into_iter().find(|status| Some(*status) > self.status)
     }
 
-    /// The declaration that explains why the cell fails: it fails at the declared status, not before, and because of an
-    /// observed fault.
+    /// The declaration that explains why the cell fails; `None` if the cell fails before the declared status, or if no
+    /// fault was observed.
     #[must_use]
     pub fn fails_as_declared(&self) -> Option<&Known> {
         let seen = matches!(
@@ -188,8 +188,7 @@ impl Matrix {
     /// Checks that there are no findings.
     ///
     /// # Panics
-    /// If there is a [finding](Self::findings), if the matrix has no row, or if no cell got further than its
-    /// translation.
+    /// Panics if there is a [finding](Self::findings), if the matrix has no row, or if no cell has been judged.
     #[track_caller]
     pub fn expect_no_findings(&self) {
         self.try_expect_evidence().unwrap_or_else(|missed| panic!("{missed}"));

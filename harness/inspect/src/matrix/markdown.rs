@@ -24,7 +24,7 @@ impl Cell {
 }
 
 impl Cell {
-    /// The reason why the cell's row stops, and the weight of the reason.
+    /// The reason why the cell has no higher status, and the weight by which the page sorts reasons.
     fn reason(&self) -> Option<(Weight, String)> {
         if let Some(known) = self.fails_as_declared() {
             return Some((Weight::Other, format!("known: {}", known.reason)));
@@ -116,7 +116,7 @@ impl Matrix {
     }
 
     /// A sentence with the number of results that differ where WGSL leaves the result open; `None` if there are none.
-    /// They aren't findings.
+    /// Such results aren't findings.
     #[must_use]
     pub fn open(&self) -> Option<String> {
         let open = |cell: &&Cell| cell.open > 0;
@@ -189,7 +189,7 @@ impl Matrix {
         Ok(text)
     }
 
-    /// The number of rows that reach at least a status on a column.
+    /// The number of rows that reach this status, or a higher status, on a column.
     #[must_use]
     pub fn count(&self, column: usize, status: Status) -> usize {
         let rows = self.rows.iter().filter(|row| row.is_judged());
@@ -202,7 +202,7 @@ impl Matrix {
 mod tests {
     use super::*;
 
-    /// The HTML outside of code, in text without two adjacent backticks.
+    /// Returns the parts of a text that aren't between backticks. The text has no two adjacent backticks.
     fn bare(text: &str) -> String {
         text.split('`').step_by(2).collect()
     }

@@ -75,7 +75,8 @@ impl Pair<'_, '_> {
         seen
     }
 
-    /// The first of these rows for which the columns differ; `None` if there is none, or if a column can't run them.
+    /// Returns the first of these rows for which the columns differ, or `None` if the columns agree for all rows, or if
+    /// a column can't run the rows.
     fn first_that_differs(&self, rows: &[Vec<u32>]) -> Option<Case> {
         if rows.is_empty() {
             return None;

@@ -20,8 +20,8 @@ pub struct Reference {
 }
 
 impl Matrix {
-    /// Replaces the comparison with other columns by the verdicts of the functions' tests on the same path, from the
-    /// record of a run. A test has a reference and a tolerance that its author chose, so its verdict counts more.
+    /// Replaces the comparison with other columns by the verdicts that the functions' tests have on the same path in
+    /// the records of a run. A test has a reference and a tolerance that its author chose, so its verdict counts more.
     /// Verdicts on files that have changed since the run are skipped.
     ///
     /// Returns the number of judged cells.

@@ -157,7 +157,7 @@ fn own(request: &Request, item: &FunctionItem) -> Option<String> {
     Some(program.text().to_owned())
 }
 
-/// The translations of a text. `own` is the author's part, if the text has other parts.
+/// The translations of a text. `own` is the part that the author wrote, if the text also has a kernel that Karat added.
 fn translated(
     request: &Request,
     shader: &Shader,

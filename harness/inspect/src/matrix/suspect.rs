@@ -1,4 +1,5 @@
-//! Names the suspect if two columns differ: the column that disagrees with two columns that agree.
+//! Names the suspect if two columns differ. The suspect is a column that differs from at least two other columns, which
+//! agree with each other.
 
 use super::{Cell, Stop};
 
@@ -13,9 +14,9 @@ pub(super) enum Side {
     Neither,
 }
 
-/// Names the suspect if a cell differs from the first column: the first column or the cell's own column, if further
-/// columns agree only with the other of these two columns. `sides` has the name and the side of each column, including
-/// these two columns.
+/// Names the suspect if a cell differs from the first column. If no further column agrees with the first column, and
+/// some agree with the cell, the first column is the suspect. If it is the reverse, the cell's column is the suspect.
+/// `sides` has the name and the side of each column, including these two columns.
 pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     let of = |side: Side| -> Vec<&str> {
         sides.iter().filter(|(_, own)| *own == side).map(|(name, _)| name.as_str()).collect()

@@ -315,7 +315,7 @@ impl Matrix {
     /// Checks that the matrix has a row, and a cell that a validator or another column has judged.
     ///
     /// # Errors
-    /// If there is no such row or no such cell.
+    /// Returns an error if the matrix has no row, or if no cell has been judged.
     pub fn try_expect_evidence(&self) -> Result<(), Missed> {
         let rows = self.rows.iter().filter(|row| row.is_judged()).count();
         let judged = |cell: &Cell| {
@@ -336,7 +336,7 @@ impl Matrix {
     /// Checks that every row reaches a status on a column. Functions that no kernel can call don't count.
     ///
     /// # Panics
-    /// If a row doesn't reach the status, the column doesn't exist, or the matrix has no row.
+    /// Panics if a row doesn't reach the status, if the column doesn't exist, or if the matrix has no row.
     #[track_caller]
     pub fn expect(&self, column: &str, status: Status) {
         self.expect_but(column, status, &[]);
@@ -346,7 +346,7 @@ impl Matrix {
     /// not reach the status, because its declaration would be outdated.
     ///
     /// # Panics
-    /// As [`expect`](Self::expect), and if a declared row reaches the status.
+    /// Panics in the same cases as [`expect`](Self::expect), and also if a declared row reaches the status.
     #[track_caller]
     pub fn expect_but(&self, column: &str, status: Status, known: &[(&str, &str)]) {
         self.try_expect_but(column, status, known).unwrap_or_else(|missed| panic!("{missed}"));
@@ -355,8 +355,8 @@ impl Matrix {
     /// Does the same as [`expect_but`](Self::expect_but), but returns an error and doesn't panic.
     ///
     /// # Errors
-    /// If an undeclared row doesn't reach the status, a declared row reaches the status, the column doesn't exist, or
-    /// the matrix has no row.
+    /// Returns an error if an undeclared row doesn't reach the status, if a declared row reaches the status, if the
+    /// column doesn't exist, or if the matrix has no row.
     pub fn try_expect_but(
         &self,
         column: &str,

@@ -23,7 +23,7 @@ const SEED: u64 = 0x7069_7865_6c73; // "pixels"
 /// the number of pixels.
 ///
 /// # Errors
-/// If the function isn't valid, or an input or a resource can't be generated.
+/// Returns an error if the function isn't valid, or if an input or a resource can't be generated.
 pub(crate) fn of_pixels(
     package: &Package,
     name: &str,

@@ -450,7 +450,8 @@ const OUTSIDE: [(&str, &str, &str); 16] = [
     ),
 ];
 
-/// Karat finds each index outside of an array, with and without data, and reports no guarded index.
+/// Karat finds each index outside of an array, both with the test's data and with generated data, and reports no
+/// guarded index.
 #[test]
 fn indices_outside_are_found() {
     for (name, outside, guarded) in OUTSIDE {
@@ -497,7 +498,8 @@ fn is_whole() -> bool {
     std::env::var("SUITES").is_ok_and(|suites| suites == "whole")
 }
 
-/// All kernels, or every 23rd kernel. The number of variants of a kernel isn't a multiple of 23.
+/// All kernels, or every 23rd kernel. 23 doesn't divide the number of a kernel's variants, so the selection includes
+/// different variants.
 fn chosen(all: Vec<Kernel>) -> Vec<Kernel> {
     const SHARE: usize = 23;
     let wanted = |at: usize| is_whole() || at % SHARE == 1;
@@ -528,7 +530,7 @@ fn lines<'p>(places: impl Iterator<Item = &'p str>) -> BTreeSet<usize> {
     places.filter_map(|place| place.rsplit(':').nth(1)?.parse().ok()).collect()
 }
 
-/// With data, Karat finds each planted fault at its lines, and reports nothing else.
+/// With the test's data in the buffers, Karat finds each planted fault at its lines, and reports nothing else.
 #[test]
 fn planted_faults_are_found_with_data() {
     let [starts, targets, data] = graph();
