@@ -203,7 +203,7 @@ impl Library {
         })
     }
 
-    /// Checks if a package has a module of this name in its root folder.
+    /// Checks if a package is a crate, and has a module of this name in its root folder.
     pub(super) fn is_own(&self, package: usize, name: &str) -> bool {
         let of = self.package(package);
         of.is_crate() && of.find(&[name.to_owned()]).is_some()

@@ -348,8 +348,8 @@ impl<'a> Linker<'a> {
         Ok(space.find(declares).cloned())
     }
 
-    /// Chooses new names for declarations of other modules than the root. A declaration of the root only gets a new
-    /// name if another module uses the old name as a builtin of WGSL.
+    /// Chooses new names for declarations of other modules than the root. A declaration of the root also gets a new
+    /// name if another declaration needs the old name with another meaning, for example as a builtin of WGSL.
     fn names(&self, items: &BTreeSet<Item>) -> BTreeMap<(ModulePath, String), String> {
         // A new name occurs in no file, so it can't clash with another name.
         let is_taken = |name: &str| {

@@ -97,8 +97,8 @@ impl Spliced {
     /// Checks that undoing the edits gives the author's bytes. Also checks that each edit replaces one whole name
     /// or blanks text, and that the text contains nothing else.
     ///
-    /// # Errors If the check fails. If a check fails. Then the linker has a bug, and the linked text isn't the author's
-    /// program.
+    /// # Errors
+    /// If the check fails. Then the linker has a bug, and the linked text isn't the author's program.
     pub(super) fn check(&self) -> Result<(), Box<Diagnostic>> {
         let mut done = 0;
         for piece in &self.pieces {
