@@ -25,7 +25,7 @@ pub(super) struct Inactive {
     /// The condition in the author's text: `@if(fast)`.
     pub(super) condition: String,
     pub(super) range: Range<usize>,
-    /// Reports if the declaration is a function with `@test`.
+    /// `true` if the declaration is a function with `@test`.
     pub(super) test: bool,
 }
 

@@ -52,7 +52,7 @@ pub(crate) struct Limits {
     pub(crate) compatibility: bool,
     /// Values of limits from `karat.toml`, by the limits' names.
     named: BTreeMap<String, u64>,
-    /// Reports if `karat.toml` has the table `[limits]`. With this table, a shader that exceeds a limit is invalid.
+    /// `true` if `karat.toml` has the table `[limits]`. With this table, a shader that exceeds a limit is invalid.
     pub(crate) stated: bool,
 }
 

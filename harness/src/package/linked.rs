@@ -100,7 +100,7 @@ pub(crate) struct Linked {
     pub(crate) names: BTreeMap<String, String>,
     /// The file of the linked module.
     pub(crate) file: Arc<SourceFile>,
-    /// Reports if the text has everything that the file declares, except tests. If the whole text is valid, then the
+    /// `true` if the text has everything that the file declares, except tests. If the whole text is valid, then the
     /// file is also valid.
     pub(crate) whole: bool,
     /// The entry point that became a function.

@@ -24,7 +24,7 @@ pub(super) struct Declaration {
     pub(super) tokens: Range<usize>,
     pub(super) name_token: usize,
     pub(super) entry_point: Option<Stage>,
-    /// Reports if the function is a test. Karat links a test only when it runs the test.
+    /// `true` if the function is a test. Karat links a test only when it runs the test.
     pub(super) test: bool,
 }
 
