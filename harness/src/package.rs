@@ -1,10 +1,10 @@
 //! A set of WGSL or WESL modules, read at run time: editing a shader never rebuilds Rust.
 //!
-//! A package is a folder with one module in each file, one file, or text in memory. Modules import from each
-//! other (`import package::math::PI;`) and from other packages, on which their package depends. The linker copies
-//! the declarations that a test needs into one WGSL text, byte for byte except for names. So each position in
-//! this text has a line and a column in the author's file. [`Package::is_valid`] also validates modules that no
-//! test needs.
+//! A package is a folder with one module in each file, one file, or text in memory. Modules import from each other
+//! (`import package::math::PI;`) and from other packages, on which their package depends. The linker copies the
+//! declarations that a test needs into one WGSL text, byte for byte. The linker changes only names. So each position in
+//! this text has a line and a column in the author's file. [`Package::is_valid`] also validates modules that no test
+//! needs.
 
 pub(crate) mod accepted;
 pub(crate) mod asserts;
@@ -75,7 +75,7 @@ use crate::diagnostic::{FileRead, nearest, shown};
 /// File extensions of modules, in the order in which Karat tries them.
 const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
 
-/// The package through which Bevy's shaders import the values of shader definitions.
+/// The name of the package from which Bevy's shaders import the values of shader definitions.
 const CONSTANTS: &str = "constants";
 
 /// A set of WGSL modules.
@@ -93,11 +93,11 @@ pub struct Package {
     origin: Origin,
     dependencies: Vec<(String, Package)>,
     features: Vec<(String, Feature)>,
-    /// For each named module, additional features that are on when Karat validates the module.
+    /// The names of modules, each with the additional features that are on when Karat validates the module.
     module_features: Vec<(String, Vec<String>)>,
-    /// Requires Tint's verdict, even without `karat.toml`.
+    /// `true` if the package requires Tint's verdict, even if `karat.toml` doesn't say this.
     requires_tint: bool,
-    /// Texts that replace the contents of files.
+    /// Paths of files, each with the text that Karat reads instead of the file.
     unsaved: Vec<(PathBuf, Arc<str>)>,
 }
 
@@ -193,7 +193,8 @@ impl Package {
         Self::of_origin(Origin::Crate { base, name, root: None })
     }
 
-    /// Like [`from_crate`](Self::from_crate), with the folder of the modules, relative to the crate's folder.
+    /// Like [`from_crate`](Self::from_crate), but `root` names the folder of the modules, relative to the crate's
+    /// folder.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -239,8 +240,9 @@ impl Package {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
 
-    /// This package of a crate, with another folder for the modules of the imported crate `krate`. The path `root` of
-    /// the folder is relative to the folder of `krate`. Use this method if Karat doesn't find the modules of `krate`.
+    /// A copy of this package of a crate, in which the modules of the imported crate `krate` are in the folder `root`.
+    /// The path `root` of the folder is relative to the folder of `krate`. Use this method if Karat doesn't find the
+    /// modules of `krate`.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -357,8 +359,9 @@ impl Package {
         own
     }
 
-    /// Validates `module` with these features on, if the module isn't valid without them. Only
-    /// [`is_valid`](Self::is_valid) uses these features. A test links its functions with the package's features.
+    /// Turns on these features when Karat validates `module`. Use this method if the module isn't valid without the
+    /// features. Only [`is_valid`](Self::is_valid) uses these features. When a test links a function, only the
+    /// package's own features are on.
     ///
     /// ```
     /// use karat::Package;
@@ -379,7 +382,7 @@ impl Package {
         own
     }
 
-    /// Checks that each module with features for validation exists.
+    /// Checks that each module for which [`module_features`](Self::module_features) set features exists.
     pub(crate) fn knows_its_validated(&self, modules: &[String]) -> Result<(), PackageError> {
         let unknown = self.module_features.iter().find(|(module, _)| !modules.contains(module));
         let Some((module, _)) = unknown else { return Ok(()) };
@@ -450,7 +453,8 @@ impl Package {
         }
     }
 
-    /// This package. If it is a crate that Karat hasn't looked up yet, Karat now asks cargo for the crate's folder.
+    /// This package. If this package is a crate that Karat hasn't looked up yet, Karat now asks cargo for the crate's
+    /// folder.
     fn found(&self) -> Result<Cow<'_, Self>, PackageError> {
         let Origin::Crate { base, name, root } = &self.origin else {
             return Ok(Cow::Borrowed(self));

@@ -1,9 +1,9 @@
 //! The verdicts of a run as data: one line of JSON per verdict.
 //!
-//! Each process of a run appends to its own file in the folder that `KARAT_RECORD` names, and the command line
-//! reads all files. Without the variable, Karat writes nothing. A command that starts a run creates a folder for
-//! the run's records ([`Running`]). When the run ends, the command writes `run.json`, which says which tests ran
-//! and whether they passed ([`Run`]).
+//! Each process of a run appends its verdicts to its own file in the folder that `KARAT_RECORD` names. The command that
+//! started the run reads all of these files. Without the variable, Karat writes nothing. A command that starts a run
+//! creates a folder for the run's records ([`Running`]). When the run ends, the command writes `run.json`, which says
+//! which tests ran and whether they passed ([`Run`]).
 
 mod details;
 mod errors;
@@ -40,7 +40,7 @@ pub const SCHEMA: u32 = 5;
 pub enum Verdict {
     /// Every case passes on every path.
     Pass,
-    /// At least one path fails as declared, and every case passes on the other paths.
+    /// At least one path fails as declared by `fails_on`. On all other paths, every case passes.
     KnownIssue,
     /// At least one case fails.
     Fail,
@@ -69,17 +69,17 @@ pub struct Record {
     /// The failure or error as data; `None` if the check passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub details: Option<Details>,
-    /// The part of compute passes that the sanitizer examined; `None` if the check has no passes.
+    /// Says how much of the compute passes the sanitizer examined; `None` if the check has no passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watched: Option<Watched>,
-    /// The folder in which files replaced modules (`KARAT_OVERLAY`). The verdict is then about these files, and
-    /// not about the package.
+    /// The folder in which files replaced modules (`KARAT_OVERLAY`). The verdict is then about the shaders with these
+    /// files, and not about the package itself. `None` without an overlay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overlay: Option<String>,
     /// The files on which the verdict depends, each once: modules, goldens, and the images of fixtures, masks and
-    /// variances. The list is empty if an older Karat wrote the record. It lacks images whose pixels were copied
-    /// into another image, and files that a reference reads. If the check ended before Karat compiled its
-    /// function, the list has only the function's module.
+    /// variances. The list is empty if an older Karat wrote the record. The list doesn't contain files that a reference
+    /// reads, and images from which a test copied pixels into another image. If the check ended before Karat compiled
+    /// its function, the list has only the function's module.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub read: Vec<FileRead>,
     /// The start and the duration of the check; `None` if an older Karat wrote the record.
@@ -87,13 +87,13 @@ pub struct Record {
     pub time: Option<Time>,
 }
 
-/// The start and the duration of a check, with which you find slow tests. The time isn't part of the verdict, and
-/// differs from run to run.
+/// The start and the duration of a check. These values help you find slow tests. The time isn't part of the verdict,
+/// and differs from run to run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Time {
     /// Time at which the check began, in UTC: `2026-01-31T12:00:00.000Z`.
     pub started: String,
-    /// Duration of the check in seconds by the clock, even if other tests ran at the same time.
+    /// Seconds from the start to the end of the check. Other tests may have run at the same time.
     pub seconds: f64,
 }
 
@@ -134,7 +134,7 @@ pub enum Subject {
         assertion: String,
         /// `file:line:column` of the function; empty if Karat didn't find it.
         location: String,
-        /// The domains of the arguments in words, if the test made them at run time: `x from 0 to 1`.
+        /// The domains of the arguments as text, `x from 0 to 1`, if the test computes the domains at run time.
         #[serde(default, skip_serializing_if = "String::is_empty")]
         domain: String,
         /// Seed of the cases.
@@ -144,7 +144,7 @@ pub enum Subject {
     Frame {
         /// Name of the golden.
         golden: String,
-        /// The folder of goldens; empty if the test compared the frame with a number.
+        /// The folder of goldens; empty if the test compared the frame with a number instead of a golden.
         #[serde(default)]
         folder: String,
         /// `file:line:column` of the call in the test, with the file's path as the compiler got it.
@@ -158,9 +158,9 @@ pub enum Subject {
 pub struct PathRecord {
     /// The path's name, its adapter and its driver.
     pub adapter: Adapter,
-    /// Number of cases, or of pixels, that were compared.
+    /// Number of cases that Karat compared; for a frame, the number of pixels.
     pub cases: u64,
-    /// Number of cases, or of pixels, that failed.
+    /// Number of cases that failed; for a frame, the number of pixels.
     pub failures: u64,
     /// The largest error with its unit: `2.5 ulp`.
     pub worst: String,
@@ -170,8 +170,8 @@ pub struct PathRecord {
     pub asserted: String,
     /// The declared reason why this path fails; `None` without a declaration.
     pub known_issue: Option<String>,
-    /// The errors that WGSL allows, compared with the tolerance. `None` if the test declares no tolerance, or if
-    /// Karat's engine can't run the function.
+    /// Compares the errors that WGSL allows with the tolerance. `None` if the test declares no tolerance, or if Karat's
+    /// engine can't run the function.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allowed: Option<Allowance>,
     /// The distribution of the errors in a sample of cases. `None` if the check doesn't judge single cases, or if
@@ -181,7 +181,7 @@ pub struct PathRecord {
     /// The errors and arguments in a sample of cases; `None` if the path passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plot: Option<Plot>,
-    /// The counts for the worst arguments of a sampler that fails; `None` in all other records.
+    /// The numbers of samples that a failing sampler returned for its worst arguments; `None` in all other records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub histogram: Option<Histogram>,
     /// Number of argument sets for which the check judged a sampler; `failures` of them failed. `None` if the
@@ -217,30 +217,31 @@ impl PathRecord {
 /// than the tolerance, a correct driver may fail the check.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Allowance {
-    /// Number of examined cases. They are a sample of all cases.
+    /// Number of examined cases. Karat examines only a sample of all cases.
     pub cases: u64,
     /// Number of the examined cases in which WGSL allows a larger error than the tolerance.
     pub wider: u64,
-    /// The largest error that WGSL allows, divided by the tolerance. `None` if the quotient isn't finite: WGSL
-    /// allows any result, or allows an error although the tolerance is 0.
+    /// The largest error that WGSL allows, divided by the tolerance. `None` if the quotient isn't finite: either WGSL
+    /// allows any result, or WGSL allows an error and the tolerance is 0.
     pub worst: Option<f64>,
     /// Number of cases in which WGSL allows any result; 0 in records of older versions.
     #[serde(default)]
     pub unbounded: u64,
 }
 
-/// The selection and the result of a run: `run.json`, beside the run's records. If the file is missing, the run
-/// didn't end. Then some records may be missing, and a missing record doesn't show that a test didn't run.
+/// The selection and the result of a run: `run.json`, beside the run's records. If the file is missing, the run didn't
+/// end. Then some records may be missing, even if their tests ran.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
     /// Version of the format, [`SCHEMA`].
     pub schema: u32,
     /// The selection of tests: a filter, packages, targets. If the list is empty, every test ran.
     pub selected: Vec<String>,
-    /// `true` if every test passed and every module is valid. A test that fails records nothing after its
-    /// failure.
+    /// `true` if every test passed and every module is valid. A test ends at its first failing check, so there are no
+    /// records of the test's later checks.
     pub passed: bool,
-    /// Names of tests that failed, as their runner printed them. A test may fail without a failing check.
+    /// Names of tests that failed, as the test runner printed the names. A test may also fail without a failing check,
+    /// for example by a panic.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub failed: Vec<String>,
     /// Modules that aren't valid, including modules that no test uses.
@@ -249,17 +250,18 @@ pub struct Run {
     /// The errors in the modules of `invalid`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<ModuleError>,
-    /// Packages that aren't valid although none of their modules has an error. Such a package requires Tint's
-    /// verdict and didn't get it, or has no modules.
+    /// Packages that aren't valid, but have no module with an error. Such a package has no modules, or it requires
+    /// Tint's verdict and Tint gave no verdict.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid_packages: Vec<String>,
     /// Remarks that don't fail the run: modules that Tint rejects, or the reason why Karat didn't ask Tint.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
-    /// Number of selected tests that the runner left out after a failure, as the runner printed it.
+    /// Number of selected tests that the runner didn't run, because another test failed. The number is from the
+    /// runner's output.
     #[serde(default, skip_serializing_if = "is_none")]
     pub not_run: u64,
-    /// `true` if the runner stopped at a failure without printing how many tests it left out.
+    /// `true` if the runner stopped at a failure, and didn't print how many tests it didn't run.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub stopped: bool,
 }
@@ -365,22 +367,22 @@ thread_local! {
     static KEPT: Cell<bool> = const { Cell::new(true) };
 }
 
-/// The values that the checks of a test saw.
+/// A summary of the values that the checks of a test judged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seen {
-    /// Hash of all values that the checks judged, in their order.
+    /// Hash of all values that the checks judged, in the order of the checks.
     pub values: [u8; 32],
     /// The largest error divided by its tolerance; 0 for checks without a tolerance.
     pub ratio: f64,
 }
 
 thread_local! {
-    /// The values that the checks of this thread saw, within [`unrecorded`].
+    /// The values that the checks of this thread have judged; `None` outside of [`unrecorded`].
     static SEEN: RefCell<Option<Seen>> = const { RefCell::new(None) };
 }
 
-/// Prints the lines that shaders print, below the test's name. Each path has the same lines, so this function
-/// prints equal text only once.
+/// Prints the lines that shaders print, below the test's name. Each path gives the same lines, so this function doesn't
+/// print a text twice in succession.
 pub(crate) fn tell_prints(text: &str) {
     thread_local! {
         static TOLD: RefCell<String> = const { RefCell::new(String::new()) };
@@ -404,8 +406,8 @@ pub(crate) fn is_unrecorded() -> bool {
     SEEN.with_borrow(Option::is_some)
 }
 
-/// Within [`unrecorded`], adds rows that a check judged to the hash, and stores the largest ratio of their
-/// errors.
+/// Within [`unrecorded`], adds the values that a check judged to the hash in [`Seen`], and stores `ratio` if it is the
+/// largest so far. Each row has the `u32` words of one result.
 pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
     SEEN.with_borrow_mut(|seen| {
         if let Some(seen) = seen {
@@ -447,10 +449,10 @@ pub(crate) fn wanted() -> bool {
     is_kept() && crate::settings::record().is_some()
 }
 
-/// Appends a verdict to this process's file, if the run is recorded.
+/// Appends a verdict to this process's file, if `KARAT_RECORD` names a folder.
 ///
 /// # Panics
-/// If Karat can't write the record: without the record, the report would be incomplete.
+/// If Karat can't write the record. Without the record, the report would be incomplete.
 pub(crate) fn write(record: &Record) {
     let Some(folder) = crate::settings::record().filter(|_| is_kept()) else { return };
     let folder = folder.as_path();
@@ -472,7 +474,7 @@ pub(crate) fn write(record: &Record) {
     }
 }
 
-/// File extension of the lists of tests whose frames weren't drawn.
+/// The file extension of a list of tests with frames that Karat didn't draw.
 const LEFT_OUT: &str = "left-out";
 
 /// Records that a test has a frame that isn't drawn, if the run is recorded.
@@ -536,8 +538,8 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// Reads the records of a folder. If the folder has several runs, Karat reads the records of the run that
-    /// ended last. Otherwise Karat reads the files in the folder itself. Returns `None` if the folder has no
+    /// Reads the records of a folder. If the folder has several runs, Karat reads the records of the run that ended
+    /// last. If the folder has no runs, Karat reads the files in the folder itself. Returns `None` if the folder has no
     /// records and no `run.json`.
     ///
     /// ```
@@ -573,7 +575,7 @@ impl Recorded {
     }
 }
 
-/// Checks if a run in a folder of records was killed, and no run has begun since then.
+/// Checks if a folder of records still has the folder of a killed run. The next run that begins removes such a folder.
 #[must_use]
 pub fn was_killed(records: &Path) -> bool {
     // A run that ended has no file `running`.
@@ -631,8 +633,8 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
 }
 
 impl Record {
-    /// Replaces characters in names that some formats can't represent. Another program or machine may have
-    /// written the record.
+    /// Replaces the characters in the record's names that some report formats can't represent. Such characters may
+    /// occur, because another program or machine may have written the record.
     fn named(mut self) -> Self {
         let mut names = vec![&mut self.test, &mut self.cargo_package];
         match &mut self.subject {
@@ -648,7 +650,8 @@ impl Record {
         self
     }
 
-    /// Sorts records by their subjects. Records with equal test and subject stay in the order of their checks.
+    /// Sorts records by their subjects. Records with the same test and the same subject stay in the order of their
+    /// checks.
     pub fn sort(records: &mut [Self]) {
         let key = |record: &Self| {
             let subject = match &record.subject {

@@ -1,7 +1,7 @@
 //! Reads a WGSL function's parameters, result and requirements from naga's validated IR.
 //!
 //! A [`Program`] holds the linked text, the IR and the source map. All code that transforms or interprets shaders
-//! starts from a program.
+//! starts from a [`Program`].
 
 mod ability;
 mod adapter;
@@ -75,7 +75,8 @@ use crate::package::{Linked, LinkedModule, Package, PackageError, as_naga_takes}
 pub struct Program {
     linked: Linked,
     checked: Arc<Checked>,
-    /// The values of overrides, by their names in the text. The IR already contains these values.
+    /// The values of overrides, by their names in the text. The IR contains these values as the overrides' initial
+    /// values.
     overrides: Overrides,
 }
 
@@ -108,7 +109,7 @@ pub enum ReflectError {
     /// naga rejects the shader.
     #[error("{0}")]
     Invalid(Box<Diagnostic>),
-    /// Tint rejects the shader, or the shader exceeds a limit, and `karat.toml` makes this an error.
+    /// `karat.toml` makes it an error that Tint rejects the shader, or that the shader exceeds a limit.
     #[error("{0}")]
     Refused(Box<Diagnostic>),
     /// The function is valid, but a compute kernel can't call it.
@@ -120,7 +121,7 @@ pub enum ReflectError {
 }
 
 impl ReflectError {
-    /// The message with its source locations; `None` if the error is a message without locations.
+    /// The error's message with its source locations; `None` if the error has no locations.
     #[must_use]
     pub fn diagnostic(&self) -> Option<&Diagnostic> {
         match self {
@@ -148,7 +149,7 @@ impl Program {
         all.join(", ")
     }
 
-    /// The author's path of a function, `fresnel::schlick`, from the function's name in the text.
+    /// The path in the author's code, such as `fresnel::schlick`, of the function with this name in the text.
     pub(crate) fn path_of(&self, linked: &str) -> String {
         self.linked.names.get(linked).map_or(linked, String::as_str).to_owned()
     }
@@ -175,8 +176,8 @@ impl Program {
         dependence::program(package, &Wanted::Function(path.to_owned()))
     }
 
-    /// Links and validates a whole module with everything that the module declares. If a module has no imports
-    /// and no conditions, naga gets its text unchanged.
+    /// Links and validates a whole module with everything that the module declares. If a module has no imports and no
+    /// conditions, naga gets the module's text unchanged.
     ///
     /// # Errors
     /// If the module can't be linked, or the linked text isn't valid WGSL.
@@ -217,7 +218,7 @@ impl Program {
         on_deep_stack(|| Self::compiled(linked))
     }
 
-    /// Compiles a linked text. A process parses and validates each text only once, because an edit leaves most
+    /// Parses and validates a linked text. A process does this only once for each text, because an edit leaves most
     /// functions unchanged.
     fn compiled(linked: Linked) -> Result<Self, ReflectError> {
         let hash = blake3::hash(linked.text().as_bytes());
@@ -264,7 +265,7 @@ impl Program {
         Ok(Self { linked, checked, overrides: Overrides::new() })
     }
 
-    /// The same program with generated declarations appended.
+    /// A copy of the program with generated declarations after its text.
     pub fn followed_by(&self, text: &str) -> Result<Self, ReflectError> {
         let mut linked = self.linked.clone();
         linked.spliced.append(text);
@@ -319,7 +320,7 @@ impl Program {
         all.into_iter().filter_map(|(ability, needed)| needed.then_some(ability)).collect()
     }
 
-    /// The location of the expectation with this number.
+    /// The location of the expectation with the number `call`.
     pub(crate) fn expectation(&self, call: u32) -> Option<&Span> {
         self.linked.calls.get(&call)
     }
@@ -329,8 +330,8 @@ impl Program {
         self.linked.spliced.stretches()
     }
 
-    /// The scalars of a resource's contents, from the `u32` words of its memory. A texture has four words per
-    /// texel.
+    /// Converts the `u32` words in a resource's memory into the scalars of the resource's value. A texture has four
+    /// words per texel.
     pub(crate) fn lanes_of_words(&self, binding: &Binding, words: &[u32]) -> Vec<u32> {
         match binding.kind {
             BindingKind::StorageTexture { format, .. } => {
@@ -350,7 +351,7 @@ impl Program {
         &self.checked.info
     }
 
-    /// The name of a declaration in the text, from the author's path.
+    /// The name in the text of the declaration with this path in the author's code.
     pub fn name_of<'a>(&'a self, path: &'a str) -> &'a str {
         self.linked.name_of(path).unwrap_or(path)
     }
@@ -376,7 +377,7 @@ pub(crate) fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
     stacker::grow(STACK, work)
 }
 
-/// The text of an expression. For a call, naga stores only the range of the function's name.
+/// The text of the expression at `range`. For a call, naga stores only the range of the function's name.
 pub(crate) fn whole_call(text: &str, range: Range<usize>) -> Option<&str> {
     let rest = text.get(range.end..)?;
     let mut depth = 0;

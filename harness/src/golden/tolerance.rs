@@ -9,11 +9,11 @@ use super::number;
 use crate::metric::{DEFAULT_RELATIVE, Flip, Gate, Measured, Metric, Pair, Rect};
 use crate::tolerance::{power, significant};
 
-/// The largest mean FLIP error that a tile may have on the profile that made the golden. Measured values:
-/// rounding to half floats gives 0.004, twenty scattered pixels of edges 0.02, and faults of shaders 0.09 and
-/// more.
+/// The largest mean FLIP error that a tile may have on the profile that made the golden. Measured errors: rounding to
+/// half floats gives 0.004, twenty changed pixels at edges give 0.02, and faults of shaders give 0.09 and more.
 const TILE_BOUND: f64 = 0.01;
-/// The bound of a tile on other profiles, whose rasterisers draw edges with other pixels.
+/// The largest mean FLIP error that a tile may have on a profile that didn't make the golden. Its rasteriser may choose
+/// other pixels at edges.
 const FOREIGN_TILE_BOUND: f64 = 0.03;
 /// The largest mean FLIP error that a frame may have.
 const MEAN_BOUND: f64 = 0.005;
@@ -39,9 +39,9 @@ pub enum FrameTolerance {
     FlipMean(f64),
     /// A metric, and the largest value that passes.
     Metric(Arc<dyn Metric>, f64),
-    /// Passes if all parts pass.
+    /// Passes if all tolerances in the list pass.
     All(Vec<Self>),
-    /// Passes if any part passes. The first part that passes decides.
+    /// Passes if any tolerance in the list passes. The first tolerance that passes decides the verdict.
     Any(Vec<Self>),
 }
 
@@ -74,9 +74,10 @@ impl FrameTolerance {
         Self::Metric(Arc::new(metric), bound)
     }
 
-    /// The default tolerance. A frame passes if it passes the gate of 1e-3. The frame also passes if its HDR-FLIP
-    /// errors are small: a mean of at most 0.01 in each tile, and of at most 0.005 in the whole frame. If another
-    /// profile made the golden (`foreign`), the mean in a tile may be 0.03.
+    /// The default tolerance. A frame passes if the relative difference of each channel of each pixel is at most 1e-3.
+    /// The frame also passes if its HDR-FLIP errors are small: a mean of at most 0.01 in each tile, and of at most
+    /// 0.005 in the whole frame. If another profile made the golden (`foreign`), the mean in each tile may be up to
+    /// 0.03.
     ///
     /// ```
     /// use karat::golden::FrameTolerance;
@@ -91,7 +92,8 @@ impl FrameTolerance {
         Self::Any(vec![Self::gate(DEFAULT_RELATIVE), flip])
     }
 
-    /// The first useless bound, which every frame or no frame passes, and the reason, as text.
+    /// Describes the first bound that every frame or no frame would pass, with the reason; `None` if all bounds are
+    /// useful.
     pub(crate) fn unusable(&self) -> Option<String> {
         let number = |bound: f64| !(bound >= 0.0 && bound.is_finite());
         // A black frame passes a relative bound of 1, and every frame passes a FLIP bound of 1.
@@ -276,7 +278,7 @@ pub struct CriterionMargin {
     pub value: f64,
     /// The largest value that passes.
     pub bound: f64,
-    /// The pixels with this value; `None` if the value belongs to the whole frame.
+    /// The rectangle of pixels for which Karat measured the value; `None` if the value belongs to the whole frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Rect>,
     /// A remark on the measurement.
@@ -342,6 +344,6 @@ impl fmt::Display for CriterionMargin {
 pub(super) struct Judgement {
     pub(super) passes: bool,
     pub(super) margins: Vec<CriterionMargin>,
-    /// The index of the measurement that decided.
+    /// The index of the measurement that decided the verdict.
     pub(super) decisive: usize,
 }

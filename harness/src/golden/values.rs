@@ -36,7 +36,7 @@ pub enum ValuesError {
         case: String,
         /// The file of the new values.
         pending: String,
-        /// Further arguments that `karat accept` needs: `--any-adapter`.
+        /// Options that the `karat accept` command in the message needs, such as `--any-adapter`.
         arguments: String,
     },
     /// The golden can't be used. Karat doesn't overwrite it.
@@ -84,7 +84,7 @@ pub enum ValuesError {
     Pending {
         /// The golden's name.
         case: String,
-        /// The failure of the values themselves.
+        /// The reason why the values fail.
         failure: String,
         /// The reason.
         cause: ImageError,
@@ -92,15 +92,15 @@ pub enum ValuesError {
 }
 
 impl ValuesError {
-    /// Checks if the values are wrong. Returns `false` if Karat couldn't compare the values.
+    /// Checks if the error means that the values are wrong. Returns `false` if Karat couldn't compare the values.
     pub(crate) fn is_failure(&self) -> bool {
         matches!(self, Self::Differs { .. } | Self::NonFinite { .. })
     }
 }
 
 impl Goldens {
-    /// The golden's file. Values have no goldens for single profiles: tests give a path its own tolerance
-    /// instead.
+    /// The golden's file. All paths share this golden: if a path computes other values, the test gives that path its
+    /// own tolerance.
     pub(super) fn values(&self, case: &str) -> std::path::PathBuf {
         self.folder().join(format!("{case}.csv"))
     }
@@ -160,7 +160,8 @@ impl Goldens {
         }
     }
 
-    /// Removes the pending file of values that agree with their golden again. A missing file is no error.
+    /// Removes the pending file of some values, because the values now agree with their golden. If the file doesn't
+    /// exist, this method does nothing.
     pub(crate) fn values_agree(&self, case: &str) {
         drop(std::fs::remove_file(self.pending_values(case)));
     }
@@ -231,7 +232,8 @@ impl Goldens {
     }
 }
 
-/// The difference between the columns of values and of their golden. Returns `None` if the columns are equal.
+/// Describes the difference between the columns of some values and the columns of their golden. Returns `None` if the
+/// columns are equal.
 pub(crate) fn other_columns(golden: &Table, made: &Table) -> Option<String> {
     if golden.columns == made.columns && golden.arguments == made.arguments {
         return None;

@@ -12,7 +12,7 @@ use super::inputs::Declaration;
 pub struct Hazards {
     /// The entries of `[inputs]`, by name.
     pub inputs: BTreeMap<String, Declaration>,
-    /// Values of overrides, for each function that uses such an override.
+    /// Values of overrides, by the overrides' names. Karat sets a value in each function that uses the override.
     pub overrides: BTreeMap<String, f64>,
     /// The entries of `[[hazard]]`.
     pub accepted: Vec<AcceptedHazard>,
@@ -40,13 +40,13 @@ pub struct AcceptedMutants {
     pub reason: String,
 }
 
-/// An entry of `karat.toml` with rows of the translation matrix that don't reach a status.
+/// An entry of `karat.toml` with rows of the translation matrix that are known not to reach a status.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownRows {
     /// The functions: `brdf::schlick`.
     pub rows: Vec<String>,
-    /// The columns of the matrix, or selectors of paths.
+    /// The columns of the matrix to which the entry applies, or selectors of paths.
     pub columns: Vec<String>,
     /// The status that the rows don't reach: `"valid"`.
     pub status: String,

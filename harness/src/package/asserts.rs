@@ -1,8 +1,9 @@
 //! Assertions and prints in a shader: `//karat: assert x >= 0.0` and `//karat: print x`, each on a line of its own.
 //!
-//! For a host, these lines are comments. Karat replaces the comment by a variable and a `let`, so the shader's
-//! own control flow decides whether the value is computed. The number of lines stays the same. Karat maps
-//! positions back to the author's text. In WESL, an author may also write `@if(karat) assert(x >= 0.0);`.
+//! The program that loads the shader sees only comments in these lines. Karat replaces the comment by a variable and a
+//! `let`, so the shader's own control flow decides whether the value is computed. The number of lines stays the same.
+//! Karat maps positions in the new text back to the author's text. In WESL, an author may also write `@if(karat)
+//! assert(x >= 0.0);`.
 
 use super::PackageError;
 use crate::diagnostic::{SourceFile, Span, Value, nearest};
@@ -15,12 +16,12 @@ pub(crate) const PRINTED: &str = "karat_print_";
 /// value a separate operation.
 pub(crate) const HOLDER: &str = "karat_value_";
 
-/// The texts with which an assertion or a print begins: as a comment, and as a call in WESL.
+/// The text with which an assertion or a print in a comment begins.
 const COMMENT: &str = "karat:";
 const CONDITION: &str = "@if(karat)";
 const CONDITION_HEAD: &str = "@if(karat";
 
-/// A line that asserts or prints: its verb, the text before the expression, and the expression.
+/// A line with an assertion or a print: its verb, the text before the expression, and the expression.
 struct Line<'l> {
     verb: Verb,
     head: &'l str,
@@ -114,7 +115,7 @@ impl<'l> Line<'l> {
         }
     }
 
-    /// Reads `@if(karat) assert(x);`. Returns `None` for an import.
+    /// Reads `@if(karat) assert(x);`. Returns `None` if the line is an import.
     fn called(own: &'l str) -> Result<Option<Self>, String> {
         let wrong = || {
             Err(format!(
@@ -137,7 +138,8 @@ impl<'l> Line<'l> {
     }
 }
 
-/// Checks if a comment names Karat and a verb, but not in the required form.
+/// Checks if the author probably meant an assertion or a print: the comment names Karat and a verb, but not in the
+/// required form.
 fn is_meant(line: &str) -> bool {
     let Some(at) = line.find("//") else { return false };
     let lower = line[at..].trim_start_matches('/').trim_start().to_ascii_lowercase();
@@ -194,8 +196,8 @@ impl Verb {
     }
 }
 
-/// Combines the lists of replaced ranges from two replacements of a text, one after the other. The ranges of `inner`
-/// refer to the text before the second replacement.
+/// Combines the lists of ranges that Karat replaced in a text in two steps, into one list. The ranges of `inner` refer
+/// to the text before the second replacement.
 pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     let (mut all, mut shift, mut outer) = (Vec::new(), 0_isize, outer.into_iter().peekable());
     let moved = |at: usize, shift: isize| at.checked_add_signed(shift).expect("it is in the text");
@@ -211,8 +213,8 @@ pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     all
 }
 
-/// The location of the expression of an assertion or a print; `None` if there is no such line. `holder` is a location
-/// in the `let` that Karat generated for the line.
+/// The location of the expression in an assertion or a print; `None` if the line contains neither. `holder` is a
+/// location in the `let` that Karat generated for the line.
 pub(crate) fn expression_of(holder: &Span) -> Option<Span> {
     let values = &holder.file.values;
     let at = values.iter().position(|value| value.at.contains(&holder.range.start))?;
@@ -286,7 +288,7 @@ mod tests {
         }
     }
 
-    /// In a text with values and a print, positions refer to the author's text.
+    /// If Karat replaces both values and a print in a text, positions still refer to the author's text.
     #[test]
     fn places_beside_a_print_comment_are_those_of_the_source() {
         let written = "N;\n//karat: print N + x\nN N\n";

@@ -7,7 +7,7 @@ use super::PackageError;
 use super::lexer::{Kind, Token};
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 
-/// For each token, an index: for a bracket, the index of its partner bracket, and for any other token, its own
+/// Returns one index for each token: a bracket has the index of its partner bracket, and any other token has its own
 /// index.
 pub(super) fn partners(
     file: &Arc<SourceFile>,
@@ -101,8 +101,8 @@ pub(super) fn end_of(
     None
 }
 
-/// The index of the token that ends a structure's member or a function's parameter: the comma after it, or the bracket
-/// that closes the list. A comma between `<` and `>` separates a type's arguments.
+/// The index of the token that ends a structure's member or a function's parameter: the comma after the member or
+/// parameter, or the bracket that closes the list. A comma between `<` and `>` separates a type's arguments.
 pub(super) fn end_of_item(tokens: &[Token], brackets: &[usize], from: usize) -> Option<usize> {
     let (mut at, mut depth) = (from, 0_usize);
     while at < tokens.len() {

@@ -19,17 +19,17 @@ use crate::diagnostic::{nearest, shown};
 use crate::settings;
 use metadata::Metadata;
 
-/// Version of the stored data. A change of its form or meaning increases the version.
+/// Version of the stored data. Increase the version if the form or the meaning of the data changes.
 const SCHEMA: u32 = 3;
 
 /// The deepest nesting of folders that Karat searches. No crate has such deep folders.
 const DEEPEST: usize = 16;
 
-/// The name of the temporary project for which cargo resolves a version.
+/// The name of the temporary project for which cargo resolves the version of a crate.
 const ASKING: &str = "shaders-of-a-version";
 
 /// Shaders may import from crates on which no crate depends. Karat adds these crates to the project, and then asks
-/// cargo again. It asks at most this many times.
+/// cargo again. Karat asks cargo at most this many times.
 const ROUNDS: usize = 4;
 
 #[derive(Debug, Deserialize, Serialize)]
@@ -50,9 +50,10 @@ pub(super) struct Crate {
     folder: PathBuf,
     /// The folder whose files are the modules.
     root: PathBuf,
-    /// The crates with shaders on which this crate depends, by the names that this crate uses.
+    /// The dependencies of this crate that have shaders: the name that this crate uses, and the index in the graph's
+    /// crates.
     dependencies: BTreeMap<String, usize>,
-    /// The packages that the crate's shaders import. The crate's metadata for wgsl-analyzer declares them.
+    /// The packages that the crate's shaders import. The crate's metadata for wgsl-analyzer declares these packages.
     imports: BTreeSet<String>,
 }
 
@@ -64,7 +65,7 @@ pub(super) struct Found {
     roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 
-/// Two of these values are equal if they name the same crate of the same graph, with the same module folders.
+/// Two values are equal if they name the same crate of the same graph, with the same module folders.
 impl PartialEq for Found {
     fn eq(&self, other: &Self) -> bool {
         let is_same = (self.index, &self.roots) == (other.index, &other.roots);
@@ -87,8 +88,8 @@ impl Found {
         self.roots.get(&self.index).unwrap_or(&self.krate().root)
     }
 
-    /// This crate, but the crate `name` has its modules in the folder `root`. `name` is this crate, or a crate from
-    /// which this crate may import.
+    /// A copy of this value, in which the modules of the crate `name` are in the folder `root`. `name` is this crate,
+    /// or a crate from which this crate may import.
     pub(super) fn with_root(&self, name: &str, root: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Crate { name: name.to_owned(), reason };
         let plain = name.replace('-', "_");
@@ -113,8 +114,8 @@ impl Found {
         Ok(Self { roots: Arc::new(roots), ..self.clone() })
     }
 
-    /// The crate with this name: a dependency, or else the only crate of the graph with this name. All crates of
-    /// an engine share one name space for shaders.
+    /// The crate with this name: a dependency, or else the only crate of the graph with this name. A shader may name
+    /// any crate of its engine, because all crates of an engine share one name space.
     pub(super) fn reach(&self, name: &str) -> Option<Self> {
         let of = |index| Self { index, ..self.clone() };
         if let Some(index) = self.krate().dependencies.get(name) {
@@ -134,15 +135,15 @@ impl Found {
     }
 }
 
-/// A crate as in the author's code: `bevy_pbr`, `bevy_pbr@0.20.1`.
+/// A crate as the author names it: `bevy_pbr`, `bevy_pbr@0.20.1`.
 #[derive(Clone, Copy)]
 struct Wanted<'w> {
     name: &'w str,
     version: Option<&'w str>,
 }
 
-/// Cargo's graphs of projects, and of crates at a version. Only the next process notices a change of
-/// `Cargo.toml`.
+/// The cache of cargo's dependency graphs: of projects, and of crates at an exact version. If `Cargo.toml` changes,
+/// only the next process notices the change.
 struct Graphs;
 
 impl Kind for Graphs {
@@ -305,7 +306,8 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
 }
 
 impl Graph {
-    /// Crates of this version from which shaders import, but on which no crate depends.
+    /// The names of crates that shaders import, but on which no crate depends. Only the imports of crates with this
+    /// version count.
     fn missing(&self, version: &str) -> BTreeSet<String> {
         let of_version = self.crates.iter().filter(|krate| krate.version == version);
         let imports = of_version.flat_map(|krate| &krate.imports);
@@ -315,7 +317,8 @@ impl Graph {
         imports.filter(|name| !known(name)).cloned().collect()
     }
 
-    /// Development dependencies of a crate from which its shaders import, as in the crate's manifest.
+    /// The development dependencies from which a crate's shaders import, each with its name and its entry in the
+    /// crate's manifest.
     fn of_examples(&self, name: &str, version: &str) -> BTreeMap<String, String> {
         let is_it = |krate: &&Crate| krate.name == name && krate.version == version;
         let Some(krate) = self.crates.iter().find(is_it) else { return BTreeMap::new() };
@@ -355,8 +358,8 @@ fn hash_of(manifest: &Path) -> Option<String> {
     Some(hasher.finalize().to_hex().to_string())
 }
 
-/// The stored graph if its folders exist and its manifests are unchanged. Otherwise calls `ask`, and stores the graph
-/// that it returns.
+/// Returns the graph in the file `kept`, if the graph's folders still exist and its manifests are unchanged. Otherwise
+/// calls `ask`, stores the graph that `ask` returns, and returns this graph.
 fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Result<Graph, String> {
     let known = std::fs::read(kept).ok();
     let known = known.and_then(|bytes| serde_json::from_slice::<Graph>(&bytes).ok());

@@ -8,9 +8,10 @@ use crate::diagnostic::nearest;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Compilers {
-    /// Set if a shader that Tint rejects is invalid. Then a run without Tint ends without a verdict.
+    /// `true` if a shader is invalid when Tint rejects it. If Tint isn't installed, the run then ends without a
+    /// verdict.
     pub(crate) require_tint: bool,
-    /// Native features of wgpu that shaders use intentionally, by naga's names of capabilities.
+    /// Native features of wgpu that shaders use intentionally, by the names of naga's capabilities.
     pub(crate) native: Vec<String>,
     pub(crate) limits: Limits,
     pub(crate) file: String,
@@ -19,11 +20,11 @@ pub(crate) struct Compilers {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Written {
-    /// Compilers that must give a verdict, or else the run fails: `["tint"]`.
+    /// Compilers that must give a verdict: `["tint"]`. Without this verdict, the run fails.
     #[serde(default)]
     require: Vec<String>,
-    /// Capabilities that only wgpu has, by naga's names. Karat doesn't ask Tint about modules that use one of
-    /// them.
+    /// Capabilities that only wgpu has, by naga's names. If a module uses one of these capabilities, Karat doesn't ask
+    /// Tint about the module.
     #[serde(default)]
     native: Vec<String>,
 }
@@ -42,7 +43,7 @@ impl Compilers {
 }
 
 impl Package {
-    /// Requires Tint's verdict for [`is_valid`](Self::is_valid), for any contents of `karat.toml`.
+    /// Makes [`is_valid`](Self::is_valid) require Tint's verdict, even if `karat.toml` doesn't require it.
     ///
     /// ```
     /// use karat::Package;

@@ -1,8 +1,8 @@
 //! WESL's conditional translation: `@if(feature)`, `@elif(..)`, `@else`.
 //!
-//! A condition stands before an import, a directive, a declaration, a group of declarations in braces, a member,
-//! a parameter, a statement, a group of statements in braces, or a case. If the condition is true, Karat removes
-//! only the condition from the text. Otherwise Karat also removes the item behind the condition.
+//! A condition stands before an import, a directive, a declaration, a group of declarations in braces, a member, a
+//! parameter, a statement, a group of statements in braces, or a case. If the condition is true, Karat removes only the
+//! condition from the text. If the condition is false, Karat also removes the item after the condition.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,8 +14,8 @@ use super::feature::{Features, is_on};
 use super::lexer::{Kind, Token};
 use crate::diagnostic::SourceFile;
 
-/// The deepest nesting of brackets in a condition. Authors never nest brackets so deeply, and the stack suffices for
-/// this depth.
+/// The deepest nesting of brackets in a condition. Authors never nest brackets so deeply, and Karat's recursive reader
+/// doesn't overflow the stack at this depth.
 const MOST_BRACKETS: usize = 64;
 
 /// A declaration under a condition that is false.
@@ -25,11 +25,11 @@ pub(super) struct Inactive {
     /// The condition in the author's text: `@if(fast)`.
     pub(super) condition: String,
     pub(super) range: Range<usize>,
-    /// Reports if the declaration is a function with `@test`.
+    /// `true` if the declaration is a function with `@test`.
     pub(super) test: bool,
 }
 
-/// The feature of a condition that has only one feature: `@if(fast)`, `#ifdef FAST`.
+/// The feature in a condition; `None` unless the condition is only the name of one feature: `@if(fast)`, `#ifdef FAST`.
 pub(super) fn feature_of(condition: &str) -> Option<String> {
     let rest = condition.strip_prefix("@if").or_else(|| condition.strip_prefix("#ifdef"))?.trim();
     let name =
@@ -42,7 +42,7 @@ pub(super) struct Conditions {
     pub(super) live: Vec<Token>,
     pub(super) removed: Vec<Range<usize>>,
     pub(super) inactive: Vec<Inactive>,
-    /// The open brackets, without the braces of groups.
+    /// The indices of the brackets that are open, without the braces of groups.
     open: Vec<usize>,
 }
 
@@ -112,7 +112,7 @@ impl Reader<'_> {
         syntax_error(self.file, self.bytes(tokens), message)
     }
 
-    /// Reads the attributes at `start`, and keeps or removes the item behind them. Returns the next token to
+    /// Reads the attributes at `start`, and keeps or removes the item after these attributes. Returns the next token to
     /// read.
     fn attributes(
         &self,
@@ -256,8 +256,8 @@ impl Reader<'_> {
         })
     }
 
-    /// Checks if a condition's attribute may stand at a token, in a list of statements, declarations, members or
-    /// parameters. `open` is the innermost bracket around the token.
+    /// Checks if an attribute with a condition may begin at the token `at`: the token begins a statement, a
+    /// declaration, a member or a parameter. `open` is the innermost bracket around the token.
     fn takes_condition(&self, at: usize, open: Option<usize>) -> bool {
         let after = |symbols: &[u8]| at == 0 || symbols.iter().any(|one| self.is(at - 1, *one));
         match open {
@@ -267,7 +267,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The index of the token behind the item that begins at `at`.
+    /// The index of the token after the item that begins at `at`.
     fn end(&self, at: usize) -> Option<usize> {
         let body = |from: usize| self.body(from);
         match self.text(at) {

@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use super::lexer::{Kind, lex};
 
-/// The largest number of tokens in nested expressions, and the largest number of branches in an `else if` chain. Karat
-/// gives no text above this limit to a compiler. Compilers recurse over terms, members, brackets and branches.
+/// The largest number of tokens in nested expressions, and the largest number of branches in an `else if` chain. If a
+/// text exceeds this limit, Karat doesn't give the text to a compiler. Compilers recurse over terms, members, brackets
+/// and branches, and would overflow their stack.
 const MOST_NESTED: usize = 6_000;
 
 /// The first range of a text that nests deeper than [`MOST_NESTED`]. Commas and semicolons end an expression, so

@@ -1,8 +1,8 @@
 //! Reads lines that begin with `#`: `naga_oil`'s modules, and files that include other files.
 //!
-//! A directive isn't WGSL. Karat blanks the text that a directive removes. It turns an `#import` into an import
-//! statement of the same length, so each token keeps its position in the author's file. Karat doesn't use
-//! `naga_oil` itself, because `naga_oil` composes naga's IR under its own names and loses the author's lines.
+//! A directive isn't WGSL. Karat blanks the text that a directive removes. Karat turns an `#import` into an import
+//! statement of the same length. So each token keeps its position in the author's file. Karat doesn't use `naga_oil`
+//! itself, because `naga_oil` composes naga's IR under its own names and loses the author's lines.
 //!
 //! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`, `#ifndef`,
 //!   `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard works as in C.
@@ -39,13 +39,13 @@ pub(super) struct Directed {
     /// The ranges of values such as `#{A}`, with the values' texts.
     pub(super) replaced: Vec<(Range<usize>, String)>,
     pub(super) inactive: Vec<Inactive>,
-    /// Other files that share a name space with this file, and the ranges that name these files.
+    /// The files that this file includes, each with the range of the directive that names the file.
     pub(super) includes: Vec<(Include, Range<usize>)>,
     /// The ends of statements that have no `;`.
     pub(super) ends: Vec<usize>,
-    /// The path that the module declares for itself.
+    /// The path that the module declares for itself by `#define_import_path`.
     path: Option<String>,
-    /// Reports if the module imports as in `naga_oil`.
+    /// `true` if the module's imports name other modules as in `naga_oil`.
     pub(super) composes: bool,
 }
 
@@ -56,11 +56,11 @@ const KNOWN: [&str; 9] =
 struct Open {
     /// The range of the `#if`, `#ifdef` or `#ifndef` that opens the condition.
     at: Range<usize>,
-    /// Reports if the conditions around this condition are true.
+    /// `true` if all conditions around this condition are true.
     outer: bool,
-    /// Reports if one of the condition's branches was true.
+    /// `true` if the current branch of the condition, or an earlier one, is true.
     taken: bool,
-    /// Reports if the current branch is true.
+    /// `true` if the current branch is true.
     holds: bool,
     shown: String,
     last: bool,
@@ -147,7 +147,8 @@ impl Reader<'_> {
         self.open.last().is_none_or(Open::is_live)
     }
 
-    /// Replaces bytes by blanks, except line ends. Code that reads tokens then doesn't see these bytes.
+    /// Replaces the bytes in a range by blanks, but keeps line ends. Code that reads tokens then doesn't see these
+    /// bytes.
     fn mask(&mut self, range: Range<usize>) {
         for byte in &mut self.bytes[range] {
             if !matches!(byte, b'\n' | b'\r') {
@@ -189,8 +190,8 @@ impl Reader<'_> {
         self.done = end;
     }
 
-    /// Checks if a word is a value of `naga_oil`: a name in capitals behind a `#`, within a line of a module that
-    /// has directives of `naga_oil`.
+    /// Checks if the word after a `#` names a value of `naga_oil`: the word is in capitals, isn't the first word of its
+    /// line, and is in a module with directives of `naga_oil`.
     fn is_oil(&self, word: &str, first: bool) -> bool {
         let text = self.text();
         let is_composed = text.contains("#import ") || text.contains("#define_import_path ");

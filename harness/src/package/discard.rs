@@ -1,9 +1,9 @@
 //! Makes functions with `discard` callable.
 //!
 //! A discarded pixel is a result, too. After `discard`, an invocation goes on as a helper, and the GPU drops its
-//! results (WGSL, *Discard Statement*). So Karat replaces the statement by an assignment. A generated function calls
-//! the author's function and also returns the assigned flag. Helpers don't write to memory either. So a function that
-//! writes to memory keeps the statement, and Karat calls it in a draw instead of a dispatch.
+//! results (WGSL, *Discard Statement*). So Karat replaces the statement `discard` by an assignment to a flag. A
+//! generated function calls the author's function, and returns its result and the flag. Helpers don't write to memory
+//! either. So a function that writes to memory keeps the statement, and Karat calls it in a draw instead of a dispatch.
 
 use super::lexer::lex;
 use super::splice::{DISCARDED, Edit};
@@ -29,8 +29,8 @@ pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<E
 }
 
 /// The name and the text of a function that calls a function with `discard`. The generated function returns a structure
-/// of the function's value and the flag `discarded`. If the statement is kept, `discarded` stays false, because the GPU
-/// drops a helper's result. `None` if the text doesn't have the function.
+/// of the function's value and the flag `discarded`. If the text keeps the statement `discard`, the flag `discarded` is
+/// always false, because the GPU drops a helper's result. Returns `None` if the text doesn't have the function.
 pub(super) fn wrapper(
     text: &str,
     function: &str,

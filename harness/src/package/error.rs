@@ -10,7 +10,7 @@ pub enum PackageError {
     /// The folder or file doesn't exist.
     #[error("there is no folder or file `{0}`")]
     NoFolder(String),
-    /// A test names a package's folder that doesn't exist.
+    /// A test names a folder that doesn't exist.
     #[error(
         "the shader folder `{0}` doesn't exist: write a path relative to Cargo.toml in `karat::package!`"
     )]
@@ -33,7 +33,7 @@ pub enum PackageError {
     NotUtf8 {
         /// The file.
         file: String,
-        /// First line that can't be decoded, from 1.
+        /// The first line that can't be decoded, counted from 1.
         line: usize,
     },
     /// A `karat.toml` can't be used.
@@ -44,7 +44,7 @@ pub enum PackageError {
         /// The reason.
         reason: String,
     },
-    /// The program that expands modules failed.
+    /// The program that expands modules (`preprocess` in `karat.toml`) failed.
     #[error("`{program}`, the `preprocess` program of karat.toml, fails for `{file}`: {reason}")]
     Preprocess {
         /// The module's file.
@@ -54,7 +54,7 @@ pub enum PackageError {
         /// The program's message.
         reason: String,
     },
-    /// A line that asserts or prints has an error.
+    /// A `//karat:` line with an assertion or a print has an error.
     #[error("{place}: {reason}. Write `//karat: print x` or `//karat: assert x >= 0.0`")]
     Asserts {
         /// The line's position.
@@ -103,7 +103,7 @@ pub enum PackageError {
         /// The existing name that is most similar.
         nearest: Option<String>,
     },
-    /// No module declares this path for itself.
+    /// An import names a path that no module declares for itself.
     #[error("no module declares `#define_import_path {path}`{}", did_you_mean(nearest))]
     NotComposed {
         /// The path in the import.

@@ -1,9 +1,9 @@
-//! Computes fingerprints of declarations without linking. While a declaration and everything that it needs stay
-//! the same, so does the linked program, except for comments, blanks and the linker's names.
+//! Computes fingerprints of declarations without linking. If a declaration and everything that it needs don't change,
+//! the linked program changes only in comments, blanks and names from the linker.
 //!
-//! After each edit, Karat compares the fingerprints of all tests. Linking a hundred tests would take a hundred
-//! times as long as linking the changed test. So Karat describes each declaration once, and again after a change
-//! of its module.
+//! After each edit, Karat compares the fingerprints of all tests. Linking a hundred tests would take a hundred times as
+//! long as linking the changed test. So Karat hashes each declaration once, and hashes the declaration again only after
+//! its module changed.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
@@ -25,8 +25,8 @@ use crate::diagnostic::Diagnostic;
 type TestItems = Result<Vec<(TestItem, Option<String>)>, PackageError>;
 
 impl Package {
-    /// Fingerprints of some functions, by name: `brdf::schlick`. A function that can't be linked has no
-    /// fingerprint.
+    /// The fingerprints of the given functions, by the functions' paths, such as `brdf::schlick`. A function that can't
+    /// be linked has no fingerprint.
     ///
     /// ```
     /// use karat::Package;
@@ -79,7 +79,8 @@ fn may_have_tests(error: &Diagnostic) -> bool {
 
 #[derive(Default)]
 struct Known {
-    /// The modules whose imports were checked: each import exists, also in the modules from which they import.
+    /// The modules whose imports Karat has checked. The check includes the modules from which a module imports,
+    /// directly or through others.
     imports: BTreeSet<ModulePath>,
     modules: BTreeMap<ModulePath, Arc<Module>>,
     numbers: HashMap<Item, usize>,
@@ -91,8 +92,8 @@ struct Known {
 
 struct Node {
     item: Item,
-    /// The hash of the declaration's own tokens, and the declarations that it needs. `None` if the declaration
-    /// isn't described yet, or if its module changed.
+    /// The hash of the declaration's own tokens, and the declarations that it needs. `None` if Karat hasn't hashed the
+    /// declaration yet, or if its module changed.
     made_of: Option<(Hash, Vec<usize>)>,
     /// The value of `made_of` before the declaration's module changed.
     before: Option<(Hash, Vec<usize>)>,
@@ -141,8 +142,8 @@ impl<'a> Described<'a> {
         Self { package, library, linker: None, known: known.unwrap_or_default() }
     }
 
-    /// Stores the known facts for the next computation of fingerprints, unless files of other packages may change these
-    /// facts.
+    /// Stores the known hashes for the next computation of fingerprints, unless files of other packages may change
+    /// these hashes.
     fn keep(self, there: &[String]) {
         let Some(packages) = self.library.in_memory() else { return };
         let (package, there) = (self.package.clone(), there.to_vec());
@@ -173,8 +174,8 @@ impl<'a> Described<'a> {
         Ok(items.into_iter().zip(found).collect())
     }
 
-    /// The fingerprints of declarations. An element is `None` if the declaration or one that it needs doesn't
-    /// exist.
+    /// The fingerprints of declarations. An element is `None` if the declaration, or a declaration that it needs,
+    /// doesn't exist.
     fn fingerprints(
         &mut self,
         module: &str,
@@ -328,7 +329,7 @@ impl Known {
         Ok(())
     }
 
-    /// Some declarations and everything that they need, with their hashes.
+    /// The given declarations and everything that they need, each with its hash.
     fn reached(
         &mut self,
         mut queue: Vec<usize>,
@@ -378,7 +379,7 @@ mod tests {
                      fn other(x: f32) -> f32 { return h(x); }\n";
     const B: &str = "fn g(x: f32) -> f32 { return x; }\nfn h(x: f32) -> f32 { return -x; }\n";
 
-    /// The fingerprint of `f` changes with the program of `f`, and with nothing else.
+    /// The fingerprint of `f` changes if, and only if, the program of `f` changes.
     // Lesson 103
     #[test]
     fn a_fingerprint_changes_with_the_program_alone() {
@@ -451,7 +452,8 @@ mod tests {
         }
     }
 
-    /// A checkout, or a rename across files, changes several modules at once. Karat describes each of them again.
+    /// A checkout, or a rename across files, changes several modules at once. Karat hashes the declarations of each
+    /// changed module again.
     // Lesson 193
     #[test]
     fn modules_that_change_together_all_have_new_fingerprints() {

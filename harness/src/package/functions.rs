@@ -49,7 +49,7 @@ impl Package {
         Ok(functions_of(module, &*self.parsed(module)?))
     }
 
-    /// The tests of some modules that conditions remove: functions with `@test` under an `@if` or `#ifdef` that
+    /// The tests that conditions remove from the given modules: functions with `@test` under an `@if` or `#ifdef` that
     /// is false. A module that can't be read has no tests.
     ///
     /// ```

@@ -1,7 +1,7 @@
 //! Resolves import statements and paths to declarations.
 //!
-//! Karat follows every import of a module, and of all modules that it reaches, before it links anything. So an
-//! error appears at the import statement. `naga_oil` resolves an import only where a module uses its name.
+//! Before Karat links a module, it follows every import of the module, and of all modules that the module reaches. So
+//! an error appears at the import statement. `naga_oil` resolves an import only where a module uses its name.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -14,15 +14,15 @@ use super::library::{Library, ModulePath};
 use super::syntax::Module;
 use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 
-/// The deepest nesting of braces in an import statement. Authors never nest braces so deeply, and the stack suffices
-/// for this depth.
+/// The deepest nesting of braces in an import statement. Authors never nest braces so deeply, and Karat's recursive
+/// reader doesn't overflow the stack at this depth.
 const MOST_BRACES: usize = 32;
 
 #[derive(Clone, Debug)]
 pub(super) struct Import {
-    /// The words of the path: `package`, `math`, `PI`.
+    /// The components of the import's path: `package`, `math`, `PI`.
     words: Vec<String>,
-    /// The import's name in the module.
+    /// The name under which the module uses the import.
     pub(super) alias: String,
     token: usize,
 }
@@ -55,7 +55,7 @@ pub(super) fn check(library: &Library, root: &ModulePath) -> Result<(), PackageE
     check_more(library, root, &mut BTreeSet::new())
 }
 
-/// Follows each import of `root`. The modules in `good` have no errors, so they are skipped.
+/// Follows each import of `root`. Skips the modules in `good`, which have no errors.
 pub(super) fn check_more(
     library: &Library,
     root: &ModulePath,
@@ -202,7 +202,8 @@ enum Problem {
     Item { module: ModulePath, nearest: Option<String>, condition: Option<String> },
 }
 
-/// The target of a module's import. The imported module may import the name from another module.
+/// The declaration or module to which a module's import refers. The imported module may import the name from another
+/// module.
 pub(super) fn follow(
     library: &Library,
     path: &ModulePath,
@@ -239,7 +240,8 @@ fn led(
     }
 }
 
-/// The target of a module's own import of a name; `None` if the module declares the name itself.
+/// The declaration or module to which a module's own import of a name refers; `None` if the module declares the name
+/// itself.
 fn declared_or_imported(
     library: &Library,
     path: &ModulePath,
@@ -307,7 +309,7 @@ fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Targ
     }
 }
 
-/// The target of a path with colons in an expression.
+/// The declaration to which a path with colons in an expression refers.
 pub(super) fn resolve_path(
     library: &Library,
     path: &ModulePath,
@@ -382,7 +384,7 @@ fn failed(problem: Problem, span: Span, library: &Library, import: &Import) -> P
     }
 }
 
-/// Adds the reason for a missing name: a false condition, or a typo.
+/// Adds to an error the probable reason why a name is missing: a false condition, or a typo.
 fn hinted(
     diagnostic: Diagnostic,
     (module, name): (&str, &str),

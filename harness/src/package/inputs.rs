@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `roughness` | each argument and member of this name |
 //! | `params.groups` | a member of a variable or an argument |
-//! | `"scan::main.groups"` | the same member, only in one function |
+//! | `"scan::main.groups"` | this member, but only in the function `scan::main` |
 //! | `"length(data)"` | the number of elements of a runtime-sized array |
 //! | `"workgroups(scan::main)"` | the total number of workgroups of a pass |
 //!
@@ -19,8 +19,8 @@
 
 use toml::Value;
 
-/// The largest number of elements of a generated array, and of workgroups: 2^22 words are 16 MiB, and more take
-/// minutes.
+/// The largest number of elements of a generated array, and of workgroups: 2^22 `u32`s take 16 MiB, and larger arrays
+/// take minutes.
 pub const MOST_ELEMENTS: u32 = 1 << 22;
 
 /// The values that a declared input may have.
@@ -38,7 +38,7 @@ pub enum Declaration {
         least: End,
         /// The largest element.
         most: End,
-        /// Set if all elements must differ.
+        /// `true` if all elements must differ.
         distinct: bool,
     },
     /// Lengths that are multiples of this number.
@@ -57,7 +57,7 @@ pub enum End {
 const KINDS: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
 impl Declaration {
-    /// Reads the value of a declared input. The error is a sentence.
+    /// Reads the value of a declared input. An error is a sentence for the message.
     pub(super) fn of(name: &str, value: &Value) -> Result<Self, String> {
         let is_length = name.contains("length(");
         let wrong = || {
@@ -188,7 +188,8 @@ fn end(value: &Value) -> Option<End> {
     Some(End::Length(name.trim().to_owned(), less))
 }
 
-/// The declarations under a name. In TOML, `params.groups = [1, 8]` is a table inside of a table.
+/// The declarations under a name in `[inputs]`, each with its whole key. In TOML, `params.groups = [1, 8]` is a table
+/// inside of a table.
 pub(super) fn flat(name: &str, value: &Value) -> Result<Vec<(String, Declaration)>, String> {
     let is_own = |table: &toml::Table| {
         table.is_empty()
@@ -203,8 +204,9 @@ pub(super) fn flat(name: &str, value: &Value) -> Result<Vec<(String, Declaration
     }
 }
 
-/// Splits a key into the path of a function, if the key has one, and the name: `scan::main.groups` into
-/// `scan::main` and `groups`. A key with `(`, such as `workgroups(scan)`, has no function.
+/// Splits a key into the path of a function, if the key names a function, and the name of an input: `scan::main.groups`
+/// has the function `scan::main` and the input `groups`. Returns no function for a key with `(`, such as
+/// `workgroups(scan)`.
 pub fn scope(key: &str) -> (Option<&str>, &str) {
     if key.contains('(') {
         return (None, key);

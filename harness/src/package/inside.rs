@@ -10,7 +10,7 @@ use super::manifest::{self, Manifest};
 use super::overlay::Overlay;
 use super::{Package, PackageError, directives, texts};
 
-/// The result of a [`Package`] method that moved to another crate. The compiler's note names the crate.
+/// The result type of a [`Package`] method that moved to another crate. The compiler's note names the crate.
 #[derive(Debug)]
 pub struct Moved;
 
@@ -86,7 +86,7 @@ pub fn unsaved_of<'p>(package: &'p Package, file: &Path) -> Option<&'p str> {
     package.unsaved_text(file)
 }
 
-/// The words in a module's own file, and the features in its conditions that aren't set.
+/// The identifiers and keywords in a module's own file, and the features that its conditions use and that aren't set.
 #[must_use]
 pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<String>)> {
     let (overlay, manifest) = (Overlay::of(package).ok()?, Manifest::of(package).ok()?);
@@ -97,8 +97,8 @@ pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<Str
     Some((words, open.collect()))
 }
 
-/// Some values for each feature that has no value, although conditions compare it with a value. The first of these
-/// values is the one in the condition.
+/// Some values for each feature that has no value, although conditions compare it with a value. The first value of each
+/// feature is the value in the condition.
 #[must_use]
 pub fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     library::values_of(package)

@@ -7,9 +7,10 @@ use super::lexer::{Kind, Token, lex};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct LetStatement {
     pub(crate) name: Range<usize>,
-    /// The offset behind the semicolon; `None` in the head of a `for`, where no statement can follow.
+    /// The offset after the statement's semicolon; `None` if the `let` is in the head of a `for`, where no statement
+    /// can follow.
     pub(crate) end: Option<usize>,
-    /// Reports if the `let` is in a loop, and has one value in each iteration.
+    /// `true` if the `let` is in a loop, and so has one value in each round of the loop.
     pub(crate) repeats: bool,
 }
 

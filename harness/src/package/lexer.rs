@@ -31,7 +31,7 @@ impl Token {
         self.start as usize..self.end as usize
     }
 
-    /// A `;` that the author omitted.
+    /// A token for a `;` that the author omitted.
     pub(super) fn end(at: usize) -> Self {
         let at = place(at);
         Self { kind: Kind::Symbol(b';'), start: at, end: at }
@@ -122,12 +122,12 @@ fn comment(text: &str) -> Option<usize> {
     None
 }
 
-/// WGSL, section 3.2: Unicode's Pattern_White_Space.
+/// Checks if a character is a blank: Unicode's Pattern_White_Space (WGSL, section 3.2).
 fn is_blank(c: char) -> bool {
     ends_line(c) || matches!(c, ' ' | '\t' | '\u{200e}' | '\u{200f}')
 }
 
-/// WGSL, section 3.2: line breaks.
+/// Checks if a character is a line break (WGSL, section 3.2).
 fn ends_line(c: char) -> bool {
     matches!(c, '\n'..='\r' | '\u{85}' | '\u{2028}' | '\u{2029}')
 }

@@ -33,28 +33,29 @@ pub(super) struct ModulePath {
 }
 
 impl ModulePath {
-    /// A module of the linked package, from the author's path. `""` is the only module of its package.
+    /// The module of the linked package that has this path in the author's code. The path `""` means the only module of
+    /// the package.
     pub(super) fn root(module: &str) -> Self {
         let components = module.split("::").filter(|part| !part.is_empty());
         Self { package: 0, components: components.map(str::to_owned).collect() }
     }
 }
 
-/// The packages and modules for linking one package. Karat reads a module at its first use. The first package is
-/// the linked package, and its imports reach the other packages.
+/// The packages and modules for linking one package. Karat reads a module at its first use. The first package is the
+/// linked package. The other packages are those that its imports reach.
 pub(super) struct Library {
     packages: RefCell<Vec<(Rc<Package>, String)>>,
-    /// The `karat.toml` of each package with a module that was used.
+    /// The `karat.toml` of each package from which Karat has used a module, by the package's index.
     manifests: RefCell<BTreeMap<usize, Rc<Manifest>>>,
     overlay: Overlay,
     files: RefCell<BTreeMap<ModulePath, Arc<SourceFile>>>,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
-    /// For each known path, a flag that is true if the module exists.
+    /// The paths that Karat has looked up. The value is `true` if the module exists.
     there: RefCell<BTreeMap<ModulePath, bool>>,
-    /// For each known folder, a flag that is true if the folder exists.
+    /// The folders that Karat has looked up. The value is `true` if the folder exists.
     folders: RefCell<BTreeMap<PathBuf, bool>>,
-    /// The names that the linked module defines. `guards` has the names that it defines only if nothing else
-    /// defines them.
+    /// The names that the linked module defines. `guards` has the names that the linked module defines only if nothing
+    /// else defines them.
     defined: RefCell<Features>,
     guards: RefCell<Features>,
     /// Modules by the paths that they declare for themselves.
@@ -85,8 +86,8 @@ impl Library {
         Ok(library)
     }
 
-    /// The module of an author's path. It is a module of the linked package, or a module of a dependency: in
-    /// `noise::value`, the first word is the dependency's name in imports.
+    /// The module to which a path in the author's code refers. The path names a module of the linked package, or a
+    /// module of a dependency: `noise::value` begins with the name under which modules import the dependency `noise`.
     pub(super) fn root(&self, module: &str) -> ModulePath {
         let own = ModulePath::root(module);
         let Some((name, rest)) = own.components.split_first() else { return own };
@@ -109,8 +110,8 @@ impl Library {
         Ok(file)
     }
 
-    /// All packages that imports have reached so far. `None` if one of them, except for the first package, isn't a text
-    /// in memory.
+    /// All packages that imports have reached so far. Returns `None` if one of these packages isn't text in memory. The
+    /// first package may be of any kind.
     pub(super) fn in_memory(&self) -> Option<Vec<(Package, String)>> {
         let packages = self.packages.borrow();
         let is_memory = |package: &Package| matches!(package.origin, Origin::Memory { .. });
@@ -118,14 +119,14 @@ impl Library {
         all.then(|| packages.iter().map(|(p, route)| (Package::clone(p), route.clone())).collect())
     }
 
-    /// Gives the packages the same numbers as in another library of the same package.
+    /// Gives the packages the numbers that they have in another library of the same linked package.
     pub(super) fn number_as(&self, packages: &[(Package, String)]) {
         let others = packages.iter().skip(1);
         let others = others.map(|(package, route)| (Rc::new(package.clone()), route.clone()));
         self.packages.borrow_mut().extend(others);
     }
 
-    /// The `karat.toml` of a package. The library reads it once.
+    /// The `karat.toml` of a package. The library reads this file once.
     fn manifest(&self, package: usize) -> Result<Rc<Manifest>, PackageError> {
         if let Some(known) = self.manifests.borrow().get(&package) {
             return Ok(Rc::clone(known));
@@ -144,7 +145,7 @@ impl Library {
         Ok(file)
     }
 
-    /// The modules that a host joins with this module into one text.
+    /// The names of the modules that a host joins with this module into one text.
     pub(super) fn joined(&self, path: &ModulePath) -> Result<Vec<String>, PackageError> {
         Ok(self.manifest(path.package)?.joined(&path.components.join("::")).to_vec())
     }
@@ -185,7 +186,8 @@ impl Library {
         has
     }
 
-    /// Checks if the folder of a module exists. Most paths that Karat tries name items, which have no folder.
+    /// Checks if the folder of a module exists. Karat calls this method first, because most paths that it tries name
+    /// declarations, which have no folder.
     fn has_folder(&self, package: &Package, path: &ModulePath) -> bool {
         let Some((_, above)) = path.components.split_last() else { return true };
         if above.is_empty() || matches!(package.origin, Origin::Memory { .. }) {
@@ -201,7 +203,7 @@ impl Library {
         })
     }
 
-    /// Checks if a crate has a module of this name at its root.
+    /// Checks if a package is a crate, and has a module of this name in its root folder.
     pub(super) fn is_own(&self, package: usize, name: &str) -> bool {
         let of = self.package(package);
         of.is_crate() && of.find(&[name.to_owned()]).is_some()
@@ -269,7 +271,7 @@ impl Library {
         self.packages.borrow()[package].1.clone()
     }
 
-    /// A module's path for messages: `package::math`, or `noise::value` of another package.
+    /// The path of a module in messages: `package::math` in the linked package, or `noise::value` in a dependency.
     pub(super) fn shown(&self, path: &ModulePath) -> String {
         let route = self.route(path.package);
         let first = if route.is_empty() { "package".to_owned() } else { route };
@@ -349,8 +351,8 @@ impl Library {
         declared.into_iter().flatten().chain(set).chain(defined).collect()
     }
 
-    /// Extends an error about a feature that needs a value. Adds the package's other features that need a value, so
-    /// that the user can set all of them at once.
+    /// Extends an error about a feature that has no value. The longer error also names the package's other features
+    /// without a value, so that the user can set all of these features at once.
     fn with_values(&self, path: &ModulePath, error: PackageError) -> PackageError {
         let PackageError::Shader(diagnostic) = error else { return error };
         if !matches!(diagnostic.mend, Some(Mend::Feature(_))) {
@@ -382,8 +384,8 @@ impl Library {
 }
 
 impl Package {
-    /// The folders and files of this package and of all packages from which its modules can import. The list
-    /// doesn't contain crates, because their files don't change. It doesn't contain text in memory, either.
+    /// The folders and files of this package and of all packages from which its modules can import. The list doesn't
+    /// contain crates, because their files don't change. The list doesn't contain text in memory, either.
     ///
     /// ```
     /// use karat::Package;
@@ -407,10 +409,10 @@ impl Package {
 
 #[derive(Clone, Debug)]
 pub(crate) struct LinkedModule {
-    /// The module's path for messages: `package::math`, or `noise::value` of another package.
+    /// The path of the module in messages: `package::math` in the linked package, or `noise::value` in a dependency.
     pub(crate) name: String,
     pub(crate) file: Option<PathBuf>,
-    /// [`text_hash`] of the module's text.
+    /// The hash of the module's text, from [`text_hash`].
     pub(crate) hash: String,
 }
 
@@ -418,14 +420,15 @@ pub(crate) struct LinkedModule {
 pub(crate) struct Sources {
     packages: Vec<(Manifest, Package)>,
     texts: BTreeMap<ModulePath, Hash>,
-    /// The modules that these texts contain, as messages and records show them.
+    /// The modules that the linked texts contain, by the paths that messages and records show.
     linked: Vec<LinkedModule>,
-    /// The files that contain these texts, or from which a program made them.
+    /// The files that contain the modules' texts, or from which a program (`preprocess` in `karat.toml`) made the
+    /// texts.
     files: Vec<FileRead>,
 }
 
 impl Sources {
-    /// The features that are on in some package, as text: `SHADOWS`, `SAMPLES=4`.
+    /// The features that are on in at least one package, as text: `SHADOWS`, `SAMPLES=4`.
     pub(crate) fn features(&self) -> Vec<String> {
         let all = self.packages.iter().flat_map(|(_, package)| &package.features);
         let written = all.filter_map(|(name, feature)| match feature {
@@ -458,8 +461,8 @@ impl Sources {
     }
 }
 
-/// The hash of a text, and of the author's text without replaced values. A change of the author's text may change
-/// positions.
+/// The hash of a file's text, and of the text before the replacement of values. If only the earlier text changes,
+/// positions in messages may change.
 fn hash_of(file: &SourceFile) -> Hash {
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.text.as_bytes());
@@ -469,7 +472,7 @@ fn hash_of(file: &SourceFile) -> Hash {
     hasher.finalize()
 }
 
-/// Parsed modules, by a hash of their names and texts, and by features.
+/// The cache of parsed modules. The key has a hash of the module's name and text, and the features.
 struct Modules;
 
 impl Kind for Modules {
@@ -479,7 +482,7 @@ impl Kind for Modules {
     const MOST: usize = 10_000;
 }
 
-/// A parsed module. A process parses a file once for the same features.
+/// A parsed module. A process parses a file only once for each set of features.
 fn parsed(file: &Arc<SourceFile>, features: Features) -> Result<Arc<Module>, PackageError> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.name.as_bytes()).update(&[0]).update(hash_of(file).as_bytes());
@@ -512,7 +515,8 @@ impl Package {
         Ok(expectations.map(|package| Self::from_source(name, package.text.as_str())))
     }
 
-    /// The modules that `karat.toml` joins with a module. An earlier read reported an unreadable `karat.toml`.
+    /// The modules that `karat.toml` joins with a module. Returns no modules if `karat.toml` is unreadable, because an
+    /// earlier read has reported this error.
     pub(crate) fn joined_with(&self, module: &str) -> Vec<String> {
         Manifest::of(self).map_or(Vec::new(), |all| all.joined(module).to_vec())
     }

@@ -48,16 +48,16 @@ limits! {
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Limits {
-    /// Replaces the default limits by the limits of compatibility mode.
+    /// `true` if the limits of compatibility mode replace the default limits.
     pub(crate) compatibility: bool,
-    /// Values from `karat.toml`, by the names of limits.
+    /// Values of limits from `karat.toml`, by the limits' names.
     named: BTreeMap<String, u64>,
-    /// Reports if `karat.toml` has the table `[limits]`. With this table, a shader that exceeds a limit is invalid.
+    /// `true` if `karat.toml` has the table `[limits]`. With this table, a shader that exceeds a limit is invalid.
     pub(crate) stated: bool,
 }
 
 impl Limits {
-    /// The limits that every device supports.
+    /// WebGPU's limits that every GPU device supports, by default or in compatibility mode.
     pub(crate) fn usual(compatibility: bool) -> Self {
         Self { compatibility, ..Self::default() }
     }
@@ -121,7 +121,7 @@ impl Limits {
         self.named.get(limit.name).copied().unwrap_or(usual)
     }
 
-    /// The origin of the value, for messages: `WebGPU's default`.
+    /// The origin of a limit's value, as text for messages: `WebGPU's default`.
     pub(crate) fn source(&self, limit: Limit) -> &'static str {
         match (self.named.contains_key(limit.name), self.compatibility) {
             (true, _) => "karat.toml's",

@@ -18,9 +18,9 @@ use super::{Package, PackageError, directives, imports};
 use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
-    /// Makes one package for each of the `texts`. Its only module is the text, with the name `module`. Each package
-    /// depends on this package under `name`, and has the features in `set`. In this package, the module `module` has
-    /// the contents `text`. Each new text begins with the definitions (`#define`) of `text`.
+    /// Makes one package for each of the `texts`. The package's only module has the name `module` and this text. Each
+    /// package depends on this package under `name`, and has the features in `set`. `text` is the text of the module
+    /// `module` in this package. Each new text begins with the definitions (`#define`) of `text`.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,
@@ -107,8 +107,8 @@ impl Package {
         Linker::new(&library, &root)?.link(all, true, None)
     }
 
-    /// Follows each import, also unused imports. In a crate, Karat follows only used imports, like the crate's
-    /// engine. Other imports may exist with some features only.
+    /// Follows each import, also unused imports. In a crate, Karat follows only used imports, like the crate's engine.
+    /// The target of an unused import may exist only with some features.
     fn check_imports(&self, library: &Library, root: &ModulePath) -> Result<(), PackageError> {
         if self.is_crate() { Ok(()) } else { imports::check(library, root) }
     }
@@ -126,7 +126,8 @@ impl Package {
         linker.link(all, true, None)
     }
 
-    /// The error about a function that doesn't exist, with a suggestion. Modules that can't be read are skipped.
+    /// The error about a function that doesn't exist, with a suggestion. The suggestion doesn't use modules that can't
+    /// be read.
     fn unknown_function(&self, module: &str, item: &str) -> PackageError {
         let path = author_path("", &ModulePath::root(module), item);
         let mut known = Vec::new();

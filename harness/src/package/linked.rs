@@ -49,7 +49,7 @@ pub(crate) const KERNEL_WORDS: &[&str] = &[
 /// The prefix of names in generated kernels.
 pub(crate) const KERNEL_PREFIX: &str = "karat_";
 
-/// The text for naga, with blanks in place of the tokens that naga doesn't know.
+/// Returns the text for naga. Blanks replace the tokens that naga doesn't know.
 pub(crate) fn as_naga_takes(text: &str) -> Cow<'_, str> {
     let unknown = unknown_to_naga(text);
     if unknown.is_empty() {
@@ -96,18 +96,19 @@ pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
 #[derive(Clone, Debug)]
 pub(crate) struct Linked {
     pub(crate) spliced: Spliced,
-    /// The author's path of each declaration, `fresnel::schlick`, by its name in the text.
+    /// For each declaration's name in the text, the declaration's path in the author's code: `fresnel::schlick`.
     pub(crate) names: BTreeMap<String, String>,
     /// The file of the linked module.
     pub(crate) file: Arc<SourceFile>,
-    /// Reports if the text has everything that the file declares, except tests. If so, the file is valid if the text is
-    /// valid.
+    /// `true` if the text has everything that the file declares, except tests. If the whole text is valid, then the
+    /// file is also valid.
     pub(crate) whole: bool,
     /// The entry point that became a function.
     pub(crate) called: Option<EntryPoint>,
-    /// The name in the text of a function with `discard`, and the name of the function that Karat calls instead.
+    /// A function with `discard`, by its name in the text, and the name of the generated function that Karat calls
+    /// instead.
     pub(crate) discards: Option<(String, &'static str)>,
-    /// The locations of expectations in the linked modules, by their numbers.
+    /// The locations of expectations in the linked modules, by the expectations' numbers.
     pub(crate) calls: BTreeMap<u32, Span>,
     pub(crate) inactive: BTreeMap<String, Unmet>,
     pub(crate) sources: Sources,
@@ -117,7 +118,7 @@ pub(crate) struct Linked {
 pub(crate) struct Unmet {
     /// The condition in the author's text: `@if(fast)`.
     pub(crate) condition: String,
-    /// The feature, if the condition has only one feature.
+    /// The feature in the condition; `None` unless the condition is only the name of one feature.
     pub(crate) feature: Option<String>,
 }
 
@@ -146,15 +147,16 @@ impl Linked {
         statements.any(|one| one.first() == Some(&"enable") && one.contains(&extension))
     }
 
-    /// The range where the text nests so deeply, or has such a long expression, that compilers would overflow their
-    /// stack. Compilers recurse over nested blocks and over the terms of an expression.
+    /// The location at which the text nests too deeply, or has too long an expression: a compiler would overflow its
+    /// stack. Returns `None` if there is no such location. Compilers recurse over nested blocks and over the terms of
+    /// an expression.
     pub(crate) fn too_deep(&self) -> Option<Span> {
         let place = deepest(self.text())?;
         let none = || Span { file: Arc::clone(&self.file), range: 0..0 };
         Some(self.spliced.resolve(place).unwrap_or_else(none))
     }
 
-    /// The name of a declaration in the text, from the author's path.
+    /// The name in the text of the declaration with this path in the author's code.
     pub(crate) fn name_of(&self, path: &str) -> Option<&str> {
         self.names.iter().find(|(_, known)| *known == path).map(|(name, _)| name.as_str())
     }

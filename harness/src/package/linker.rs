@@ -23,8 +23,8 @@ struct Part {
     imports: Vec<Import>,
 }
 
-/// The references in a module. The key is the range of the reference's tokens, and the value is the module and the name
-/// of the declaration that it means.
+/// The references in a module. The key is the range of the reference's tokens. The value is the declaration to which
+/// the reference refers: its module and its name.
 type Uses = BTreeMap<(usize, usize), (ModulePath, String)>;
 
 pub(super) struct Linker<'a> {
@@ -33,14 +33,14 @@ pub(super) struct Linker<'a> {
     parts: BTreeMap<ModulePath, Part>,
     /// The references to declarations in each module.
     uses: BTreeMap<ModulePath, Uses>,
-    /// The declarations to which each declaration refers. Contains only the declarations that the linker has
+    /// The declarations to which each declaration refers. The keys are only the declarations that the linker has
     /// resolved so far.
     resolved: BTreeMap<Item, Vec<Item>>,
-    /// WGSL's builtin names that linked declarations of other modules than the root use.
+    /// The builtin names of WGSL that linked declarations use. Declarations of the root don't count.
     pub(super) free: BTreeSet<String>,
     /// The modules that the root includes, so that they share a name space with the root.
     included: Vec<ModulePath>,
-    /// The modules that share a name space with another module than the root.
+    /// For each module other than the root, the modules that share a name space with this module.
     spaces: BTreeMap<ModulePath, Vec<ModulePath>>,
 }
 
@@ -68,15 +68,15 @@ impl<'a> Linker<'a> {
         &self.root
     }
 
-    /// Makes another module of the same package the root, to describe its declarations. This module must not
-    /// include other modules. Resolved references stay valid.
+    /// Makes another module of the same package the root, to describe its declarations. The new root must not include
+    /// other modules. Resolved references stay valid.
     pub(super) fn turn_to(&mut self, root: &ModulePath) -> Result<(), PackageError> {
         self.root = root.clone();
         self.add(root)
     }
 
-    /// Fails if a file and the files that it includes declare a name twice. This is also an error in the engine that
-    /// includes the files.
+    /// Fails if a file and the files that it includes declare a name twice. The engine that includes the files also
+    /// reports this error.
     fn expect_one_of_each_name<'p>(
         &self,
         space: impl Iterator<Item = &'p ModulePath>,
@@ -348,8 +348,8 @@ impl<'a> Linker<'a> {
         Ok(space.find(declares).cloned())
     }
 
-    /// Chooses new names for declarations of other modules than the root. A declaration of the root gets a new name if
-    /// another module uses this name in its WGSL meaning, as a builtin.
+    /// Chooses new names for declarations of other modules than the root. A declaration of the root also gets a new
+    /// name if another declaration needs the old name with another meaning, for example as a builtin of WGSL.
     fn names(&self, items: &BTreeSet<Item>) -> BTreeMap<(ModulePath, String), String> {
         // A new name occurs in no file, so it can't clash with another name.
         let is_taken = |name: &str| {
@@ -390,8 +390,9 @@ impl<'a> Linker<'a> {
         names
     }
 
-    /// Checks if the declaration is an override that a host can set by its name. Every use of this name in the linked
-    /// text must mean the override. If a local variable has the same name, the override needs another name.
+    /// Checks if the declaration is an override that a host can set by its name. Returns `false` if the name has
+    /// another meaning anywhere in the linked text. If a local variable has the same name, the override needs another
+    /// name.
     fn is_of_host(&self, one: &Item, item: &str, items: &BTreeSet<Item>) -> bool {
         let (path, index) = one;
         let module = &self.parts[path].module;
@@ -400,7 +401,7 @@ impl<'a> Linker<'a> {
             && items.iter().all(|owner| !self.has_another(owner, one, item))
     }
 
-    /// Checks if a declaration contains the same word with another meaning.
+    /// Checks if the first declaration contains the name of the second declaration with another meaning.
     fn has_another(&self, (owner, index): &Item, (path, of): &Item, item: &str) -> bool {
         let name_token = self.parts[path].module.declarations[*of].name_token;
         let means_it = |token: usize| {
@@ -413,8 +414,9 @@ impl<'a> Linker<'a> {
         tokens.any(|token| module.text(token) == item && !means_it(token))
     }
 
-    /// The names that need a replacement: a declaration refers to them by a path or an alias, and uses the same word
-    /// for another thing, such as a parameter. Without a new name, the reference would mean the parameter.
+    /// The declarations that need a new name. Another declaration refers to such a declaration by a path or an alias,
+    /// and also uses the declaration's name for another thing, such as a parameter. Without a new name, the reference
+    /// would mean the parameter.
     fn captured(&self, items: &BTreeSet<Item>) -> BTreeSet<(ModulePath, String)> {
         let mut captured = BTreeSet::new();
         for owner @ (path, index) in items {
@@ -436,7 +438,7 @@ impl<'a> Linker<'a> {
         captured
     }
 
-    /// The edits that rename names among a module's tokens.
+    /// The edits that replace names in a range of a module's tokens.
     fn edits(
         &self,
         path: &ModulePath,

@@ -37,7 +37,7 @@ pub(super) struct Manifest {
     /// A program with its arguments, which prints a module as WGSL. The path of the module's file is the last
     /// argument. The program runs in the folder of the modules.
     preprocess: Vec<String>,
-    /// For each module, the modules that the host joins with it into one text.
+    /// For each module, the other modules that the host joins with this module into one text.
     join: BTreeMap<String, Vec<String>>,
     matrix: Vec<KnownRows>,
     /// Declarations of inputs, values of overrides, and accepted hazards.
@@ -55,15 +55,15 @@ struct Dependency {
     /// The crate with the shaders, and its version.
     #[serde(rename = "crate")]
     krate: Option<String>,
-    /// The folder of modules in the crate. It is needed if Karat doesn't find the folder itself.
+    /// The folder of modules in the crate. An author needs this key if Karat doesn't find the folder.
     root: Option<String>,
 }
 
 const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
 
 impl KnownRows {
-    /// The entry with only its functions of one module, under their names in this module; `None` if it has no such
-    /// function.
+    /// A copy of the entry with only the functions of one module, named without the module's path; `None` if the entry
+    /// has no function of this module.
     fn of_module(self, module: &str) -> Option<Self> {
         let own = |row: String| match row.contains("::") {
             true => Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned()),
@@ -83,7 +83,7 @@ struct Written {
     /// Features: `{ SHADOWS = true }`.
     #[serde(default)]
     features: BTreeMap<String, toml::Value>,
-    /// Values for names that a host replaces in the text.
+    /// The values that replace names in the text, as the host replaces them.
     #[serde(default)]
     values: BTreeMap<String, toml::Value>,
     /// A program, with its arguments, that prints a module from its file.
@@ -109,12 +109,12 @@ struct Written {
     /// Compilers in addition to naga, as `[compilers]`.
     #[serde(default)]
     compilers: compilers::Written,
-    /// Limits of the devices that must run the shaders, by WebGPU's names.
+    /// The limits of the GPU devices that must run the shaders, by WebGPU's names.
     limits: Option<BTreeMap<String, toml::Value>>,
 }
 
-/// A path relative to a folder, without `name/..` pairs. So two packages that depend on each other have one path each,
-/// instead of an endless series of longer paths.
+/// A path relative to a folder, without `name/..` pairs. So if two packages depend on each other, each package has one
+/// path, instead of an endless series of longer paths.
 fn joined(folder: &Path, path: &Path) -> PathBuf {
     let mut joined = folder.to_owned();
     for part in path.components() {
@@ -135,7 +135,8 @@ impl Kind for Printed {
     type Key = (PathBuf, blake3::Hash, Vec<String>);
     type Value = String;
     const MOST: usize = 10_000;
-    /// The programs may read other files than the module.
+    /// The programs of `preprocess` may read other files than the module, so the key doesn't contain everything that
+    /// the output depends on.
     const VOLATILE: bool = true;
 }
 
@@ -166,12 +167,13 @@ pub(crate) struct Declared {
     file: String,
     text: String,
     inputs: Vec<String>,
-    /// Names of `[values]` that no module has used so far.
+    /// The names in `[values]` that none of the modules that Karat has seen uses.
     values: Vec<String>,
     /// Functions with accepted hazards: `module::name`, `module::*`.
     functions: Vec<String>,
     rows: Vec<String>,
-    /// Names that the package declares, also under conditions that are false.
+    /// The names that the modules declare, also under conditions that are false. Suggestions for a typo come from these
+    /// names.
     names: Vec<String>,
 }
 
@@ -206,7 +208,8 @@ impl Package {
 }
 
 impl Declared {
-    /// Removes the names that a module, or the program linked from it, declares.
+    /// Removes the names that a module, or the program linked from the module, declares. Call this method for each
+    /// module.
     pub(crate) fn see(
         &mut self,
         package: &Package,
@@ -240,7 +243,8 @@ impl Declared {
         Ok(())
     }
 
-    /// Reports a name that no module has, because its entry would have no effect.
+    /// Returns an error if a name remains: no module declares the name, so the entry in `karat.toml` would have no
+    /// effect.
     pub(crate) fn conclude(self) -> Result<(), PackageError> {
         // All functions of a module, and of the modules below it.
         let is_of = |all: &str, own: &String| all.ends_with("::") && own.starts_with(all);
@@ -283,7 +287,7 @@ pub(super) fn place_of(section: &str, package: &Package, name: &str) -> String {
     })
 }
 
-/// The position of a key below a section, or of a name in its text, as a suffix for a message: `
+/// The position of a key in a section of `karat.toml`, or of a name in the section's text, as a suffix for a message: `
 /// (karat.toml:5:1)`.
 fn placed(file: &str, text: &str, keys: &[&str]) -> String {
     let Ok(table) = toml::de::DeTable::parse(text) else { return String::new() };
@@ -310,7 +314,8 @@ fn placed(file: &str, text: &str, keys: &[&str]) -> String {
 /// The largest number of bytes that a program may print for one module. Modules are far smaller.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// Cached manifests by the text of `karat.toml`. Each entry also has the package that used the manifest last.
+/// The cache of manifests. The key has the text of `karat.toml`. Each entry also has the package that used the manifest
+/// last.
 impl Kind for Manifest {
     type Key = String;
     type Value = (Origin, Self);
@@ -319,7 +324,7 @@ impl Kind for Manifest {
 }
 
 impl Manifest {
-    /// The manifest of a package. It is empty if there is no file.
+    /// The manifest of a package. The manifest is empty if there is no `karat.toml`.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
         let file = match &package.origin {
             Origin::Folder { .. } => package.root().join(NAME),

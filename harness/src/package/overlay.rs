@@ -1,9 +1,9 @@
 //! Reads other files in place of modules. So you can try a change without editing the sources, or plant a fault
 //! that a test must catch.
 //!
-//! `KARAT_OVERLAY` names a folder. Karat reads each file of this folder in place of the module with the same path
-//! in a package. If several packages have a module with this path, the path begins with the package's name
-//! (`shaders/math.wgsl`). Files never replace modules in memory.
+//! `KARAT_OVERLAY` names a folder. If `KARAT_OVERLAY` names a folder, Karat reads each file in the folder in place of
+//! the module with the same path in a package. If several packages have a module with this path, the path begins with
+//! the package's name (`shaders/math.wgsl`). Files never replace modules in memory.
 //!
 //! An editor has texts that aren't saved yet. Karat reads the texts from [`Package::unsaved`] in place of their
 //! files.
@@ -21,14 +21,14 @@ use crate::settings;
 #[derive(Debug, Default)]
 pub(super) struct Overlay {
     replaced: BTreeMap<PathBuf, PathBuf>,
-    /// Texts that Karat reads in place of files. The files' paths have no links.
+    /// Texts that Karat reads in place of files. The paths of the files contain no symbolic links.
     unsaved: BTreeMap<PathBuf, Arc<str>>,
 }
 
 impl Overlay {
-    /// The overlay of the environment, for a package and its dependencies. Each file of the overlay must replace a
-    /// module. Otherwise the user could misspell a file's name, and believe that Karat tested the changed file. The
-    /// overlay is empty if no module is in a file.
+    /// The overlay that `KARAT_OVERLAY` selects for a package and its dependencies. Each file of the overlay must
+    /// replace a module. Otherwise the user could misspell a file's name, and believe that Karat tested the changed
+    /// file. The overlay is empty if no module is in a file.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
         let unsaved = package.unsaved.iter().cloned().collect();
         let Some(folder) = settings::overlay() else {
@@ -91,8 +91,8 @@ impl Overlay {
         }
     }
 
-    /// Tells the user once in each process which files the overlay replaces, even if the output of passing tests
-    /// is captured.
+    /// Prints, once in each process, the files that the overlay replaces. The user sees this text even if the test
+    /// runner captures the output of passing tests.
     fn note(&self, folder: &Path) {
         static SAID: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
         if self.replaced.is_empty() {
@@ -184,7 +184,8 @@ impl Package {
         if self.unsaved.is_empty() { None } else { known(place()).map(|(_, text)| &**text) }
     }
 
-    /// The file of this package that has the path `file` in an overlay.
+    /// The module file of this package that an overlay's file with the path `file` replaces; `None` if there is no such
+    /// file.
     fn holds(&self, file: &Path) -> Option<PathBuf> {
         let within = [Some(file), file.strip_prefix(self.name()).ok()];
         let here = within.into_iter().flatten().map(|file| self.at(file));

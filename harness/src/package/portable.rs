@@ -23,7 +23,7 @@ enum From {
 }
 
 impl Package {
-    /// The package for another process, independent of the working directory. `None` for a crate that Karat has
+    /// The package as data that another process can open from any working directory. `None` for a crate that Karat has
     /// already looked up.
     pub(crate) fn portable(&self) -> Option<Portable> {
         let whole = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
@@ -54,7 +54,7 @@ impl Package {
 }
 
 impl Portable {
-    /// The folder or file; `None` for a crate, and for text in memory.
+    /// The folder or file of the package; `None` for a crate, and for text in memory.
     pub(crate) fn place(&self) -> Option<&Path> {
         match &self.from {
             From::Folder(path) | From::File { path, .. } => Some(path),

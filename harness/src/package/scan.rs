@@ -10,12 +10,13 @@ use crate::diagnostic::shown;
 #[derive(Debug, Default)]
 pub(super) struct Contents {
     pub(super) modules: Vec<String>,
-    /// All other files, including pipes and devices.
+    /// All other files, including pipes and device files.
     pub(super) others: Vec<PathBuf>,
-    /// The real paths of folders. Karat enters a folder once, even if several links lead to it.
+    /// The real paths of the folders that Karat has entered. Karat enters a folder once, even if several links lead to
+    /// it.
     entered: BTreeSet<PathBuf>,
-    /// Links to folders, with the names of their modules. If a folder can also be reached without links, Karat uses the
-    /// path without links.
+    /// Symbolic links to folders, each with the path of the modules in the folder. If a folder can also be reached
+    /// without links, Karat uses the path without links.
     links: Vec<(PathBuf, String)>,
 }
 
@@ -85,7 +86,8 @@ impl Contents {
     }
 }
 
-/// Checks if tools fill a folder: `node_modules`, and folders with a cache tag, such as Cargo's output.
+/// Checks if the contents of a folder come from a tool: the folder is `node_modules`, or has a cache tag, as Cargo's
+/// output has.
 ///
 /// ```
 /// use karat::unstable::package::is_of_tools;

@@ -198,7 +198,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Reads a name or path at `at`. Returns the index of the token after it.
+    /// Reads a name or path at `at`. Returns the index of the token after the name or path.
     fn name(&mut self, at: usize, end: usize) -> usize {
         let module = self.module;
         if at > 0 && module.is(at - 1, b'.') {

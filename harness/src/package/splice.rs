@@ -1,8 +1,8 @@
 //! Copies text from the author's files, and records each change.
 //!
-//! There are two kinds of changes: a replaced name, and blanked text, which keeps its line ends. So each position
-//! maps back exactly, and undoing the changes must give the author's bytes. [`Spliced::check`] checks this in
-//! each run, without the linker's lexer.
+//! There are two kinds of changes: a replaced name, and blanked text, which keeps its line ends. So each position in
+//! the text maps back to one position in a file, and undoing the changes must give the author's bytes.
+//! [`Spliced::check`] checks this in each run, without the linker's lexer.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -200,7 +200,7 @@ impl Piece {
     }
 }
 
-/// Blanks a character: one space for each of its bytes. Line ends stay.
+/// Replaces a character by one space for each of its bytes. Line ends stay.
 fn blank(character: char) -> impl Iterator<Item = char> {
     let ends = matches!(character, '\n' | '\r');
     std::iter::repeat_n(if ends { character } else { ' ' }, character.len_utf8())
@@ -212,7 +212,7 @@ fn is_name(text: &str) -> bool {
     starts && text.chars().all(belongs)
 }
 
-/// Checks if a text has the form in which Karat inserts a location's number into a call: `(17u, `.
+/// Checks if a text is `(` with a number that Karat inserted: `(17u, `. The number identifies the location of the call.
 fn is_place(text: &str) -> bool {
     let number = text.strip_prefix('(').map(|rest| rest.strip_suffix(", ").unwrap_or(rest));
     let digits = number.and_then(|number| number.strip_suffix('u'));
@@ -221,7 +221,7 @@ fn is_place(text: &str) -> bool {
     })
 }
 
-/// Checks if no character of a name touches the range.
+/// Checks that the range is a whole name: the characters before and after the range don't belong to a name.
 fn is_apart(text: &str, range: &Range<usize>) -> bool {
     let before = text[..range.start].chars().next_back();
     let after = text[range.end..].chars().next();

@@ -24,7 +24,7 @@ pub(super) struct Declaration {
     pub(super) tokens: Range<usize>,
     pub(super) name_token: usize,
     pub(super) entry_point: Option<Stage>,
-    /// Reports if the function is a test. Only test runners link tests.
+    /// `true` if the function is a test. Karat links a test only when it runs the test.
     pub(super) test: bool,
 }
 
@@ -61,7 +61,7 @@ pub(super) struct Module {
     pub(super) replaced: Vec<(Range<usize>, String)>,
     pub(super) calls: Vec<(u32, Span)>,
     pub(super) includes: Vec<(Include, Range<usize>)>,
-    /// Set if imports in this module name other modules by the paths that those modules declare for themselves
+    /// `true` if imports in this module name other modules by the paths that those modules declare for themselves
     /// (`#define_import_path`).
     pub(super) composes: bool,
     /// The tokens of each import statement, with attributes and `;`.
@@ -112,7 +112,7 @@ impl Module {
         Span { file: Arc::clone(&self.file), range }
     }
 
-    /// The declarations of a name. naga reports several declarations as an error.
+    /// The indices of the declarations with this name. If there are several declarations, naga reports an error.
     pub(super) fn declared(&self, name: &str) -> impl Iterator<Item = usize> {
         self.by_name.get(name).into_iter().flatten().copied()
     }
@@ -121,8 +121,8 @@ impl Module {
         self.declarations.iter().filter_map(|declaration| declaration.name.as_deref())
     }
 
-    /// The edits that turn an entry point into an ordinary function: they blank its attributes. Also returns the
-    /// builtin value of each parameter. Members of structures keep their attributes.
+    /// The edits that turn an entry point into an ordinary function, by replacing its attributes by blanks. Also
+    /// returns the builtin value of each parameter. Members of structures keep their attributes.
     pub(super) fn as_function(
         &self,
         declaration: &Declaration,

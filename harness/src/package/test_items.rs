@@ -1,5 +1,5 @@
-//! Finds the WGSL tests of a module: functions with `@test`. The calls of [expectations](crate::expectation) in
-//! them get numbers that identify their locations.
+//! Finds the WGSL tests of a module: functions with `@test`. In each test, Karat adds a number to each call of an
+//! [expectation](crate::expectation). The number identifies the call's location.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use super::syntax::{Declaration, Module};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::expectation;
 
-/// Removes the attributes of tests, and passes to each expectation the number of its location.
+/// Removes the attributes of tests, and adds to each call of an expectation the number of the call's location.
 pub(super) fn prepare(module: &mut Module) {
     for test in module.declarations.iter().filter(|declaration| declaration.test) {
         let attributes = attributes(module, test);
@@ -223,7 +223,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
     Ok(TestItem { name, span: span(&test.tokens), cases, over, parameters })
 }
 
-/// The parameters between two brackets; `None` unless their types have the same meaning in every module.
+/// The parameters between two brackets; `None` if one of their types may have another meaning in another module.
 fn parameters(module: &Module, open: usize, close: usize) -> Option<Vec<(String, String)>> {
     let all = module.bytes(&(open..close + 1));
     let is_shared = !module.includes.is_empty();

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::lexer::{Kind, Token, lex};
 use crate::diagnostic::Value;
 
-/// Texts, by the placeholders or names that they replace.
+/// For each placeholder or name, the text that replaces it.
 pub(super) type Values = BTreeMap<String, String>;
 
 /// Reads a value: a number, `true` or `false`, or a line of text.
@@ -112,7 +112,8 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
 /// Words that declare the name after them.
 const DECLARES: [&str; 7] = ["fn", "struct", "alias", "const", "override", "let", "var"];
 
-/// The tokens of the function around `at`: up to the function's last brace, or at most to the next function.
+/// The tokens of the function around `at`. They end at the function's last brace or, without such a brace, at the next
+/// function.
 fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usize>> {
     let of = |at: usize| &text[tokens[at].range()];
     let start = (0..at).rev().find(|one| of(*one) == "fn")?;
@@ -130,7 +131,7 @@ fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usiz
     all.contains(&at).then_some(all)
 }
 
-/// The names that a text declares or imports. Each has the tokens in which the name has this meaning.
+/// The names that a text declares or imports. Each name has the range of tokens in which it has this meaning.
 fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)> {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     // The end of the text also counts as the start of a line.

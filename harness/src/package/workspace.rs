@@ -1,8 +1,8 @@
 //! Caches everything that a process reuses when it reads a package again. The key of most entries has all inputs of the
 //! entry, such as a text and features, so an edit finds no outdated entry. There are two exceptions. The entries for
-//! cargo's graphs stay until the process ends. For `karat.toml` and for outputs of programs, the code that finds an
-//! entry checks if the entry is still right. If a kind reaches its limit, all its entries are cleared. [`refresh`]
-//! forgets entries that may depend on files unknown to Karat.
+//! cargo's graphs stay until the process ends. For `karat.toml` and for outputs of programs, the code that uses an
+//! entry first checks if the entry is still right. If the entries of a kind reach the kind's limit, Karat drops all
+//! entries of this kind. [`refresh`] forgets entries that may depend on files unknown to Karat.
 
 use std::any::{Any, TypeId};
 use std::collections::HashMap;
@@ -13,9 +13,9 @@ pub(crate) trait Kind: 'static {
     /// The type of the keys. A key has all inputs from which an entry is computed.
     type Key: Eq + Hash + Send + 'static;
     type Value: Send + 'static;
-    /// The largest number of entries.
+    /// The largest number of entries of this kind.
     const MOST: usize;
-    /// Reports if entries depend on more than their keys.
+    /// `true` if an entry may depend on more than its key.
     const VOLATILE: bool = false;
 }
 
@@ -69,9 +69,9 @@ pub(crate) fn keep<K: Kind>(key: K::Key, value: K::Value) {
     with_room::<K, _>(|entries| drop(entries.insert(key, value)));
 }
 
-/// Forgets entries that depend on files unknown to Karat: a program's output (`preprocess` in `karat.toml`) may
-/// depend on any file. A process that continues between edits calls this function before it reads a package
-/// again.
+/// Forgets entries that depend on files unknown to Karat: a program's output (`preprocess` in `karat.toml`) may depend
+/// on any file. A process that lives through several edits, such as `karat watch`, calls this function before it reads
+/// a package again.
 ///
 /// ```
 /// karat::unstable::workspace::refresh();

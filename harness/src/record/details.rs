@@ -14,7 +14,7 @@ use crate::path::Adapter;
 pub struct Details {
     /// The failure or error in one line.
     pub headline: String,
-    /// `file:line:column` of the cause, if the cause isn't at the subject's own location.
+    /// `file:line:column` of the cause; `None` if the cause is at the location of the subject.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,
     /// The paths that fail, or that have no values.
@@ -23,8 +23,8 @@ pub struct Details {
     /// The violations in compute passes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
-    /// The command that runs the check again, if the failure doesn't belong to a single path. A race in passes is
-    /// an example.
+    /// The command that runs the check again; `None` if the failure belongs to a single path. A race in passes doesn't
+    /// belong to a single path, for example.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub replay: Option<Replay>,
 }
@@ -46,7 +46,7 @@ pub struct PathDetails {
     /// The failing case with the lowest index, if it isn't the worst case.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first: Option<CaseDetails>,
-    /// The simplest failing case that Karat found, starting at the worst case.
+    /// The simplest failing case that Karat found. The search starts at the worst case.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simplest: Option<CaseDetails>,
 }
@@ -69,10 +69,10 @@ pub struct CaseDetails {
     /// The value of the worst component.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub actual: String,
-    /// The expected value of the worst component; empty for statements.
+    /// The expected value of the worst component; empty if the check has no expected values.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub expected: String,
-    /// The error with its unit, and the tolerance; empty for statements.
+    /// The error with its unit and the tolerance; empty if the check compares no values with a tolerance.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub error: String,
     /// Notes by name, such as the interval that WGSL allows and the first let-binding outside of its interval.
@@ -91,7 +91,7 @@ pub struct CaseDetails {
 pub struct ExpectationDetails {
     /// `file:line:column` of the expectation; empty if the kernel's report of the failure is damaged.
     pub place: String,
-    /// The text of the expectation, and the values that it got.
+    /// The text of the expectation, and the values with which the test called it.
     pub seen: String,
 }
 

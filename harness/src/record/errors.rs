@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 pub struct Errors {
     /// Number of cases without any error.
     pub exact: u64,
-    /// Number of cases for each power of two. A case counts for the smallest power of two that is at least the ratio of
-    /// its error to its tolerance. Powers above 20 count as 20, and powers below -20 as -20.
+    /// Number of cases for each power of two. The ratio of a case is its error divided by its tolerance. The case
+    /// counts for the smallest power of two that isn't below this ratio. Powers above 20 count as 20, and powers below
+    /// -20 as -20.
     pub powers: BTreeMap<i32, u64>,
     /// Number of cases in which the error is infinite or NaN.
     pub not_finite: u64,
@@ -33,7 +34,7 @@ impl Errors {
         errors
     }
 
-    /// The number of counted cases.
+    /// The number of cases in all counts together.
     #[must_use]
     pub fn cases(&self) -> u64 {
         self.exact + self.powers.values().sum::<u64>() + self.not_finite
@@ -52,10 +53,10 @@ pub struct Plot {
     pub rows: Vec<Vec<f64>>,
 }
 
-/// The numbers of samples in the cells of a sampler's support, and the expected numbers.
+/// A sampler's support, divided into cells. Each cell has the number of samples in it, and the expected number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Histogram {
-    /// Names of the two axes, rows first: `theta` and `phi`. The second name is empty on a line.
+    /// Names of the two axes, rows first: `theta` and `phi`. The second name is empty if the support is a line.
     pub axes: [String; 2],
     /// The number of cells in each row. Rows may have different numbers of cells.
     pub rows: Vec<usize>,

@@ -1,8 +1,8 @@
 //! Folders of records. Each run has its own folder, and the file `last` names the run that ended last.
 //!
-//! `ci` compiles this file, too, so the file uses only the standard library. Only one process at a time changes a
-//! folder of records (`lock`). A run holds a lock on the file `running` in its own folder until its process ends.
-//! The next run that begins or ends removes the folders of killed runs, in which no process locks `running`.
+//! The crate `ci` also compiles this file, so the file uses only the standard library. Only one process at a time
+//! changes a folder of records (`lock`). A run holds a lock on the file `running` in its own folder until its process
+//! ends. The next run that begins or ends removes the folders of killed runs, in which no process locks `running`.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
@@ -16,7 +16,8 @@ const RUN: &str = "run-";
 pub(crate) const RUNNING: &str = "running";
 /// The file that a process locks while it reads the list of runs, or changes it.
 const LOCK: &str = "lock";
-/// Longest wait for the lock. Other processes hold the lock while they read records.
+/// Longest wait for the lock. The wait can take some time, because other processes hold the lock while they read
+/// records.
 const PATIENCE: Duration = Duration::from_secs(30);
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -25,7 +26,7 @@ const PAUSE: Duration = Duration::from_millis(5);
 pub struct Running {
     records: PathBuf,
     folder: PathBuf,
-    /// `None` if the run has ended, or if the file system has no locks.
+    /// The locked file `running`; `None` if the run has ended, or if the file system has no locks.
     held: Option<File>,
     ended: bool,
 }
@@ -60,10 +61,11 @@ impl Running {
         &self.folder
     }
 
-    /// Makes this run the last run in one step, and removes the folder of the previous last run.
+    /// Writes the name of this run into the file `last` in one atomic step, and removes the folder of the previous last
+    /// run.
     ///
     /// # Errors
-    /// If Karat can't write `last`. Then the run before this run stays the last run.
+    /// If Karat can't write `last`. Then `last` still names the previous run.
     pub fn end(mut self) -> Result<PathBuf> {
         let turn = Turn::wait(&self.records, File::try_lock)?;
         let name = self.folder.file_name().unwrap_or_default();
@@ -100,12 +102,14 @@ pub(crate) fn last(records: &Path) -> Option<PathBuf> {
 /// The lock of a folder of records. While a process holds the lock, no other process changes the folder.
 #[derive(Debug)]
 pub(crate) struct Turn {
-    /// `None` if the file system has no locks, or if the folder is read-only and has no lock file.
+    /// The locked file `lock`; `None` if the file system has no locks, or if the folder is read-only and has no lock
+    /// file.
     held: Option<File>,
 }
 
 impl Turn {
-    /// Waits for the lock. Writers pass `File::try_lock`, and readers pass `File::try_lock_shared`.
+    /// Waits for the lock. For `take`, processes that write pass `File::try_lock`, and processes that read pass
+    /// `File::try_lock_shared`.
     ///
     /// # Errors
     /// If another process holds the lock for more than 30 seconds.

@@ -12,9 +12,9 @@ use naga::valid::ModuleInfo;
 pub(crate) const ADAPTER: &str = "karat_call";
 
 impl Program {
-    /// The module with an additional function [`ADAPTER`]. It calls `function` with values, and returns the
-    /// result of `function` and the values behind its pointers. `None` if `function` has a result and no
-    /// pointers.
+    /// Returns a copy of the module with an additional function [`ADAPTER`]. The function [`ADAPTER`] takes values,
+    /// calls `function` with pointers to them, and returns the result of `function` and the values behind the pointers.
+    /// `None` if `function` has a result and no pointers.
     pub(crate) fn adapted(
         &self,
         function: &Signature,
@@ -128,7 +128,8 @@ fn adapter(module: &mut Module, callee: Handle<Function>, state: &[&str]) -> Fun
 }
 
 fn structure(module: &mut Module, types: impl Iterator<Item = Handle<Type>>) -> Handle<Type> {
-    /// The offsets of members are multiples of this number. No alignment in WGSL is larger, so such offsets are valid.
+    /// The offsets of members are multiples of this number. No type in WGSL has a larger alignment, so such offsets are
+    /// valid.
     const APART: u32 = 16;
     let mut members = Vec::new();
     let mut end = 0;

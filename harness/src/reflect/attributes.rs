@@ -6,8 +6,9 @@ use naga::{Binding, Interpolation, ShaderStage, Type, TypeInner};
 use super::{NAMED, Program};
 
 impl Program {
-    /// The attributes of an entry point's inputs and outputs, each with the path of its input or output (`in.uv`,
-    /// `result`), and the size of its workgroup. The list is empty if there is no such entry point.
+    /// The attributes of an entry point. Attributes of inputs and outputs have the path of the input or output
+    /// (`in.uv`, `result`). A compute entry point also has its `@workgroup_size`. The list is empty if there is no such
+    /// entry point.
     pub fn attributes(&self, name: &str) -> Vec<(String, String)> {
         let name = self.entry_point_name(name);
         let module = &self.checked.module;
@@ -44,9 +45,9 @@ impl Program {
         all
     }
 
-    /// The components of an invocation's or workgroup's position in the dispatch that an entry point reads. Each
-    /// element is `true` if the entry point reads this component. An element is `None` if the entry point uses a whole
-    /// position vector, and so may read each of its components.
+    /// Reports which components an entry point reads of the position of an invocation or workgroup in the dispatch: x,
+    /// y and z. Each element is `true` if the entry point reads this component. An element is `None` if the entry point
+    /// uses a whole position vector, and so may read each of its components.
     pub fn asks_for_places(&self, name: &str) -> [Option<bool>; 3] {
         use naga::{BuiltIn, Expression};
         let name = self.entry_point_name(name);

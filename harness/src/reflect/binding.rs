@@ -13,15 +13,15 @@ use crate::value::Shape;
 pub struct Binding {
     /// The author's path: `environment::sky`.
     pub path: String,
-    /// `@group`; [`NOWHERE`](Self::NOWHERE) for an immediate.
+    /// The number in `@group`; [`NOWHERE`](Self::NOWHERE) for a `var<immediate>`.
     pub group: u32,
-    /// `@binding`; [`NOWHERE`](Self::NOWHERE) for an immediate.
+    /// The number in `@binding`; [`NOWHERE`](Self::NOWHERE) for a `var<immediate>`.
     pub binding: u32,
     /// The kind of the resource.
     pub kind: BindingKind,
     /// The location of the variable's declaration.
     pub span: Option<Span>,
-    /// Reports if the shader reads the texture through a sampler.
+    /// `true` if the shader reads the texture through a sampler.
     pub(crate) sampled: bool,
     pub(crate) ty: naga::Handle<naga::Type>,
 }
@@ -37,12 +37,12 @@ impl Binding {
     }
 }
 
-/// A program, the resources of its compute entry point, and the size of the entry point's workgroup.
+/// A program, the resources of its compute entry point, and the size of a workgroup.
 pub(crate) type PassProgram = (Arc<Program>, Vec<Binding>, [u32; 3]);
 
 impl Program {
-    /// The number of elements in the longest array of the buffers, if the shader declares each array's length.
-    /// `None` if there are no arrays, or if the host decides a length or the size of a storage texture.
+    /// The number of elements in the longest array of the buffers, if the shader declares each array's length. `None`
+    /// if there are no arrays, or if the host chooses the length of an array or the size of a storage texture.
     pub fn fixed_elements(&self, bindings: &[Binding]) -> Option<usize> {
         fn longest(shape: &Shape) -> usize {
             match shape {
@@ -112,7 +112,8 @@ impl Program {
         Some(self.bindings(info))
     }
 
-    /// Checks if a compute entry point writes a resource. Some entry points only read a `read_write` resource.
+    /// Checks if a compute entry point writes a resource. The result may be `false` for a `read_write` resource,
+    /// because some entry points only read it.
     #[must_use]
     pub fn writes(&self, entry_point: &str, binding: &Binding) -> bool {
         let (name, module) = (self.entry_point_name(entry_point), &self.checked.module);
@@ -188,8 +189,7 @@ impl Program {
         self.resolve(at..at + head.len())
     }
 
-    /// The smallest size of a buffer for the variable's type, in bytes. An array without a length counts as one
-    /// element.
+    /// The smallest size of a buffer for the variable's type, in bytes. A runtime-sized array counts as one element.
     pub fn least_bytes(&self, binding: &Binding) -> usize {
         let inner = &self.checked.module.types[binding.ty].inner;
         inner.size(self.checked.module.to_ctx()) as usize
@@ -234,7 +234,7 @@ impl Program {
         Ok((offset, bytes[..size.min(bytes.len())].to_vec()))
     }
 
-    /// The binding number after the largest number that the program uses in group 0.
+    /// A free binding number in group 0: the largest number that the program uses there, plus 1.
     pub fn free_binding(&self) -> u32 {
         let used = self.checked.module.global_variables.iter().filter_map(|(_, global)| {
             global.binding.as_ref().filter(|binding| binding.group == 0).map(|b| b.binding + 1)

@@ -9,9 +9,9 @@ use crate::diagnostic::Diagnostic;
 pub(crate) const COVERING: &str = "karat_covering";
 
 impl Program {
-    /// The text of a vertex function whose triangle covers the frame. The vertex function writes texture
-    /// coordinates to each location that the fragment function reads: (0, 0) at the upper left, (1, 1) at the
-    /// lower right.
+    /// The text of a vertex function whose triangle covers the frame. The vertex function writes texture coordinates to
+    /// each location that the fragment function reads. The coordinates are (0, 0) at the frame's upper left, and (1, 1)
+    /// at its lower right.
     ///
     /// # Errors
     /// If an input of the fragment function has a location and isn't a `vec2f`.

@@ -1,7 +1,7 @@
 //! Records which programs a test uses, so that commands can run the right tests again after an edit.
 //!
-//! A recorded process writes each program that it links, with the name of the test, into a file beside its
-//! records. From these files, a command finds the tests that an edit of a shader affects.
+//! While Karat records a run, each process writes the programs that it links, with the names of the tests, into a file
+//! beside its records. After an edit of a shader, a command reads these files to find the tests that the edit affects.
 
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
@@ -19,7 +19,7 @@ use crate::settings;
 
 const ENDING: &str = "programs";
 
-/// A program that a test linked.
+/// A program that a test linked. The test depends on this program.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Dependence {
     /// The name of the thread that linked the program. The test's own thread has the test's name. Other threads,
@@ -30,28 +30,29 @@ pub struct Dependence {
     wanted: Wanted,
     of: Of,
     normalized_text: String,
-    /// The author's paths of the program's declarations; empty for an invalid program.
+    /// The paths of the program's declarations in the author's code; empty for an invalid program.
     #[serde(default)]
     declares: Vec<String>,
 }
 
-/// The part of a program on which a test depends: its text, or only the fact that it is valid.
+/// The property of a program on which a test depends: the program's text, or only the fact that the program is valid.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) enum Of {
     Text,
     Validity,
 }
 
-/// Set if this process must not record the programs that it links.
+/// `true` if this process must not record the programs that it links.
 static UNWANTED: AtomicBool = AtomicBool::new(false);
 
 impl Dependence {
-    /// Turns recording off in this process, for watchers that already know the tests' programs.
+    /// Makes this process record no more programs. A watcher calls this function, because it already knows the tests'
+    /// programs.
     pub fn unwanted() {
         UNWANTED.store(true, Ordering::Relaxed);
     }
 
-    /// The dependences that a run's processes wrote into its folder of records.
+    /// Reads the dependences that the processes of a run wrote into the run's folder of records.
     ///
     /// # Errors
     /// If a file can't be read, or a line isn't a dependence.
@@ -82,8 +83,8 @@ impl Dependence {
         self.package.as_ref().and_then(Portable::place)
     }
 
-    /// Checks if the program is still the same, except for comments and blanks. If a file has changed, Karat
-    /// links the program again.
+    /// Checks that the program hasn't changed since the test linked it, except for comments and blanks. If a file has
+    /// changed, Karat links the program again.
     #[must_use]
     pub fn is_current(&self) -> bool {
         self.package().is_some_and(|package| self.is_same(&package))
@@ -96,8 +97,8 @@ impl Dependence {
         Some(self.is_same(&self.package()?.unsaved(file, text)))
     }
 
-    /// Checks if an edit of a declaration may change the program. `path` is `brdf::schlick`, or the end of
-    /// another package's path.
+    /// Checks if an edit of a declaration may change the program. `path` is the declaration's path, such as
+    /// `brdf::schlick`. For a declaration of another package, the end of the path suffices.
     #[must_use]
     pub fn may_declare(&self, path: &str) -> bool {
         let is_it = |own: &String| format!("::{own}").ends_with(&format!("::{path}"));
@@ -126,7 +127,8 @@ pub(super) fn program(package: &Package, wanted: &Wanted) -> Result<Arc<Program>
     program
 }
 
-/// Returns an error if a module isn't valid. `linked` is a program of the module or of a part of it.
+/// Returns an error if a module isn't valid. `linked` is a program that Karat linked from the module or from a part of
+/// the module.
 pub(super) fn validity(
     package: &Package,
     module: &str,
@@ -141,8 +143,8 @@ pub(super) fn validity(
     program.map(drop)
 }
 
-/// Writes a [`Dependence`] of the running test, if the run is recorded. An error of the write is ignored. The
-/// watcher then runs too many tests.
+/// Writes a [`Dependence`] of the running test, if the run is recorded. If the write fails, Karat ignores the error.
+/// Without the dependence, a watcher runs more tests than necessary.
 fn note(package: &Package, wanted: &Wanted, program: &Result<Arc<Program>, ReflectError>, of: Of) {
     static SEEN: LazyLock<Mutex<HashSet<(String, String)>>> = LazyLock::new(Mutex::default);
     static FILE: Mutex<Option<File>> = Mutex::new(None);

@@ -6,8 +6,9 @@ use super::{NAMED, Program};
 use crate::value::{self, format_lane};
 
 impl Program {
-    /// The path of the element of a variable that begins at byte `byte` (`[17].sum`), and `words` formatted as
-    /// values of the element's type. `variable` is the variable's name in the text.
+    /// Finds the element that begins at byte `byte` of a variable. Returns the element's path in the variable
+    /// (`[17].sum`), and `words` formatted as values of the element's type. `variable` is the variable's name in the
+    /// text.
     pub(crate) fn element<const N: usize>(
         &self,
         variable: &str,

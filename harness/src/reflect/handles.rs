@@ -18,8 +18,8 @@ const CALLED: &str = "karat_bound";
 const VARIABLE: &str = "karat_t";
 
 impl Program {
-    /// The linked text with variables in place of a function's textures and samplers. `None` if the function
-    /// takes no textures and samplers, or if Karat can't pass another parameter.
+    /// The linked text with variables in place of a function's textures and samplers. Returns `None` if the function
+    /// takes no textures and samplers, or if Karat can't pass one of the other parameters.
     pub(super) fn with_variables(&self, path: &str) -> Option<Linked> {
         let name = self.called_name(self.name_of(path));
         let (_, function) = self.declared(name)?;

@@ -5,7 +5,8 @@ use naga::{Binding, Type, TypeInner};
 use super::{NAMED, Program};
 use crate::value::Shape;
 
-/// An input of an entry point with a location. The host supplies the value.
+/// An input of an entry point with a location. The host supplies the value of the input, for example from a vertex
+/// buffer.
 ///
 /// ```
 /// use karat::unstable::reflect::{Input, Program};

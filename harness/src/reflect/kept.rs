@@ -9,8 +9,8 @@ use super::{Program, ReflectError};
 use crate::package::workspace::{self, Kind};
 use crate::package::{Discards, Package};
 
-/// The cached programs, by the names of the functions or modules that they contain. For one name, there may be programs
-/// of several packages.
+/// The cached programs, by the names of the functions or modules that they contain. A name may have several programs,
+/// each from another package.
 struct Programs;
 
 impl Kind for Programs {
@@ -20,8 +20,8 @@ impl Kind for Programs {
     const MOST: usize = 4096;
 }
 
-/// The largest number of packages whose programs are cached for one name. Many texts in memory may have the same
-/// name.
+/// The largest number of packages whose programs are cached for one name. The limit is necessary because tests may open
+/// many texts in memory with the same name.
 const MOST_PACKAGES: usize = 8;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -31,8 +31,9 @@ pub(super) enum Wanted {
     Items(String, Vec<String>),
 }
 
-/// The cached program if its files are unchanged, or else a new program. Karat reads the files each time, so a
-/// changed text gives a new program. Only the next process notices a new file that would change the result.
+/// Returns the cached program if its files are unchanged. Otherwise links a new program. This function reads the files
+/// at each call, so it notices each change of a text. If a new file would change the program, only the next process
+/// notices this file.
 pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
     let of_package = |kept: &(Package, Arc<Program>)| kept.0 == *package;
     let known = workspace::with::<Programs, _>(|kept| {

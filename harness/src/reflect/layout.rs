@@ -1,7 +1,7 @@
 //! Converts values into WGSL's memory layout for uniform and storage buffers, with naga's offsets.
 //!
-//! Only fixtures use host-shareable buffers. Arguments and results are lists of scalars. The offsets and strides
-//! are naga's values for the author's declaration.
+//! Karat needs this layout only for the buffers that fixtures supply. Arguments and results have another form: Karat
+//! passes each of them as a list of scalars. The offsets and strides are naga's values for the author's declaration.
 
 use naga::proc::Layouter;
 use naga::{ArraySize, Handle, Module, Type, TypeInner};
@@ -10,12 +10,13 @@ use naga::{ArraySize, Handle, Module, Type, TypeInner};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LayoutError {
-    /// The type has more or fewer scalars.
+    /// The number of supplied scalars isn't the number of scalars in the type.
     #[error("the fixture has {supplied} scalars, but the variable needs {expected}")]
     Count {
         /// The number of supplied scalars.
         supplied: usize,
-        /// The number of scalars in the variable's type. For a runtime-sized array, this counts whole elements.
+        /// The number of scalars in the variable's type. For a runtime-sized array, the number of scalars in whole
+        /// elements.
         expected: usize,
     },
     /// No buffer fixture can supply the type.
@@ -46,8 +47,8 @@ pub(crate) fn bytes_of(
     Ok(writer.bytes)
 }
 
-/// The scalars of a value of type `ty`, from its bytes: the inverse of [`bytes_of`]. An atomic counts as its
-/// scalar. The number of bytes decides the length of a runtime-sized array. `None` if there are too few bytes.
+/// The scalars of a value of type `ty`, from its bytes: the inverse of [`bytes_of`]. An atomic gives its scalar. The
+/// number of bytes decides the length of a runtime-sized array. Returns `None` if there are too few bytes.
 pub(crate) fn lanes_of(module: &Module, ty: Handle<Type>, bytes: &[u8]) -> Option<Vec<u32>> {
     let mut lanes = Vec::new();
     read(module, ty, bytes, &mut lanes)?;

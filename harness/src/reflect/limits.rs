@@ -12,11 +12,11 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::output::counted;
 use crate::package::{Limit, Limits};
 
-/// The amount of a limited resource that an entry point or a variable uses.
+/// The amount that an entry point or a variable uses of a resource that WebGPU limits.
 struct Used {
     limit: Limit,
     amount: u64,
-    /// The entry point or variable that uses the resource, such as `the compute entry point main`.
+    /// The entry point or variable that uses the resource, as text for messages: `the compute entry point main`.
     who: String,
     what: String,
     span: Option<Span>,
@@ -48,7 +48,7 @@ impl Program {
         found
     }
 
-    /// The names of entry points that exceed default limits. A device with default limits can't make pipelines from
+    /// The names of entry points that exceed default limits. A GPU device with default limits can't make pipelines from
     /// these entry points.
     pub(super) fn beyond_default(&self, compatibility: bool) -> Vec<String> {
         let limits = Limits::usual(compatibility);
@@ -189,7 +189,7 @@ impl Program {
         }
     }
 
-    /// The limits that count a variable in a stage, each with the number that the variable adds to the count.
+    /// The limits to which a variable contributes in a stage, each with the amount that the variable adds.
     fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<(Limit, u64)> {
         let inner = &self.checked.module.types[variable.ty].inner;
         // WebGPU, "exceeds the binding slot limits": an external texture uses the slots of four textures, a
@@ -226,7 +226,8 @@ impl Program {
         limits.into_iter().map(|limit| (limit, 1)).collect()
     }
 
-    /// The size of a workgroup, with the overrides' initial values. A computed size counts as 1.
+    /// The size of a workgroup, with the overrides' initial values. If a size is an expression with overrides, the size
+    /// counts as 1.
     pub(super) fn workgroup_size(&self, entry: &naga::EntryPoint) -> [u64; 3] {
         let module = &self.checked.module;
         let number = |expression: &Expression| match expression {

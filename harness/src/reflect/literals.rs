@@ -4,8 +4,9 @@ use naga::{BinaryOperator, Block, Expression, Function, Handle, Literal, MathFun
 
 use super::Program;
 
-/// The numbers with which a program compares values, to which it clamps, that it subtracts, or on which it
-/// switches. An input that equals such a number, or is next to it, may take another branch.
+/// The numbers that decide a program's branches: numbers with which it compares, to which it clamps, or that it
+/// subtracts, and the selectors of its `switch` statements. If an input is such a number, or a neighbour of such a
+/// number, the program may take another branch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Literals {
     /// Floats in the text.

@@ -6,8 +6,8 @@ use naga::common::wgsl::TypeContext;
 
 use super::Program;
 
-/// The names and types of a function's parameters and variables, for a generated text that calls the function and
-/// stores these variables.
+/// A function's name, the types of its parameters, and the names and types of its variables. Karat generates a text
+/// from these that calls the function and stores its variables.
 pub(crate) struct Locals<'p> {
     pub(crate) function: &'p str,
     pub(crate) parameters: Vec<String>,
@@ -15,7 +15,7 @@ pub(crate) struct Locals<'p> {
 }
 
 impl Program {
-    /// The parameters and variables of a function, by the author's path.
+    /// The parameters and variables of the function with this path in the author's code.
     pub(crate) fn locals<'p>(&'p self, path: &'p str) -> Option<Locals<'p>> {
         let function = self.name_of(path);
         let named = |f: &naga::Function| f.name.as_deref() == Some(function);

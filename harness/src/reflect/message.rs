@@ -8,7 +8,7 @@ use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 use crate::expectation;
 use crate::package::{Linked, Package, Unmet};
 
-/// The innermost cause of an error, and then the errors around it.
+/// The message of an error's innermost cause, and then the messages of the outer errors.
 pub(super) fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
     let chain = std::iter::successors(Some(error), |cause| cause.source());
     let mut messages: Vec<String> =
@@ -70,7 +70,7 @@ pub(super) fn to_author(
 /// The beginning of naga's message for an undeclared name.
 const UNDECLARED: &str = "no definition in scope for identifier";
 
-/// Adds the names of other modules that declare the name to the error of an undeclared name.
+/// If an error is about an undeclared name, adds the other modules that declare this name.
 pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectError {
     let ReflectError::Invalid(found) = error else { return error };
     let file = found.location().map_or_else(String::new, |at| at.file.name.clone());
@@ -100,7 +100,8 @@ pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectE
     ReflectError::Invalid(Box::new(found.note(note).mended_by(mend)))
 }
 
-/// Attributes of functions, parameters and members: attributes of WGSL (12), of conditions and of tests.
+/// The attributes that a function, a parameter or a member may have: attributes of WGSL (section 12), conditions, and
+/// attributes of tests.
 const ATTRIBUTES: [&str; 22] = [
     "align",
     "binding",
@@ -126,7 +127,7 @@ const ATTRIBUTES: [&str; 22] = [
     "workgroup_size",
 ];
 
-/// The source text of an error whose message starts with `words`.
+/// The source text at an error's location; `None` unless the error's message starts with `words`.
 fn of_words(diagnostic: &Diagnostic, words: &str) -> Option<String> {
     // naga 30 shows the kind of an error only by these words.
     if !diagnostic.message.starts_with(words) {
@@ -136,7 +137,8 @@ fn of_words(diagnostic: &Diagnostic, words: &str) -> Option<String> {
     span.file.text.get(span.range.clone()).map(str::to_owned)
 }
 
-/// The remedy for an undeclared name in capitals: a macro, or a constant that a program writes before the text.
+/// The remedy for an undeclared name in capitals. Such a name is a macro, or a constant that the host writes before the
+/// text.
 fn macro_of(diagnostic: &Diagnostic, name: String) -> Option<Mend> {
     let span = diagnostic.location()?;
     let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';

@@ -33,8 +33,8 @@ fn native() -> impl Iterator<Item = (String, Capabilities)> {
 }
 
 impl Program {
-    /// The native features that the program uses. naga rejects the program without them, or the text enables
-    /// them.
+    /// The native features that the program uses. naga rejects the program without these features, or the text enables
+    /// them by `enable`.
     pub(super) fn native_features(&self) -> Vec<String> {
         let used = native().filter(|(_, one)| on_deep_stack(|| self.needs(*one)));
         used.map(|(name, _)| name).collect()

@@ -1,4 +1,4 @@
-//! Normalizes a program's text. Programs with equal normalized texts are equal.
+//! Normalizes a program's text. If two programs have the same normalized text, they are the same program.
 
 use super::Program;
 use crate::package::plain;

@@ -21,11 +21,11 @@ pub struct Opinion {
     pub refused: Vec<Refused>,
     /// The names of the modules that Tint accepts and naga rejects.
     pub tint_alone: Vec<String>,
-    /// Modules without a verdict because Tint crashed, hung or printed something unreadable; each with the reason.
+    /// Modules without a verdict, each with the reason: Tint crashed, hung, or printed something that Karat can't read.
     pub broke: Vec<(String, String)>,
     /// Modules that Tint didn't check, because they use native features of wgpu that `karat.toml` lists.
     pub native: Vec<String>,
-    /// The reason why Karat didn't ask Tint about any module.
+    /// The reason why Karat asked Tint about no module; `None` if Karat asked Tint.
     pub unasked: Option<Missing>,
     /// Modules that exceed WebGPU's limits.
     pub limits: Vec<(String, Diagnostic)>,
@@ -72,8 +72,8 @@ impl std::fmt::Display for Opinion {
 }
 
 impl Opinion {
-    /// One line with the objections to the package: the numbers of rejected modules, of exceeded limits, and of modules
-    /// without a verdict. `None` if there are no objections.
+    /// One line about the package: the number of modules that Tint rejects, the number of exceeded limits, and the
+    /// number of modules without a verdict. `None` if all of these numbers are 0.
     #[must_use]
     pub fn remark(&self) -> Option<String> {
         let Self { refused, broke, unasked, limits, .. } = self.clone();
@@ -87,7 +87,8 @@ impl Opinion {
         modules.len()
     }
 
-    /// All remarks without duplicates. An error in a module occurs again for each module that imports the module.
+    /// All remarks without duplicates. Without this removal of duplicates, an error would occur again for each module
+    /// that imports the faulty module.
     #[must_use]
     pub fn remarks(&self) -> Vec<&Diagnostic> {
         let refused = self.refused.iter().map(|refused| &refused.diagnostic);
@@ -109,7 +110,7 @@ impl Opinion {
         self.refused.is_empty() && self.limits.is_empty() && (all || !required)
     }
 
-    /// [`remarks`](Self::remarks) without the errors that `invalid` already contains.
+    /// The [`remarks`](Self::remarks), without the errors that `invalid` already contains.
     #[must_use]
     pub fn remarks_beside(&self, invalid: &Invalid) -> Vec<&Diagnostic> {
         let mut all = self.remarks();
@@ -132,7 +133,7 @@ impl Opinion {
         refused.chain(limits).collect()
     }
 
-    /// The reason why Tint has no verdict on some module, and a remedy.
+    /// The reason why Tint has no verdict on at least one module, and a remedy; `None` if each module has a verdict.
     pub(super) fn no_verdict(&self) -> Option<(String, String)> {
         if let Some(Missing { reason, remedy }) = &self.unasked {
             return Some((reason.clone(), remedy.clone()));
@@ -158,7 +159,7 @@ impl Opinion {
 }
 
 /// The warning for a module that wgpu and Firefox reject. wgpu and Firefox give naga the module's text unchanged. Karat
-/// first removes the tokens that naga doesn't know.
+/// itself accepts the module, because Karat removes the tokens that naga doesn't know.
 fn not_for_wgpu(program: &Program) -> Option<Diagnostic> {
     let first = unknown_to_naga(program.text()).into_iter().next()?;
     let message =
@@ -355,7 +356,7 @@ impl Opinion {
 }
 
 impl Package {
-    /// A note with Tint's verdict on uniform control flow at some lines (`file:line:column`) of a program of this
+    /// A note with Tint's verdict on uniform control flow at the given lines (`file:line:column`) of a program of this
     /// package. `None` if Tint isn't installed, has no verdict, or reports another error.
     pub(crate) fn uniformity_by_tint(&self, program: &Program, at: &[&str]) -> Option<String> {
         let tint = Tint::beside(&self.folder(), false).ok()?;

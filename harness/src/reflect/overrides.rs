@@ -52,7 +52,8 @@ impl Program {
         Ok(Arc::new(Self { overrides: values, ..program }))
     }
 
-    /// The program's values by WebGPU's keys: the overrides' `@id`s, or their names in the text.
+    /// The values of the program's overrides, with the keys that WebGPU uses: an override's `@id` or, without an `@id`,
+    /// its name in the text.
     pub(crate) fn constants(&self) -> Overrides {
         let key = |name: &String| {
             let mut declared = self.checked.module.overrides.iter();
@@ -69,7 +70,7 @@ impl Program {
         all.any(|(_, one)| one.name.as_ref() == Some(&name) && one.init.is_none())
     }
 
-    /// Each override by the author's name, with its declaration: `@id(3) f32 = 1.0`.
+    /// The name of each override in the author's code, with the rest of its declaration: `@id(3) f32 = 1.0`.
     pub fn declared_overrides(&self) -> Vec<(String, String)> {
         let module = &self.checked.module;
         let of = |declared: &Override| {
@@ -103,7 +104,7 @@ impl Program {
         }
     }
 
-    /// The first error in the given values, as a sentence. A missing value isn't an error here.
+    /// The first error in the given values, as a sentence. This method doesn't report overrides without a value.
     fn misfit(&self, given: &Overrides) -> Option<String> {
         let mut values = Overrides::new();
         for (name, value) in given {
@@ -118,8 +119,8 @@ impl Program {
         set(&mut module, &values).err().map(|(_, reason)| reason)
     }
 
-    /// The first override that fits no package, with the reason. No package declares the override, or the value
-    /// doesn't fit its type.
+    /// The first of the given overrides that no package accepts, with the reason. A package doesn't accept an override
+    /// that it doesn't declare, or a value that doesn't fit the override's type.
     pub fn unfit(packages: &[&Package], given: &Overrides) -> Option<(String, String)> {
         if given.is_empty() {
             return None;

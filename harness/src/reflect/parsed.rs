@@ -30,7 +30,7 @@ pub(crate) fn parsed(text: &str) -> Result<Arc<Module>, String> {
     Ok(module)
 }
 
-/// The kernel with values of overrides. The keys are the overrides' names in the kernel's text.
+/// naga's IR of a kernel, with these values of overrides. The keys are the overrides' names in the kernel's text.
 pub fn parsed_with(text: &str, overrides: &Overrides) -> Result<Arc<Module>, String> {
     let module = parsed(text)?;
     if overrides.is_empty() {

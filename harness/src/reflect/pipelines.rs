@@ -73,7 +73,7 @@ impl Program {
         result.flat_map(|one| self.bound(one.binding.as_ref(), one.ty)).collect()
     }
 
-    /// The binding of a value, or the bindings of its members.
+    /// The binding of an input or output; for a structure, the bindings of its members.
     fn bound(&self, binding: Option<&Binding>, ty: Handle<Type>) -> Vec<(Binding, Handle<Type>)> {
         match (binding, &self.checked.module.types[ty].inner) {
             (Some(binding), _) => vec![(binding.clone(), ty)],
@@ -105,8 +105,8 @@ impl Program {
         formats.get(count - 1).copied()
     }
 
-    /// A texture format for an output. All formats have one component, because a stage may write more components than
-    /// the format has.
+    /// A format of a colour target for an output. The format always has one component. This is valid, because a stage
+    /// may write more components than the format has.
     fn target_format(&self, ty: Handle<Type>) -> Option<&'static str> {
         match self.scalars_of(ty)?.0.kind {
             ScalarKind::Float => Some("r8unorm"),

@@ -51,11 +51,11 @@ pub enum Texels {
 pub struct TextureKind {
     /// The coordinates.
     pub dimension: Dimension,
-    /// Reports if the texture also has a layer index.
+    /// `true` if the texture also has a layer index.
     pub arrayed: bool,
     /// The type of texels.
     pub texels: Texels,
-    /// Reports if a texel has several samples.
+    /// `true` if a texel has several samples.
     pub multisampled: bool,
 }
 
@@ -80,9 +80,9 @@ impl fmt::Display for TextureKind {
 /// The ways in which a shader may access a storage texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Access {
-    /// Reports if the access is `read` or `read_write`.
+    /// `true` if the access is `read` or `read_write`.
     pub reads: bool,
-    /// Reports if the access is `write` or `read_write`.
+    /// `true` if the access is `write` or `read_write`.
     pub writes: bool,
 }
 
@@ -133,8 +133,8 @@ impl Format {
         if let [one] = &*all { one.clone() } else { format!("({})", all.join(", ")) }
     }
 
-    /// The distance between two neighbouring numbers in a normalized format, which stores fractions as integers. It is
-    /// 0 for other formats.
+    /// The distance between two neighbouring numbers in a normalized format, which stores fractions as integers.
+    /// Returns 0 for other formats.
     pub fn step(self) -> f32 {
         let name = self.name();
         let most = match () {
@@ -163,10 +163,10 @@ pub enum BindingKind {
     Uniform,
     /// `var<storage>`
     Storage {
-        /// Reports if the access is `read_write`.
+        /// `true` if the access is `read_write`.
         writable: bool,
     },
-    /// `var<immediate>`: bytes that a program sets along with its commands. Vulkan calls them push constants.
+    /// `var<immediate>`: bytes that a program sets along with its commands. In Vulkan, such bytes are push constants.
     Immediate,
     /// A texture that shaders sample or load from.
     Texture(TextureKind),
@@ -174,7 +174,7 @@ pub enum BindingKind {
     StorageTexture {
         /// The coordinates.
         dimension: Dimension,
-        /// Reports if the texture also has a layer index.
+        /// `true` if the texture also has a layer index.
         arrayed: bool,
         /// The format of the texels.
         format: Format,
@@ -183,7 +183,7 @@ pub enum BindingKind {
     },
     /// `sampler`, `sampler_comparison`
     Sampler {
-        /// Reports if the sampler is a comparison sampler.
+        /// `true` if the sampler is a comparison sampler.
         comparison: bool,
     },
     /// A resource that no fixture can supply: an array of bindings, an acceleration structure, or an external texture.

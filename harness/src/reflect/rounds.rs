@@ -1,8 +1,8 @@
 //! Counts the iterations of loops.
 //!
-//! Some drivers stop all loops of an invocation after a number of iterations, and go on with the values of that
-//! moment. If naga's IR shows that the loops end sooner, Karat doesn't count. Otherwise a copy of the kernel
-//! counts the iterations of its loops. The verdict uses the results of the original kernel.
+//! Some drivers stop all loops of an invocation after a number of rounds, and go on with the values of that moment. If
+//! naga's IR shows that all loops end sooner, Karat doesn't count their rounds. Otherwise a copy of the kernel counts
+//! the rounds of its loops. The verdict uses the results of the original kernel.
 
 mod bounds;
 mod watched;
@@ -61,8 +61,8 @@ impl Program {
         called
     }
 
-    /// The number of loops. [`count_rounds`] numbers the loops in their order. Each loop has two counters: one
-    /// counts its iterations, and the other one counts how often an invocation enters the loop.
+    /// The number of loops. [`count_rounds`] numbers the loops in the order of the text. Each loop has two counters:
+    /// the first counts the loop's rounds, and the second counts how often an invocation enters the loop.
     pub(crate) fn loops(&self) -> usize {
         let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
         functions.map(|body| loops_of(body).len()).sum()
@@ -85,11 +85,11 @@ enum Around {
     Loop(usize),
 }
 
-/// For each loop, the loops around it, by their numbers.
+/// The loops around each loop, also through calls of functions. Numbers identify the loops.
 ///
-/// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`. It also runs
-/// each loop in a branch at least once, even if no case takes the branch. So a loop that no case enters still takes one
-/// round whenever the code around it runs.
+/// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`. The driver also
+/// runs at least one round of each loop in a branch, even if no case takes the branch. So whenever the code around a
+/// loop runs, the driver counts a round of the loop, even if no case enters the loop.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nesting {
     /// The loop, function or entry point around each loop.
@@ -133,8 +133,8 @@ impl Nesting {
         }
     }
 
-    /// For each loop, the largest number of iterations that a driver counts in one iteration of the loop. The number is
-    /// 1, plus 1 for each inner loop. It doesn't contain the iterations of inner loops that a case enters.
+    /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is 1, plus
+    /// 1 for each inner loop. If a case enters an inner loop, the rounds of the inner loop count separately.
     fn weights(&self) -> Vec<u32> {
         // For each function, the number of its loops that are in no other loop of the function, plus the numbers
         // of the functions that it calls outside of loops.
@@ -155,7 +155,7 @@ impl Nesting {
         (0..self.loops.len()).map(weight).collect()
     }
 
-    /// The iterations that a driver counts for each loop in one case. `counters` has the iterations of each loop, and
+    /// The number of rounds that a driver counts for each loop in one case. `counters` has the rounds of each loop, and
     /// then the number of times that a case entered each loop.
     pub(crate) fn rounds(&self, counters: &[u32]) -> Vec<u64> {
         let (rounds, entered) = counters.split_at(self.loops.len().min(counters.len()));
@@ -183,7 +183,7 @@ impl Nesting {
 #[derive(Clone, Debug)]
 pub(crate) struct CountedLoop {
     pub(crate) span: Option<Span>,
-    /// Reports if the loop is inside another loop of its function, or if a loop calls its function.
+    /// `true` if the loop is inside another loop of its function, or if a loop calls its function.
     pub(crate) nested: bool,
 }
 
@@ -192,7 +192,8 @@ pub(crate) struct CountedLoop {
 /// counters.
 ///
 /// # Panics
-/// If the kernel doesn't parse. Except for the counters, `text` is the kernel whose results Karat judges.
+/// If the kernel doesn't parse. This can't happen for a valid kernel: except for the counters, `text` is the kernel
+/// from which the verdict comes.
 pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     let module = super::parsed_with(text, program.overrides())
         .expect("it is the verdict's kernel but for the counters");
@@ -275,7 +276,7 @@ pub(super) fn walk(
     }
 }
 
-/// The blocks of a statement. The flag is true if the statement repeats the block.
+/// The blocks of a statement. The flag is `true` if the statement is a loop, which repeats the block.
 fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
     match statement {
         Statement::Block(block) => vec![(block, false)],
@@ -286,8 +287,8 @@ fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
     }
 }
 
-/// Inserts the block from `counted` at the beginning of each loop's body, and another block in front of the loop.
-/// The numbers of the loops are their indices in the result of [`loops_of`].
+/// Inserts a block at the beginning of each loop's body, and another block before the loop. `counted` makes both
+/// blocks. The numbers of the loops are their indices in the result of [`loops_of`].
 fn instrument(block: &mut Block, index: &mut u32, counted: &mut dyn FnMut(u32, bool) -> Block) {
     for (statement, span) in block.span_iter_mut() {
         match statement {

@@ -25,8 +25,9 @@ pub struct Function {
     pub doc: String,
     /// The name and the type of each parameter. A pointer has the type of its value.
     pub parameters: Vec<(String, Shape)>,
-    /// The type of everything that a call returns: the function's result, then the values behind its pointers,
-    /// then the resources that it writes. Several values form a structure with a member for each.
+    /// The type of everything that Karat gets from a call: the function's result, then the values behind the function's
+    /// pointers, then the resources that the function writes. If there are several values, the type is a structure with
+    /// a member for each value.
     pub result: Shape,
     /// The resources that the function uses, directly or through functions that it calls.
     pub bindings: Vec<Binding>,
@@ -37,17 +38,17 @@ pub struct Function {
 /// The way in which Karat calls a function.
 #[derive(Clone, Debug, Default)]
 pub struct Form {
-    /// Reports if the result is a structure of the value and a flag for a discarded pixel.
+    /// `true` if the result is a structure of the value and a flag for a discarded pixel.
     pub discards: bool,
     /// The type of the function's result; `None` if there is no result.
     pub(crate) returns: Option<Shape>,
     pub(crate) passed: Vec<Passed>,
-    /// The texture and sampler parameters, which become variables. Each has its position among all parameters,
-    /// its name and its type.
+    /// The function's texture and sampler parameters, which Karat replaces by variables. Each has its position among
+    /// all parameters, its name and its type.
     pub taken: Vec<(usize, String, String)>,
-    /// Set if Karat must run the cases one by one, because a case could otherwise see the writes of another case.
+    /// `true` if Karat must run the cases one by one, because a case could otherwise see the writes of another case.
     pub alone: bool,
-    /// Reports if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
+    /// `true` if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
     /// quad if cases run alone. The quad's other pixels are helpers. A discarded pixel becomes a helper, too.
     pub(crate) fragment: bool,
     /// The stage of an entry point, which Karat calls like any function.
@@ -79,8 +80,8 @@ pub(crate) enum Passed {
     Function,
     /// The kernel passes a pointer to a private variable.
     Private,
-    /// The kernel stores the value in the private variable of this name, which the function uses. It isn't a parameter
-    /// of the author's function.
+    /// The kernel stores the value in the private variable with this name. The function uses the variable. The value
+    /// isn't for a parameter of the author's function.
     State(String),
 }
 
@@ -95,7 +96,7 @@ impl Passed {
 }
 
 impl Function {
-    /// Splits the `u32` words of all arguments by parameter: each name with a readable value.
+    /// Splits the `u32` words of all arguments. Returns the name of each parameter, and the parameter's value as text.
     #[must_use]
     pub fn arguments(&self, mut words: &[u32]) -> Vec<(String, String)> {
         let mut arguments = Vec::new();
@@ -186,7 +187,7 @@ impl fmt::Display for Function {
 }
 
 impl Program {
-    /// Reflects a function by the author's path.
+    /// Reflects the function with this path in the author's code.
     ///
     /// # Errors
     /// If a kernel can't call the function. The reason may be a pointer, a runtime-sized array, a missing result,
@@ -241,7 +242,7 @@ impl Program {
         Some(self.checked.module.to_ctx().type_to_string(one.ty))
     }
 
-    /// This program, with added declarations of those variables in `state` that it doesn't declare yet.
+    /// A copy of this program, with declarations of the variables in `state` that the program doesn't declare itself.
     pub fn with_state(self: Arc<Self>, state: &State) -> Result<Arc<Self>, ReflectError> {
         let lacks = |(path, _): &(&String, _)| self.private(self.name_of(path)).is_none();
         let text = state
@@ -399,8 +400,8 @@ impl Program {
         Ok(function)
     }
 
-    /// The name of the function that Karat calls in place of another. If a function may discard, Karat calls the
-    /// wrapper that reports the discard.
+    /// The name of the function that Karat calls in place of the function `name`. If a function may discard, Karat
+    /// calls the wrapper that reports the discard.
     pub(super) fn called_name<'n>(&'n self, name: &'n str) -> &'n str {
         match &self.linked.discards {
             Some((own, wrapper)) if own == name => wrapper,
@@ -611,8 +612,8 @@ impl Program {
         self.linked.names.get(linked).map(String::as_str)
     }
 
-    /// A phrase about a function whose invocations share memory or wait for each other, such as ``uses the workgroup
-    /// variable `sums` ``; `None` for other functions.
+    /// Describes how the invocations of a function share memory or wait for each other: ``uses the workgroup variable
+    /// `sums` ``. `None` for other functions.
     fn shared_state(&self, info: &naga::valid::FunctionInfo) -> Option<String> {
         use naga::AddressSpace;
         use naga::valid::UniformityRequirements;

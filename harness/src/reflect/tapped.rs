@@ -1,8 +1,8 @@
 //! Makes programs in which fragment functions return one intermediate value in addition to their colours.
 //!
-//! A tap is a changed copy of naga's IR. After the statement that computes the value, a private variable stores
-//! the value. The fragment function returns the words of the value at one more location. Control flow, arguments,
-//! resources and the author's text stay unchanged.
+//! A tap is a changed copy of naga's IR. After the statement that computes the value, the copy stores the value in a
+//! private variable. The fragment function returns the `u32` words of the value at an additional location. Control
+//! flow, arguments, resources and the author's text stay unchanged.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -39,8 +39,8 @@ pub(crate) struct Valued {
 }
 
 impl Valued {
-    /// The number of `u32` words that return the value: one for each scalar, and one for the number of iterations plus
-    /// 1. `None` if Karat can't read the value.
+    /// The number of `u32` words with which a program returns the value: a word for each scalar, and a word that is the
+    /// number of rounds plus 1. `None` if Karat can't read the value.
     pub(crate) fn words(&self) -> Option<usize> {
         Some(self.shape.as_ref().ok()?.lanes().len() + 1)
     }
@@ -54,7 +54,7 @@ pub(crate) enum When {
     Last,
     /// The value in this iteration. The first iteration is 1.
     Round(u32),
-    /// The last value of a condition that is false. Only rounds with false values count.
+    /// The last value of a condition that is false. Karat counts only the rounds in which the condition is false.
     False,
 }
 
@@ -67,14 +67,15 @@ impl From<Option<u32>> for When {
 /// The values that a changed program returns, and the locations at which it returns them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
-    /// The values to return. Without values, the program returns the number of the fragment function, from 1.
+    /// The values to return. If there are no values, the program returns the number of its fragment function, counted
+    /// from 1.
     pub(crate) values: &'t [(&'t Valued, When)],
     /// The index of the first word to return. The words of a value are its scalars, followed by the number of its
     /// rounds plus 1.
     pub(crate) first: usize,
     /// The locations of the words. Each location has [`WORDS`] words.
     pub(crate) locations: &'t [u32],
-    /// Set if the program returns only these words, and no longer the outputs of the author's function.
+    /// `true` if the program returns only these words, and not the outputs of the author's function.
     pub(crate) alone: bool,
 }
 
@@ -474,7 +475,7 @@ impl Kept {
     }
 }
 
-/// The name of the buffer with the words of a pass.
+/// The name of the buffer into which a changed pass writes its words.
 pub(crate) const TOLD: &str = "karat_told_words";
 
 /// Checks if a structure among a function's arguments contains a builtin value.
@@ -493,7 +494,7 @@ fn untold_pass(entry_point: &str) -> ReflectError {
     ReflectError::Unprobeable(Box::new(crate::diagnostic::Diagnostic::new(message).note(note)))
 }
 
-/// The bits of a scalar as a `u32`.
+/// An expression with the bits of a scalar as a `u32`.
 fn bits(
     add: &mut dyn FnMut(Expression) -> Handle<Expression>,
     lane: Handle<Expression>,
@@ -569,8 +570,8 @@ fn leave(
     block
 }
 
-/// Changes the result type of an entry point to a structure with words. Returns this type, the words' type, and
-/// the indices of the previous members that stay. `None` stands for a previous result that isn't a structure.
+/// Changes the result type of an entry point to a structure with words. Returns this type, the words' type, and the
+/// indices of the previous members that stay. An index is `None` if the previous result isn't a structure.
 fn returning(
     module: &mut Module,
     function: &mut Function,

@@ -19,10 +19,11 @@ pub struct Validated {
     pub functions: usize,
     /// The number of entry points.
     pub entry_points: usize,
-    /// The number of functions with `@test`. Validation only counts these functions. They are validated when the tests
-    /// run.
+    /// The number of functions with `@test`. Validation doesn't check these functions, but only counts them. Karat
+    /// validates a test when the test runs.
     pub tests: usize,
-    /// The verdicts of Tint and of WebGPU's limits. The package meets every requirement of `karat.toml`.
+    /// The verdict of Tint, and the verdict that follows from WebGPU's limits. The package meets every requirement of
+    /// `karat.toml`.
     pub opinion: Opinion,
 }
 
@@ -110,8 +111,8 @@ fn list(errors: &[(String, ReflectError)]) -> String {
 }
 
 impl Package {
-    /// Validates every module with all its functions and entry points. Other than [`is_valid`](Self::is_valid),
-    /// this method returns the verdict instead of panicking, and doesn't record it.
+    /// Validates every module with all its functions and entry points. Unlike [`is_valid`](Self::is_valid), this method
+    /// returns the verdict instead of panicking, and doesn't write a record.
     ///
     /// ```
     /// use karat::Package;
@@ -121,8 +122,8 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// With each module that isn't valid, and the reason. Also if Tint's verdict is required and missing, or if
-    /// the package has no code.
+    /// If a module isn't valid: the error has each such module, with the reason. Also if the package requires Tint's
+    /// verdict and Tint gave none, or if the package has no code.
     pub fn try_is_valid(&self) -> Result<Validated, Invalid> {
         let modules = self.modules()?;
         self.knows_its_validated(&modules)?;
@@ -197,7 +198,7 @@ impl Program {
     }
 }
 
-/// Validates a whole module. Karat linked at least a part of the module before.
+/// Validates a whole module. `linked` is a program that Karat linked from the module or from a part of the module.
 pub(crate) fn validate(
     package: &Package,
     module: &str,

@@ -22,7 +22,8 @@ struct CargoPackage {
     version: String,
     id: String,
     manifest_path: PathBuf,
-    /// The registry or repository from which cargo fetched the crate; `None` for a crate of the project, for example.
+    /// The registry or repository from which cargo fetched the crate; `None` if cargo fetched nothing, such as for a
+    /// crate of the project.
     source: Option<String>,
     targets: Vec<Target>,
     #[serde(default)]

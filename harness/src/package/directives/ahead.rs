@@ -7,7 +7,7 @@ use crate::package::CONSTANTS;
 use crate::package::feature::{Feature, Features};
 use crate::package::lexer::{Kind, Token, lex};
 
-/// The directives of a text in order. Each has its word and the rest of its line.
+/// The directives of a text in order. Returns each directive's word and the rest of its line.
 fn lines(text: &str) -> impl Iterator<Item = (&str, &str)> {
     let tokens = if text.contains('#') { lex(text) } else { Vec::new() };
     let marks = tokens.into_iter().filter(|token| is_mark(text, token));
@@ -25,15 +25,14 @@ pub(in crate::package) fn path(text: &str) -> Option<String> {
     Some(path.trim_end_matches(';').trim_end().to_owned())
 }
 
-/// The names that a text defines anywhere. `naga_oil` reads these definitions first, and only in the linked
-/// module. An unreadable value becomes an error later, when Karat reads the module. The list doesn't contain
-/// [guards](guards).
+/// The names that a text defines anywhere. `naga_oil` reads these definitions first, and only in the linked module. An
+/// unreadable value becomes an error later, when Karat reads the module. The result doesn't contain [guards](guards).
 pub(in crate::package) fn defined(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| !is_guard).filter_map(valued).collect()
 }
 
-/// Names that a text defines only if nothing else defines them, as in an include guard: a `#define` of a name
-/// under `#ifndef` of the same name. The condition is evaluated before the definition of the name.
+/// Names that a text defines only if nothing else defines them, as in an include guard: a `#define` of a name under
+/// `#ifndef` of the same name. Karat evaluates the `#ifndef` before it defines the name.
 pub(in crate::package) fn guards(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| *is_guard).filter_map(valued).collect()
 }
@@ -65,7 +64,7 @@ fn defines(text: &str) -> impl Iterator<Item = (&str, &str, bool)> {
     })
 }
 
-/// Checks if `naga_oil` also replaces this name behind a `#`: a name in capitals.
+/// Checks if `naga_oil` also replaces this name after a `#` without braces. The name must be in capitals.
 pub(super) fn is_named(word: &str) -> bool {
     let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
     word.len() > 1 && word.chars().all(is_capital)
@@ -80,8 +79,9 @@ pub(super) fn value_of(value: &str) -> Option<Feature> {
     }
 }
 
-/// The values with which a text compares features, each with the two neighbouring numbers, because these select other
-/// branches. If a text uses a feature as a number, the values are usual numbers.
+/// For each feature, the values with which the text compares the feature. A number has its two neighbours beside it,
+/// because they may select other branches. If the text only uses the feature as a number, the values are common
+/// numbers.
 pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
     // Three isn't a power of two, so shifting by 3 and dividing by 3 give different results.
     const USUAL: [Feature; 2] = [Feature::Number(4), Feature::Number(3)];

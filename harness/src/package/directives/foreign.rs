@@ -7,7 +7,7 @@ use crate::diagnostic::{Diagnostic, Mend, SourceFile, Span};
 use crate::package::PackageError;
 use crate::package::lexer::{Kind, Token};
 
-/// The range of a text that only a template has: `{% if %}`, `{{ name }}`.
+/// The first range with syntax that only templates have, such as `{% if %}` or `{{ name }}`.
 pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     let touching = |pair: &[Token], first: u8, second: u8| {
         pair[0].is(first) && pair[1].is(second) && pair[0].range().end == pair[1].range().start
@@ -36,8 +36,8 @@ pub(super) fn may_be_template(text: &str) -> bool {
     })
 }
 
-/// Finds `{name}`. This can't be a block of WGSL, because statements end with `;`. An import has such a list of
-/// names after `::`, and `#{name}` is a value of `naga_oil`.
+/// Finds `{name}`. `{name}` can't be a block of WGSL, because the statement in a block ends with `;`. Skips `{name}`
+/// after `::`, which is a list of imported names, and `#{name}`, which is a value of `naga_oil`.
 fn one_brace(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     let found = tokens.windows(3).enumerate().find(|(at, three)| {
         let before =

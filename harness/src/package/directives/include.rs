@@ -8,7 +8,7 @@ pub(in crate::package) enum Include {
     File(String),
     /// A name: `bbox`.
     Name(String),
-    /// A module's path, in `[join]` of `karat.toml`: the host concatenates the two texts.
+    /// The path of a module that `[join]` of `karat.toml` names. The host concatenates the texts of the two modules.
     Joined(String),
 }
 

@@ -15,9 +15,9 @@ use crate::package::{Origin, Package, PackageError, directives};
 type Composed = Vec<(String, Vec<String>)>;
 
 impl Library {
-    /// The module with the longest path that begins with these words, and the number of the path's words. If a package
-    /// has several such modules, the function chooses the one in the nearest folder. Among several modules in that
-    /// folder, it chooses the one that declares the next word.
+    /// Finds the module that declares the longest path with which `words` begins. Returns the module, and the number of
+    /// components of its path. If a package has several such modules, the function chooses the one in the nearest
+    /// folder. Among several modules in that folder, it chooses the one that declares the next word.
     pub(in crate::package) fn composed(
         &self,
         from: &ModulePath,

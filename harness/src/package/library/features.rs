@@ -1,4 +1,4 @@
-//! Checks that conditions use the features that are set.
+//! Checks that conditions use each feature that is set.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -10,7 +10,8 @@ use crate::package::values::{self, Values};
 use crate::package::workspace::{self, Kind};
 use crate::package::{PackageError, directives};
 
-/// Features that conditions of a package use. Karat doesn't search again for a feature that it has found.
+/// The cache of the features that conditions of a package use. Karat doesn't search again for a feature that it has
+/// found.
 struct Asked;
 
 impl Kind for Asked {
@@ -41,7 +42,7 @@ fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
 }
 
 impl Library {
-    /// Checks that a condition uses each feature that is set.
+    /// Checks that each feature that is set occurs in a condition.
     pub(super) fn expect_features(&self) -> Result<(), PackageError> {
         let package = self.package(0);
         let root = package.root();

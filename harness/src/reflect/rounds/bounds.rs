@@ -11,8 +11,8 @@ use super::{blocks, walk};
 use crate::reflect::Program;
 
 impl Program {
-    /// The largest number of iterations that all loops of a call can have together, for any function. `None` if the
-    /// IR shows no such bound.
+    /// The largest number of rounds that all loops together can have in one call of any function of the program. `None`
+    /// if the IR shows no such bound.
     pub fn most_rounds(&self) -> Option<u64> {
         let entry_points = self.checked.module.entry_points.iter().map(|entry| &entry.function);
         let mut calls = vec![None; self.checked.module.functions.len()];
@@ -30,8 +30,8 @@ impl Program {
 }
 
 impl Program {
-    /// The ranges in the text of all loops that run a constant number of iterations in each call, and that nothing else
-    /// ends early.
+    /// The ranges in the text of all loops that run a constant number of rounds in each call. No `break` or `return`
+    /// ends such a loop early.
     pub(crate) fn fixed_loops(&self) -> Vec<Range<usize>> {
         let module = &self.checked.module;
         let entries = module.entry_points.iter().map(|entry| &entry.function);
@@ -204,7 +204,7 @@ impl Rounds<'_> {
         (step != 0).then_some(step)
     }
 
-    /// The number of times that a statement writes a variable, without the statements inside of it.
+    /// The number of times that a statement writes a variable. Statements inside of this statement don't count.
     fn writes(&self, statement: &Statement, variable: Handle<LocalVariable>) -> u32 {
         let touches = |pointer: &Handle<Expression>| self.variable(*pointer) == Some(variable);
         match statement {
@@ -256,7 +256,7 @@ fn leaves(block: &Block) -> bool {
     matches!(block.first(), Some(Statement::Break)) && block.len() == 1
 }
 
-/// The comparison operator with the same meaning if its operands are swapped.
+/// The operator that gives the same result as `op` after the operands are swapped: `>` for `<`.
 fn flipped(op: BinaryOperator) -> Option<BinaryOperator> {
     Some(match op {
         BinaryOperator::Less => BinaryOperator::Greater,
@@ -276,7 +276,7 @@ fn negated(op: BinaryOperator) -> Option<BinaryOperator> {
         _ => return None,
     })
 }
-/// The number of exits from a loop with this body. Exits from inner loops count, too.
+/// The number of exits from a loop with this body. An exit from an inner loop counts, too.
 fn exits(body: &Block) -> usize {
     let mut count = 0;
     walk(body, true, &mut |statement, _, _| {

@@ -1,4 +1,4 @@
-//! Counts the iterations of loops in frames, where the pixels of a driver have no separate counters.
+//! Counts the rounds of loops in frames. A pixel has no counters that Karat could read.
 
 use naga::{
     AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Scalar,
@@ -25,9 +25,9 @@ impl Watched {
 }
 
 impl Program {
-    /// A copy of the program. If an invocation reaches `limit` iterations in all its loops together, it writes the
-    /// number of iterations to the storage buffer at `binding` of group 0, at the index of the current loop. If
-    /// `leave` is set, the invocation also leaves the loop.
+    /// A copy of the program. If an invocation reaches `limit` rounds in all its loops together, the invocation writes
+    /// the number of rounds to a storage buffer. The buffer is at `binding` of group 0, and the index is the number of
+    /// the current loop. If `leave` is `true`, the invocation also leaves the loop.
     pub fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
         let loops: Vec<_> = self
             .bodies()
