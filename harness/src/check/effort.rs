@@ -24,6 +24,6 @@ impl Effort {
         Self { round: 192, ..Self::of_calls(capacity) }
     }
 
-    /// The limits for integrals. They are smaller, because each integral takes thousands of calls.
+    /// The limits for integrals. These limits are smaller, because each integral takes thousands of calls.
     pub(super) const INTEGRALS: Self = Self { first: 4, most: 32, round: 192 };
 }

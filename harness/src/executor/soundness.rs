@@ -1,6 +1,6 @@
-//! Tests that drivers' results are within the engine's bounds, with 2^18 inputs for each test. They test each
-//! builtin function, and expressions that drivers reassociate. The engine's own results in `f32` and `f64` must
-//! be within the bounds, too.
+//! Tests that drivers' results are within the engine's bounds, with 2^18 inputs for each test. These tests cover each
+//! builtin function, and expressions that drivers reassociate. The engine's own results in `f32` and `f64` must be
+//! within the bounds, too.
 
 use super::Executor;
 use crate::domain::Source;

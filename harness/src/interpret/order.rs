@@ -232,7 +232,7 @@ pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options)
     order.map_or_else(|| base.clone(), |order| order.options(number, base))
 }
 
-/// The number of orders that a runner tried. `all` is set if no untried order has other effects.
+/// The number of orders that a runner tried. `all` is `true` if no untried order has other effects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tried {
     /// The number of tried orders, without the usual order.

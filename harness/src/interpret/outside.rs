@@ -39,7 +39,7 @@ const ANY: [Elsewhere; 6] = [
 /// The effect of a pass's reads outside of arrays on its result.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
-    /// The numbers of the reads that change the result when only this read returns another value.
+    /// The numbers of the reads that change the result even if every other read returns its usual value.
     pub(super) alone: Vec<u32>,
     /// `true` if no single read changes the result, but all reads together do.
     pub(super) together: bool,
