@@ -560,8 +560,8 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
 }
 
 /// Checks if nested loops used up the limit of rounds only together: the inner loops ran many rounds, but no single
-/// loop reached the limit. Then each of these loops may end. The check still reports an endless loop with up to 15
-/// rounds of inner loops in each of its rounds.
+/// loop reached the limit. In that case, each of these loops may end. The check still reports an endless loop with up
+/// to 15 rounds of inner loops in each of its rounds.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

@@ -83,7 +83,8 @@ impl Planes {
     }
 }
 
-/// Returns the golden's or the frame's image of a part. For the frame's image, `golden` is the golden's image.
+/// Returns the golden's or the frame's image in the format of the page. For the frame's image, `golden` is the golden's
+/// image.
 pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
     let same_size =
         |other: &&Image| (other.width(), other.height()) == (image.width(), image.height());
@@ -94,7 +95,7 @@ pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
 }
 
 /// Returns a map of scalars as half floats, which are exact enough for viewing. Pixels with an alpha of 0 are holes. A
-/// map in colours is an image.
+/// map in colours has the same format as an image.
 pub(super) fn map(image: &Image) -> Value {
     let scalar = |pixel: &[f32; 4]| pixel[0] == pixel[1] && pixel[0] == pixel[2];
     if !image.pixels().iter().all(scalar) {

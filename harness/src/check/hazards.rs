@@ -45,7 +45,8 @@ impl<V> Check<'_, Calls<V>> {
 
     /// Runs [`has_no_hazards`](Self::has_no_hazards), but returns the failure instead of panicking.
     ///
-    /// # Errors Returns the failure with which the method without `try_` panics.
+    /// # Errors
+    /// Returns the failure with which the method without `try_` panics.
     pub fn try_has_no_hazards(self) -> Result<Agreement, Failure> {
         self.plan.hazards(&*self.stream, &self.demand(), None)
     }
@@ -74,7 +75,8 @@ impl<V> Check<'_, Calls<V>> {
 
     /// Runs [`has_none_of`](Self::has_none_of), but returns the failure instead of panicking.
     ///
-    /// # Errors Returns the failure with which the method without `try_` panics.
+    /// # Errors
+    /// Returns the failure with which the method without `try_` panics.
     pub fn try_has_none_of(
         self,
         kinds: impl IntoIterator<Item = Kind>,

@@ -181,8 +181,8 @@ impl WgslTest {
 
     /// The names and types of the test's parameters.
     ///
-    /// # Errors Returns an error if the test isn't valid WGSL. The error has the position of the mistake in the
-    /// author's file.
+    /// # Errors
+    /// Returns an error if the test isn't valid WGSL. The error has the position of the mistake in the author's file.
     pub fn parameters(&self) -> Result<&[(String, Shape)], Arc<ReflectError>> {
         Ok(&self.made()?.parameters)
     }
@@ -195,8 +195,8 @@ impl WgslTest {
 
     /// The test as a function. Give the function a domain, then [run](super::Check::try_expects) it.
     ///
-    /// # Errors Returns an error if the test isn't valid WGSL. The error has the position of the mistake in the
-    /// author's file.
+    /// # Errors
+    /// Returns an error if the test isn't valid WGSL. The error has the position of the mistake in the author's file.
     pub fn probe(&self) -> Result<Probe<'_>, Arc<ReflectError>> {
         let place = Some((self.span.clone(), self.package.root()));
         let Made { counting, telling, .. } = self.made()?;

@@ -43,8 +43,8 @@ impl Watcher {
 struct Guarded<'e> {
     prepared: Box<dyn Prepared + 'e>,
     function: Watcher,
-    /// The device and the function's name, for a driver that silently stops long loops. For such a driver, the
-    /// engine must finish each batch.
+    /// The device and the function's name, for a driver that silently stops long loops. For such a driver, the engine
+    /// must run each batch to its end.
     leaves: Option<(&'e Device, String)>,
 }
 

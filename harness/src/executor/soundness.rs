@@ -150,7 +150,7 @@ const PROGRAMS: [(&str, usize, usize); 12] = [
     ("a * b % 289.0 + c", 3, 20),
 ];
 
-/// Functions in half precision. Their arguments are rounded to half precision.
+/// Functions in half precision. The functions' arguments are rounded to half precision.
 const HALVES: [(&str, usize, usize); 30] = [
     ("a + b", 2, 40),
     ("a - b", 2, 40),
