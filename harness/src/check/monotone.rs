@@ -60,10 +60,10 @@ impl<V> Check<'_, Calls<V>> {
     /// Checks that each component of the result only rises, or only falls, as one argument grows. The other
     /// arguments stay the same.
     ///
-    /// Karat calls the function twice for each case: with the sampled arguments, and with a second value of this
-    /// argument. Karat samples the second value separately, near the first value or far from it. So in the domain, the
-    /// argument must be independent of the other arguments. A result may change in the wrong direction by up to the
-    /// tolerance, because of rounding.
+    /// Karat calls the function twice for each case: with the sampled arguments, and with a second value of the
+    /// argument that the check varies. Karat samples the second value separately, near the first value or far from it.
+    /// So in the domain, the argument must be independent of the other arguments. A result may change in the wrong
+    /// direction by up to the tolerance, because of rounding.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

@@ -8,7 +8,7 @@ use crate::diagnostic::nearest;
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};
 
-/// A parameter of a WGSL function, selected by its name or by its index. Places count from 0.
+/// A parameter of a WGSL function, selected by its name or by its index. Indices count from 0.
 ///
 /// ```
 /// use karat::unstable::check::Parameter;

@@ -17,7 +17,7 @@ pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
 /// The number of turns for which a waiting invocation spins, in some orders, before other invocations run. A loop with
-/// a limit of a thousand rounds reaches its limit in this time.
+/// a limit of a thousand rounds reaches its limit within this number of turns.
 const PATIENCE: u32 = 1 << 13;
 
 /// An order of the invocations in several passes.
