@@ -1,9 +1,10 @@
 //! Images in the format of the page: planes of bytes that deflate well, in base64.
 //!
-//! Each channel is a plane of words: 16-bit floats if these can represent every value, and otherwise 32-bit floats. A
-//! word is stored as its difference from the previous word. A word of a frame is stored as its difference from the
-//! golden's word at the same pixel, which is 0 for equal words. Zigzag encoding turns small differences of either sign
-//! into small bytes. All high bytes come before all low bytes. `numbers.js` reads this format.
+//! Each channel is a plane of words: 16-bit floats if these can represent every value, and otherwise 32-bit floats. If
+//! a frame has the size and the format of its golden, each word of the frame is stored as its difference from the
+//! golden's word at the same pixel, which is 0 for equal words. All other words are stored as differences from the
+//! previous word. Zigzag encoding turns small differences of either sign into small bytes. All high bytes come before
+//! all low bytes. `numbers.js` reads this format.
 
 use std::io::Write;
 

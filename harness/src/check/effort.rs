@@ -5,7 +5,7 @@
 /// with this value.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Effort {
-    /// The number of values in the first trial of a round. It is small, because the first values of a round
+    /// The number of values in the first trial of a round. This number is small, because the first values of a round
     /// fail most often. Each later trial tries four times as many values as the trial before.
     pub(super) first: usize,
     pub(super) most: usize,
