@@ -77,7 +77,7 @@ pub struct Interpreted {
     flush: bool,
 }
 
-/// The settings for lowering programs with one of the arithmetics of path `cpu`.
+/// The settings for lowering programs with the arithmetic of the path `cpu` that `via` selects.
 fn lowering(via: Via) -> Settings {
     let (contract, statements) = (via == Via::Fma, counted::counts());
     // Assertions need names so that tests can observe their values.
@@ -100,7 +100,7 @@ impl Interpreted {
         Self::with(probed, fixtures, &Settings::default())
     }
 
-    /// Lowers a function like `new`, with one of the arithmetics of the path `cpu`.
+    /// Lowers a function like `new`, with the arithmetic of the path `cpu` that `via` selects.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -500,7 +500,7 @@ fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>
     Ok(differs)
 }
 
-/// The name of the invocation `number`. For a draw, it is the name of a pixel.
+/// The name of the invocation `number`. For a draw, this is the name of a pixel.
 fn invocation(pass: &Pass, size: [u32; 3], number: usize) -> String {
     if pass.drawn.is_none() {
         return pass.invocation(size, number);
@@ -560,9 +560,9 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if nested loops used up the limit of iterations only together: the inner loops ran many iterations, but no
-/// single loop reached the limit. Then each of these loops may end. The check still reports an endless loop with up to
-/// 15 iterations of inner loops in each of its iterations.
+/// Checks if nested loops used up the limit of rounds only together: the inner loops ran many rounds, but no single
+/// loop reached the limit. In that case, each of these loops may end. The check still reports an endless loop with up
+/// to 15 rounds of inner loops in each of its rounds.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

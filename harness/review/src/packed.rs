@@ -1,9 +1,10 @@
 //! Images in the format of the page: planes of bytes that deflate well, in base64.
 //!
-//! Each channel is a plane of words: 16-bit floats if these can represent every value, and otherwise 32-bit floats. A
-//! word is stored as its difference from the previous word. A word of a frame is stored as its difference from the
-//! golden's word at the same pixel, which is 0 for equal words. Zigzag encoding turns small differences of either sign
-//! into small bytes. All high bytes come before all low bytes. `numbers.js` reads this format.
+//! Each channel is a plane of words: 16-bit floats if these can represent every value, and otherwise 32-bit floats. If
+//! a frame has the size and the format of its golden, each word of the frame is stored as its difference from the
+//! golden's word at the same pixel, which is 0 for equal words. All other words are stored as differences from the
+//! previous word. Zigzag encoding turns small differences of either sign into small bytes. All high bytes come before
+//! all low bytes. `numbers.js` reads this format.
 
 use std::io::Write;
 
@@ -83,7 +84,8 @@ impl Planes {
     }
 }
 
-/// Returns the golden's or the frame's image of a part. For the frame's image, `golden` is the golden's image.
+/// Returns the golden's or the frame's image in the format of the page. For the frame's image, `golden` is the golden's
+/// image.
 pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
     let same_size =
         |other: &&Image| (other.width(), other.height()) == (image.width(), image.height());
@@ -94,7 +96,7 @@ pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
 }
 
 /// Returns a map of scalars as half floats, which are exact enough for viewing. Pixels with an alpha of 0 are holes. A
-/// map in colours is an image.
+/// map in colours has the same format as an image.
 pub(super) fn map(image: &Image) -> Value {
     let scalar = |pixel: &[f32; 4]| pixel[0] == pixel[1] && pixel[0] == pixel[2];
     if !image.pixels().iter().all(scalar) {

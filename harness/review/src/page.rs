@@ -135,7 +135,7 @@ pub(super) fn html(
     page
 }
 
-/// Returns the excess of a frame over its tolerance: the largest ratio to a bound. It is `inf` if the images can't be
+/// Returns the frame's largest ratio: an error divided by its bound. The ratio is `inf` if the images can't be
 /// compared, for example because their sizes differ. Returns `None` if there is no golden.
 fn severity(frame: &Pending) -> Option<Value> {
     let finding = frame.provenance.finding.as_ref()?;

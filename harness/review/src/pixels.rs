@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::{Case, Entry, Map, golden_name, packed};
 
-/// A source of values and traces of pixels. The program that serves the page implements it.
+/// A source of values and traces of pixels. The program that serves the page implements this trait.
 pub trait Pixels: Debug + Send + Sync {
     /// Lists the values of a frame, one in each line: `scene::shade::n: vec3<f32> = normalize(v)`.
     ///

@@ -14,7 +14,7 @@ use super::http::{Answer, Door, Http, Request, Stopper};
 use super::{Entry, Review, ReviewError, data, page, version_script};
 use karat::unstable::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 
-/// The largest size of a decision, in bytes. A reason is a sentence.
+/// The largest size of a decision, in bytes. The longest part of a decision is its reason, which is about a sentence.
 const LONGEST_BODY: u64 = 64 << 10;
 
 /// A review page that is being served.
@@ -34,7 +34,7 @@ impl Stop {
     }
 }
 
-/// The state for replies to requests. Many threads use it.
+/// The state that the server needs to reply to requests. Many threads use it.
 struct Desk {
     review: Review,
     door: Door,

@@ -13,7 +13,7 @@ use crate::value::Scalar;
 /// takes some milliseconds.
 const ASKED: usize = 128;
 
-/// The largest number of loop iterations for which Karat computes these bounds, summed over all cases. Interval
+/// The largest number of loop iterations for which Karat computes WGSL's bounds, summed over all cases. Interval
 /// arithmetic is slow, and only the record needs its results.
 const ROUNDS: u64 = 4096;
 

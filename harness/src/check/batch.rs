@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// The index of the first case that a search adds. It is above the indices of all other cases.
+/// The index of the first case that a search adds. This index is above the indices of all other cases.
 pub(super) const SEARCHED: u64 = 1 << 62;
 
 /// Rows of `u32` words. All rows have the same width and follow each other in memory.

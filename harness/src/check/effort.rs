@@ -5,7 +5,7 @@
 /// with this value.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Effort {
-    /// The number of values in the first trial of a round. It is small, because the first values of a round
+    /// The number of values in the first trial of a round. This number is small, because the first values of a round
     /// fail most often. Each later trial tries four times as many values as the trial before.
     pub(super) first: usize,
     pub(super) most: usize,
@@ -24,6 +24,6 @@ impl Effort {
         Self { round: 192, ..Self::of_calls(capacity) }
     }
 
-    /// The limits for integrals. They are smaller, because each integral takes thousands of calls.
+    /// The limits for integrals. These limits are smaller, because each integral takes thousands of calls.
     pub(super) const INTEGRALS: Self = Self { first: 4, most: 32, round: 192 };
 }

@@ -38,12 +38,12 @@ fn is_subnormal(scalar: Scalar, word: u32) -> bool {
     }
 }
 
-/// An iterator over the rows that flushing can make from a row of arguments. It leaves out the row itself.
+/// An iterator over the rows that flushing can make from a row of arguments. The iterator leaves out the row itself.
 pub struct Flushed<'r> {
     row: &'r [u32],
     /// The indices of the subnormal arguments, in groups. Karat flushes the arguments of one group together.
     lanes: Vec<Vec<usize>>,
-    /// The number of the next row. It has one ternary digit for each group: 0 keeps the group's values, 1
+    /// The number of the next row. The number has one ternary digit for each group: 0 keeps the group's values, 1
     /// replaces them by 0, 2 by -0.
     next: usize,
 }

@@ -7,7 +7,7 @@ pub(super) struct Goal<'g> {
     /// The distance between a result and the aim: 0 or less if the result reaches the aim. `None` if the search
     /// has no aim.
     pub(super) distance: Option<Distance<'g>>,
-    /// Checks if the check fails for these arguments and this result.
+    /// Returns `true` if these arguments and this result make the tested function's check fail.
     pub(super) fails: &'g (dyn Fn(&[u32], &[u32]) -> bool + Sync),
     /// Checks if there is a proof that no arguments fail.
     pub(super) is_proved: &'g dyn Fn() -> bool,

@@ -36,10 +36,10 @@ impl<V> Check<'_, Calls<V>> {
     /// for functions without a reference. The golden is the file `golden/<case>.csv`, which contains arguments
     /// and results.
     ///
-    /// The golden's arguments are the domain's first 256 cases, or all values of a finite domain that has at
-    /// most 1,024. [`cases`](Self::cases) sets another number. The arguments depend on the golden's name, not
-    /// on the test's name. If the domain's arguments differ from the golden's arguments, the check fails until
-    /// you accept the new values.
+    /// The golden's arguments are the domain's first 256 cases, or all values of a finite domain that has at most 1,024
+    /// values. [`cases`](Self::cases) sets another number. The arguments depend on the golden's name, not on the test's
+    /// name. If the domain's arguments differ from the golden's arguments, the check fails until you accept the new
+    /// values.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};
@@ -327,8 +327,8 @@ impl Comparison<'_> {
     }
 }
 
-/// The seed of a golden's arguments. It depends only on the golden's name, so the test's name and the
-/// environment can't change it.
+/// The seed of a golden's arguments. The seed depends only on the golden's name, so the test's name and the environment
+/// can't change it.
 fn seed_of(case: &str) -> u64 {
     let hash = blake3::hash(case.as_bytes());
     hash.as_bytes().iter().take(8).fold(0, |seed, byte| seed << 8 | u64::from(*byte))

@@ -46,7 +46,7 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`has_no_hazards`](Self::has_no_hazards), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// See the panics of the method without `try_`.
+    /// Returns the failure with which the method without `try_` panics.
     pub fn try_has_no_hazards(self) -> Result<Agreement, Failure> {
         self.plan.hazards(&*self.stream, &self.demand(), None)
     }
@@ -76,7 +76,7 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`has_none_of`](Self::has_none_of), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// See the panics of the method without `try_`.
+    /// Returns the failure with which the method without `try_` panics.
     pub fn try_has_none_of(
         self,
         kinds: impl IntoIterator<Item = Kind>,

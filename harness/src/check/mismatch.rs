@@ -209,7 +209,7 @@ fn list(shapes: &[Shape]) -> String {
 }
 
 impl Mismatch {
-    /// Turns the mismatch into a failure, with the function's signature and its place in the source.
+    /// Turns the mismatch into a failure, with the function's signature and its position in the source file.
     pub(super) fn of(self, function: &Function) -> Failure {
         Failure::Signature {
             function: function.name.clone(),

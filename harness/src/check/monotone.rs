@@ -61,8 +61,8 @@ impl<V> Check<'_, Calls<V>> {
     /// arguments stay the same.
     ///
     /// Karat calls the function twice for each case: with the sampled arguments, and with a second value of the
-    /// one argument. Karat samples the second value separately, near the first value or far from it. So in the
-    /// domain, the argument must be independent of the other arguments. A result may change in the wrong
+    /// argument that the check varies. Karat samples the second value separately, near the first value or far from it.
+    /// So in the domain, the argument must be independent of the other arguments. A result may change in the wrong
     /// direction by up to the tolerance, because of rounding.
     ///
     /// ```no_run

@@ -188,7 +188,7 @@ impl<V> Check<'_, Calls<V>> {
 }
 
 impl Plan<'_> {
-    /// The tested function. Its result includes the values that it writes.
+    /// The tested function. The function's result includes the values that the function writes.
     pub(super) fn function(&self) -> Result<Function, Failure> {
         let probe = &self.probe;
         let mut probed = Probed::in_valid(probe.package, &probe.name, &probe.overrides)?;

@@ -1,4 +1,4 @@
-//! Selects a parameter of a function by its name or its place.
+//! Selects a parameter of a function by its name or its index.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use crate::diagnostic::nearest;
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};
 
-/// A parameter of a WGSL function, selected by its name or by its place. Places count from 0.
+/// A parameter of a WGSL function, selected by its name or by its index. Indices count from 0.
 ///
 /// ```
 /// use karat::unstable::check::Parameter;
@@ -20,7 +20,7 @@ use crate::value::{Scalar, Shape};
 pub enum Parameter {
     /// The name of the WGSL parameter.
     Name(String),
-    /// The place of the parameter, counted from 0.
+    /// The index of the parameter, counted from 0.
     Place(usize),
 }
 
@@ -84,7 +84,7 @@ impl ScalarParameter {
 }
 
 impl Parameter {
-    /// Finds the parameter's place, and the index of its first component among the components of all arguments.
+    /// Finds the parameter's index, and the index of its first component among the components of all arguments.
     pub(super) fn place(&self, function: &Function) -> Result<(usize, usize), Failure> {
         let parameters = &function.parameters;
         let names = || parameters.iter().map(|(name, _)| &**name);

@@ -1,11 +1,11 @@
 //! Checks of samplers. A sampler is a function that turns random numbers into samples of a density.
 //!
-//! A configuration is a value of the sampler's other arguments, such as a roughness and a view direction. A
-//! check runs the sampler with several configurations. Each configuration has its own stream of random numbers,
-//! which depends only on the seed and the configuration's index. For each configuration, the check compares a
-//! p-value with a threshold. With this threshold, the whole check rejects a correct sampler with a probability
-//! equal to the significance. The check fails at once if a sample isn't finite, lies outside the support, or
-//! has density 0.
+//! A configuration is a value of the sampler's other arguments, such as a roughness and a view direction. A check runs
+//! the sampler with several configurations. Each configuration has its own stream of random numbers, which depends only
+//! on the seed and the configuration's index. For each configuration, the check compares a p-value with a threshold.
+//! With this threshold, the whole check rejects a correct sampler with a probability equal to the significance. The
+//! check fails at once if a sample isn't finite, lies outside the support (unless the check allows this), or has
+//! density 0.
 //!
 //! All paths use the same random numbers, so the paths don't count as separate statistical tests.
 

@@ -96,9 +96,9 @@ impl Plan<'_> {
         self.states_beyond(stream, demand, asserted, said, None)
     }
 
-    /// Checks a verb's statement for each case. If the statement holds for all cases and there is a `beyond`,
-    /// tries to prove the statement for all arguments. Without a proof, searches for arguments with results
-    /// nearer to an excluded value.
+    /// Checks a verb's statement for each case. If the statement holds for all cases and `beyond` is `Some`, tries to
+    /// prove the statement for all arguments. Without a proof, searches for arguments with results nearer to an
+    /// excluded value.
     pub(super) fn states_beyond(
         &self,
         stream: &dyn Stream,

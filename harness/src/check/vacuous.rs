@@ -117,7 +117,7 @@ impl Vacuous {
         }
     }
 
-    /// The beginning of the message. It names the domain of a function, or the check of a sampler.
+    /// The beginning of the message. This text names the domain of a function, or the check of a sampler.
     pub(super) fn whose(&self) -> &'static str {
         match self {
             Self::Significance(_) | Self::Mass(_) | Self::Interval(..) => "the check of",

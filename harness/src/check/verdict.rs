@@ -99,7 +99,7 @@ pub enum Failure {
         mismatch: Box<Mismatch>,
         /// The function's signature in WGSL.
         signature: String,
-        /// The place of the function's declaration.
+        /// The position of the function's declaration.
         location: String,
     },
     /// The check has nothing to judge.

@@ -26,7 +26,7 @@ pub struct WgslTest {
     pub span: Span,
     /// The number in `@cases`.
     pub cases: Option<u64>,
-    /// For each parameter, the words and numbers in its `@over`, and the place of the `@over`. `None` for a
+    /// For each parameter, the words and numbers in its `@over`, and the position of the `@over`. `None` for a
     /// parameter without `@over`.
     pub over: Vec<Option<(Vec<String>, Span)>>,
     /// The normalised text of the test and of everything that the test uses.
@@ -182,7 +182,7 @@ impl WgslTest {
     /// The names and types of the test's parameters.
     ///
     /// # Errors
-    /// Returns an error if the test isn't valid WGSL. The error has the place.
+    /// Returns an error if the test isn't valid WGSL. The error has the position of the mistake in the author's file.
     pub fn parameters(&self) -> Result<&[(String, Shape)], Arc<ReflectError>> {
         Ok(&self.made()?.parameters)
     }
@@ -196,7 +196,7 @@ impl WgslTest {
     /// The test as a function. Give the function a domain, then [run](super::Check::try_expects) it.
     ///
     /// # Errors
-    /// Returns an error if the test isn't valid WGSL. The error has the place.
+    /// Returns an error if the test isn't valid WGSL. The error has the position of the mistake in the author's file.
     pub fn probe(&self) -> Result<Probe<'_>, Arc<ReflectError>> {
         let place = Some((self.span.clone(), self.package.root()));
         let Made { counting, telling, .. } = self.made()?;

@@ -14,7 +14,7 @@ use crate::{image, settings};
 /// The version of the measured arguments and of the file's format. If the version changes, Karat measures again.
 const EDITION: u32 = 3;
 
-/// Returns the accuracy of an executor's builtin functions. If `kept`, Karat stores the result in a file for
+/// Returns the accuracy of an executor's builtin functions. If `kept` is `true`, Karat stores the result in a file for
 /// later processes.
 pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accuracy>, ProbeError> {
     static KNOWN: Mutex<BTreeMap<String, Arc<Accuracy>>> = Mutex::new(BTreeMap::new());

@@ -7,7 +7,7 @@ use crate::job::{Job, Reply};
 use crate::path::{Ability, Adapter, Path, PathError, Via, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The engine as an executor. It runs WGSL on the CPU in `f32`, as a conforming GPU may compute it. The engine
+/// The engine as an executor. The engine runs WGSL on the CPU in `f32`, as a conforming GPU may compute it. The engine
 /// calls functions and dispatches passes, but draws no frames.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cpu {

@@ -43,8 +43,8 @@ impl Watcher {
 struct Guarded<'e> {
     prepared: Box<dyn Prepared + 'e>,
     function: Watcher,
-    /// The device and the function's name, for a driver that silently stops long loops. For such a driver, the
-    /// engine must finish each batch.
+    /// The device and the function's name, for a driver that silently stops long loops. For such a driver, the engine
+    /// must run each batch to its end.
     leaves: Option<(&'e Device, String)>,
 }
 
@@ -72,11 +72,11 @@ impl Prepared for Guarded<'_> {
     }
 }
 
-/// Guards a function that may have an endless loop, because the function's IR shows no bound for a loop. The
-/// engine runs each batch before the driver does, if the engine can run the function. Some drivers silently
-/// stop long loops. On such drivers, kernels usually count their own iterations. If a function's cases run
-/// alone or are quads, its kernel can't count, so the engine must run each batch first. If the engine can't run
-/// such a function, that is an error.
+/// Guards a function that may have an endless loop, because the function's IR shows no bound for a loop. The engine
+/// runs each batch before the driver does, if the engine can run the function. Some drivers silently stop long loops.
+/// On such drivers, kernels usually count their own iterations. If a function's cases run alone or are quads, its
+/// kernel can't count its iterations, so the engine must run each batch first. If the engine can't run such a function,
+/// that is an error.
 pub(super) fn guarded<'e>(
     device: &'e Device,
     call: &Call<'_>,

@@ -161,8 +161,8 @@ pub(super) fn draw(
     Ok(Image::new(width, height, pixels.collect()))
 }
 
-/// Returns the outputs of a reply. Returns an error if an output has another length than the job says. `place`
-/// finds the place of a problem in the author's file.
+/// Returns the outputs of a reply. Returns an error if an output has another length than the job says. `place` finds
+/// the position of a problem in the author's file.
 fn done(
     reply: Reply,
     path: Path,
@@ -192,7 +192,7 @@ fn done(
     }
 }
 
-/// Returns the place of a problem, such as ` (shaders/a.wgsl:3:5)`, or an empty text.
+/// Returns the position of a problem, such as ` (shaders/a.wgsl:3:5)`, or an empty text.
 fn located(
     problem: &Problem,
     resolve: impl Fn(usize, std::ops::Range<usize>) -> Option<crate::diagnostic::Span>,

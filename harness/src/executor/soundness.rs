@@ -1,6 +1,6 @@
-//! Tests that drivers' results are within the engine's bounds, with 2^18 inputs for each test. They test each
-//! builtin function, and expressions that drivers reassociate. The engine's own results in `f32` and `f64` must
-//! be within the bounds, too.
+//! Tests that drivers' results are within the engine's bounds, with 2^18 inputs for each test. These tests cover each
+//! builtin function, and expressions that drivers reassociate. The engine's own results in `f32` and `f64` must be
+//! within the bounds, too.
 
 use super::Executor;
 use crate::domain::Source;
@@ -150,7 +150,7 @@ const PROGRAMS: [(&str, usize, usize); 12] = [
     ("a * b % 289.0 + c", 3, 20),
 ];
 
-/// Functions in half precision. Their arguments are rounded to half precision.
+/// Functions in half precision. The functions' arguments are rounded to half precision.
 const HALVES: [(&str, usize, usize); 30] = [
     ("a + b", 2, 40),
     ("a - b", 2, 40),

@@ -43,7 +43,7 @@ impl Alone {
         Self::rounding(probed, fixtures, Via::Direct)
     }
 
-    /// Lowers a function like `new`, with one of the arithmetics of the path `cpu`.
+    /// Lowers a function like `new`, with the arithmetic of the path `cpu` that `via` selects.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,

@@ -20,7 +20,7 @@ pub fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
     dispatched(passes, &|_| Options { work: WORK, ..options() })
 }
 
-/// Dispatches passes with one of the arithmetics of path `cpu`, and returns the data that they write.
+/// Dispatches passes with the arithmetic of the path `cpu` that `via` selects, and returns the data that they write.
 pub fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
     let flush = via == Via::Ftz;
     dispatched_by(passes, &lowering(via), &|_| Options { flush, ..options() })

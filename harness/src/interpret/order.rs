@@ -17,7 +17,7 @@ pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
 /// The number of turns for which a waiting invocation spins, in some orders, before other invocations run. A loop with
-/// a limit of a thousand rounds reaches its limit in this time.
+/// a limit of a thousand rounds reaches its limit within this number of turns.
 const PATIENCE: u32 = 1 << 13;
 
 /// An order of the invocations in several passes.
@@ -232,7 +232,7 @@ pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options)
     order.map_or_else(|| base.clone(), |order| order.options(number, base))
 }
 
-/// The number of orders that a runner tried. `all` is set if no untried order has other effects.
+/// The number of orders that a runner tried. `all` is `true` if no untried order has other effects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tried {
     /// The number of tried orders, without the usual order.

@@ -2,7 +2,7 @@
 //!
 //! WGSL allows a read outside of an array to return any element or zero. WGSL allows a write outside of an array to
 //! change any element, or nothing (6.4.4). A read matters if another returned value changes the data that passes write.
-//! Either this read alone returns another value, or all reads outside of arrays do.
+//! To judge reads, Karat changes the value of one read, or the values of all reads outside of arrays.
 
 use karat_engine::{Choice, Elsewhere, Options, Outside};
 
@@ -39,9 +39,9 @@ const ANY: [Elsewhere; 6] = [
 /// The effect of a pass's reads outside of arrays on its result.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
-    /// The numbers of the reads that change the result when only this read returns another value.
+    /// The numbers of the reads that change the result even if every other read returns its usual value.
     pub(super) alone: Vec<u32>,
-    /// `true` if no single read changes the result, but all reads together do.
+    /// `true` if no single read changes the result, but the result changes if all reads return other values.
     pub(super) together: bool,
     pub(super) untried: usize,
 }

@@ -124,8 +124,7 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
 
 pub(crate) struct Parting {
     /// The first operation that returns another value to an invocation than in the usual order: its position, and a
-    /// clause with the invocation, the usual value and the other value. It is `None` if only the order of writes
-    /// differs.
+    /// clause with the invocation, the usual value and the other value. `None` if only the order of writes differs.
     pub(crate) first: Option<(Span, String)>,
     pub(crate) turns: Turns,
 }

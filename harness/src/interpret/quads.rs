@@ -32,7 +32,7 @@ impl Quads {
         results: impl Fn(&[u32]) -> Result<Vec<u32>, E>,
     ) -> Result<(), E> {
         /// Factors by which the slopes are multiplied. They change the mip level by about a third (log2 of 1.25). A
-        /// driver's mip level may differ from the exact mip level by so much.
+        /// driver's mip level may differ from the exact mip level by this amount.
         const SLOPES: [f32; 2] = [0.8, 1.25];
         let usual = results(rows)?;
         for factor in SLOPES {

@@ -17,12 +17,12 @@ const DRAWN: u64 = 16;
 const MOST_ORDERS: u64 = 4096;
 const MOST_INVOCATIONS: u64 = 1 << 20;
 
-/// The largest number of pairs of turns that the explorer compares in all runs together. It suffices for 4,096 runs of
-/// 22 turns each.
+/// The largest number of pairs of turns that the explorer compares in all runs together. This number is enough for
+/// 4,096 runs of 22 turns each.
 const MOST_WORK: u64 = 1 << 20;
 
-/// If the base-2 logarithm of the estimated number of orders is at most this number, all orders are tried. The estimate
-/// is an upper bound, far above the real number.
+/// If the base-2 logarithm of the estimated number of orders is at most this number, the runner tries all orders. The
+/// estimate is an upper bound, far above the real number.
 const MOST_LIKELY: f64 = 24.0;
 
 /// The number of turns in all runs after which no further order is sampled, and the largest number of turns in one

@@ -1,4 +1,4 @@
-//! Sums of weighted results. Their rounding error doesn't grow with the number of terms.
+//! Sums of weighted results. The rounding error of a sum doesn't grow with the number of terms.
 
 use crate::judge::{Judged, finite};
 use crate::value::Scalar;

@@ -25,8 +25,8 @@ where
     /// arguments from a configuration and a point of the support. The point is a `Vec3` for directions, a
     /// `Vec2` for the disk, or an `f32` for an interval.
     ///
-    /// There are about 512 cells. They are smaller where samples are dense. The test misses errors that cancel
-    /// each other within a cell. It also misses a spike of the density that no sample and no quadrature node
+    /// There are about 512 cells. The cells are smaller where samples are dense. The test misses errors that cancel
+    /// each other within a cell. The test also misses a spike of the density that no sample and no quadrature node
     /// hits. So also compare the density with a reference.
     ///
     /// The density's integral must be 1. With [`may_leave_support`](Self::may_leave_support) the integral may

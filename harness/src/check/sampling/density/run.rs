@@ -85,7 +85,7 @@ impl Run<'_> {
         }
     }
 
-    /// Judges the samples. If `estimates`, the samples must also estimate an integral.
+    /// Judges the samples. If `estimates` is `true`, the samples must also estimate an integral.
     pub(super) fn judge(&self, estimates: bool) -> Result<Judgement, Failure> {
         match self.judge_or_stop(estimates) {
             Ok(judgement) => Ok(judgement),
