@@ -1,5 +1,5 @@
-//! `cargo ci demo`: from a fresh clone to verdicts on every execution path. The first verdicts come from a program of
-//! tests, before the command line is built.
+//! `cargo ci demo`: goes from a fresh clone to verdicts on every execution path. One test program prints the first
+//! verdicts, before the demo builds the program `karat`.
 
 use std::process::ExitCode;
 
@@ -32,7 +32,7 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// The arguments of the command that builds the demo's programs. The command is for the whole workspace: for fewer
+/// The arguments of the command that builds the demo's programs. The command builds for the whole workspace: for fewer
 /// packages, or without tests, Cargo would choose other features of shared dependencies, and compile these dependencies
 /// twice.
 pub(crate) const BUILD: &[&str] = &[
@@ -51,7 +51,7 @@ pub(crate) fn build() -> anyhow::Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// Builds the library that the first verdict needs, with the features of [`BUILD`].
+/// Builds the test program `library`, which gives the first verdicts, with the features of [`BUILD`].
 fn build_library() -> anyhow::Result<()> {
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", LIBRARY]))
 }

@@ -119,7 +119,7 @@ fn problems(crates: &[Crate], allowed: &[Licensee]) -> Vec<String> {
     problems
 }
 
-/// The crate's licence expression if the list satisfies it. Otherwise a message that says what to do.
+/// Returns the crate's licence expression if the list satisfies it, or otherwise a message that says what to do.
 fn judge(licence: Option<&str>, allowed: &[Licensee]) -> Result<Expression, String> {
     let Some(licence) = licence else {
         return Err("declares no licence in its manifest; replace the crate".to_owned());

@@ -66,7 +66,7 @@ fn documentation() -> Result<()> {
     Ok(())
 }
 
-/// Checks for a component that a minimal toolchain lacks.
+/// Installs a component of the Rust toolchain, such as Clippy, if the toolchain lacks this component.
 fn component(name: &str, subcommand: &str) -> Result<()> {
     if command::succeeds(&mut command::cargo(&[subcommand, "--version"])) {
         return Ok(());

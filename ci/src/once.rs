@@ -84,7 +84,7 @@ fn hosts(metadata: &Metadata) -> BTreeSet<PackageId> {
     hosts
 }
 
-/// Adds the libraries that a command's messages name.
+/// Reads Cargo's messages about a command, and adds the libraries that the messages name to `compiled`.
 fn note(
     messages: impl std::io::BufRead,
     hosts: &BTreeSet<PackageId>,

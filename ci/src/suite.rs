@@ -109,7 +109,7 @@ fn second_driver() -> Result<()> {
     command::run_aside(&mut test)
 }
 
-/// Runs jobs with known results, and functions of the library, on the paths of the web.
+/// Runs jobs with known results, and tests of the shader library, on the paths of the web.
 fn web() -> Result<()> {
     for path in ["dawn", "chromium"] {
         command::run_aside(&mut command::karat(&["doctor", "--executor", path])?)?;
@@ -185,8 +185,8 @@ fn mutants() -> Result<()> {
     command::run_aside(command::karat(&["mutate"])?.args(sample))
 }
 
-/// Runs a sample of `cargo ci full` in other processes: functions of the shader library on the engine, and resources,
-/// passes and frames of every kind on a driver.
+/// Runs tests whose jobs run in another process, of which `cargo ci full` runs more: functions of the shader library on
+/// the engine, and resources, passes and frames of every kind on a driver.
 fn behind_a_pipe() -> Result<()> {
     for (mut test, least) in [(piped(&["fresnel::", "geometry::"]), 10), (strangers(), 50)] {
         let output = test.output().context("can't run `cargo`")?;

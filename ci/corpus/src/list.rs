@@ -21,12 +21,12 @@ pub(crate) struct Wanted {
     krate: Option<String>,
     folder: Option<String>,
     root: Option<String>,
-    /// The text of a `karat.toml` beside the modules, as a user of the crate would write it. If this is set, the
-    /// program reads a copy of the modules.
+    /// The text of a `karat.toml` beside the modules, as a user of the crate would write it. If this text is set, the
+    /// program copies the modules, adds the file, and reads the copy.
     pub(crate) karat: Option<String>,
     #[serde(default)]
     features: BTreeMap<String, Value>,
-    /// Additional features for single modules that need them.
+    /// Features that only some modules need, by the names of the modules.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Vec<String>>,
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-/// The cause that makes a function impossible to call.
+/// The cause if a function can't be called: the shader or Karat.
 #[derive(Clone, Copy, PartialEq)]
 enum Whose {
     /// The shader itself is the cause: no harness could call the function without a change to the shader.
@@ -77,8 +77,8 @@ pub(crate) fn is_argued(reason: &str) -> bool {
     ARGUED.iter().any(|(known, ..)| *known == reason)
 }
 
-/// Writes the share of functions that Karat can call or that no harness could call, and a table of the reasons with
-/// their explanations.
+/// Returns a text: the share of functions that Karat can call or that no harness could call, and a table of the reasons
+/// with their explanations.
 pub(crate) fn told(functions: usize, callable: usize, reasons: &BTreeMap<String, usize>) -> String {
     let of = |whose: Whose| {
         let own = ARGUED.iter().filter(move |(_, known, _)| *known == whose);

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use super::host::Host;
 use crate::command;
 
-/// The parts that can be installed.
+/// The groups of packages that `cargo ci setup` can install.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wanted {
     /// Mesa's software drivers, for the execution paths.

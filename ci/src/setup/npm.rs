@@ -16,7 +16,7 @@ use crate::command;
 
 /// The oldest Node that can run Dawn: Node 18 crashes while loading it.
 const OLDEST_NODE: u32 = 20;
-/// The name of the lock files. Each is copied beside the packages that it installs.
+/// The name of the lock files. The setup copies each lock file beside the packages that the file lists.
 const LOCK: &str = "package-lock.json";
 
 /// Installs Tint, unless it is installed already.

@@ -60,7 +60,7 @@ use karat::unstable::output::{Output, tell, trusted, visible, visible_json};
 
 type Outcome = anyhow::Result<Ending>;
 
-/// The result of a command that ran without an error. It sets the exit code.
+/// The result of a command that ran without an error. The result determines the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ending {
     Good,

@@ -1,7 +1,7 @@
 //! Checks shaders of other projects: which modules open, link and validate, and which functions can be called.
 //!
-//! `cargo run --bin corpus -- LIST.toml [--json FILE]` reads the crates and folders of a list. cargo fetches them, and
-//! doesn't compile them. `cargo ci corpus` runs the program over `ci/corpus.toml`.
+//! `cargo run --bin corpus -- LIST.toml [--json FILE]` reads the crates and folders of a list. Cargo fetches the crates
+//! without compiling them. `cargo ci corpus` runs the program over `ci/corpus.toml`.
 //!
 //! ```toml
 //! [[shaders]]

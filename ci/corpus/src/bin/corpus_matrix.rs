@@ -2,9 +2,10 @@
 //! reach.
 //!
 //! `cargo run --bin corpus_matrix -- LIST.toml [--json FOLDER]` computes the matrix of each crate and folder of a list
-//! (see `corpus.rs`), and prints a table. `cargo ci corpus --routes` runs the program over `ci/corpus.toml`. A panic is
-//! a fault. Any other problem is a row of the table. Each crate has its own process. If a row hangs or crashes a
-//! driver, the process starts again without this row.
+//! (see `corpus.rs`), and prints a table. `cargo ci corpus --routes` runs the program over `ci/corpus.toml`. The
+//! program computes the matrix of each crate in a separate process. If a function or entry point hangs or crashes a
+//! driver, the process starts again, and leaves out this function or entry point. If a process ends without a result,
+//! the program fails. The table lists all other problems.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -24,7 +25,7 @@ use list::{List, Wanted};
 /// The number of inputs for each function. 64 inputs are enough to show that a translation is wrong.
 const CASES: usize = 64;
 
-/// The names of faults. Each name heads a column of the printed table, as each status does.
+/// The names of problems. The printed table has a column for each problem, and a column for each status.
 const WRONG: [&str; 5] = ["DIFFERS", "INVALID", "NO VERDICT", "PANICS", "unsupported"];
 
 /// The counts of a crate, or of all crates together.
@@ -33,9 +34,10 @@ struct Sum {
     rows: usize,
     judged: usize,
     wrong: usize,
-    /// For each column of the matrix, the number of rows with each status or fault.
+    /// For each column of the matrix, the number of rows with each status or problem.
     counts: BTreeMap<String, BTreeMap<String, usize>>,
-    /// Problems by their first line, each with its count and the first row that has it.
+    /// For each text that [`reason`] returns, the number of rows with this problem, and the name of the first of these
+    /// rows.
     reasons: BTreeMap<String, (usize, String)>,
     /// The reason why the matrix of the crate is missing.
     error: Option<String>,
@@ -79,7 +81,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Prints the table. Returns `true` if no row panicked, and at least one row was judged.
+/// Prints the table. Returns `true` if no process ended without a result, and at least one row was judged.
 fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let this = std::env::current_exe().map_err(|error| error.to_string())?;
@@ -240,8 +242,8 @@ fn without_registry(line: &str) -> String {
     format!("{}{file}", &before[..begin])
 }
 
-/// The column and the first line of the problem. Numbers become `#`, so that equal problems of several rows have one
-/// text.
+/// Returns the column, and one line of the problem's message. Numbers become `#`, so that equal problems of several
+/// rows have the same text.
 fn reason(column: &str, stop: &Stop) -> String {
     let text = stop.text();
     let line = match stop {

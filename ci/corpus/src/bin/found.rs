@@ -30,11 +30,10 @@ karat::shareable! {
 
 type Check = fn(&Package) -> Verdict;
 
-/// The verdict of a check.
 enum Verdict {
     Passes(String),
     Fails(String),
-    /// The check itself had an error.
+    /// The check stopped with an error that isn't a fault of the shader.
     Errs(String),
 }
 
@@ -411,8 +410,8 @@ fn open(found: &Found) -> Result<Package, String> {
     Package::open_crate(Path::new("."), found.krate, None).map_err(|error| error.to_string())
 }
 
-/// Runs a check in this process, which may have an overlay. The exit code is 0 if the check passes, 1 if a case fails,
-/// and 2 if the check has an error.
+/// Runs a check in this process. `KARAT_OVERLAY` may replace the released shader by the repaired shader. The exit code
+/// is 0 if the check passes, 1 if a case fails, and 2 if the check has an error.
 fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     let found = FOUND.iter().find(|found| found.name == name);
     let Some((found, check)) = found.and_then(|found| Some((found, which(found)?))) else {
@@ -481,7 +480,7 @@ fn all(folder: &Path) -> Result<(), String> {
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
 }
 
-/// Results for passes of other repositories, which people checked once, by hand.
+/// The part of the page about compute passes of other repositories. People checked these passes once, by hand.
 const DISPATCHED: &str = "
 ## Passes with the sizes of their host
 
@@ -494,7 +493,8 @@ const DISPATCHED: &str = "
 - Resize to given sizes rounds its scale factor to two digits: a resize from 300 to 400 texels reads beyond the row.
 ";
 
-/// Runs a check on the released and on the repaired shader, and writes its page.
+/// Runs the check of a fault on the released shader and on the repaired shader, and returns the text of the fault's
+/// page.
 fn page(found: &Found) -> Result<String, String> {
     let package = open(found)?;
     let items = package.functions().map_err(|error| error.to_string())?;

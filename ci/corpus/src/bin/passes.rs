@@ -1,8 +1,8 @@
 //! Compares compute passes of a released crate with a reference in Rust. The passes belong to vello 0.11. They compute
 //! prefix sums of the path tags in a scene of 4,096 `u32`s.
 //!
-//! `cargo run --bin passes` fetches the crate through cargo, and compares the passes. Then it plants two faults in the
-//! shader, and checks that Karat finds them. `cargo ci found` runs the program.
+//! `cargo run --bin passes` fetches the crate through cargo, and compares the passes. Then the program plants two
+//! faults in the shader, and checks that Karat finds them. `cargo ci found` runs the program.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -13,7 +13,7 @@ use karat::fixture::Buffer;
 use karat::prelude::*;
 
 karat::shareable! {
-    /// Vello's counts over all tags before a `u32`, which has four tags.
+    /// The counts that vello computes over all tags before a `u32`. Each `u32` contains four tags.
     pub struct TagMonoid mirrors TagMonoidMirror {
         /// The number of transforms.
         trans_ix: u32,
@@ -43,8 +43,8 @@ fn scene() -> Vec<u32> {
 }
 
 /// The counts that one tag adds, in the order of [`TagMonoid`]'s members. `vello_encoding::PathTag` documents the bits
-/// of a tag: segments of 1 to 3 points, another point at the end of a subpath, 32-bit coordinates instead of 16-bit
-/// coordinates, and marks of paths, transforms and styles.
+/// of a tag: two bits for the number of points of a segment, and one bit each for a path, a subpath's end (which adds a
+/// point), 32-bit instead of 16-bit coordinates, a transform and a style.
 fn of_tag(tag: u32) -> [u32; 5] {
     let segment = tag & 3;
     let points = segment + (tag >> 2 & 1);

@@ -31,8 +31,8 @@ pub(super) struct Artefact {
 }
 
 impl Artefact {
-    /// Opens a folder, or unpacks a zip. The folder or zip must contain pending frames or the record of a run: in any
-    /// other folder, an empty list of pending frames would mean nothing.
+    /// Opens a folder, or unpacks a zip. Returns an error if the folder or zip contains neither a pending frame nor the
+    /// record of a run: then it isn't the artefact of a run.
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
         let shown = path.display();
         if path.is_dir() {
@@ -77,7 +77,7 @@ fn waits(name: &str) -> bool {
 struct Contents {
     /// `true` if the folder or zip contains a pending frame or a record.
     of_run: bool,
-    /// The name of a zip that lies inside the folder or zip.
+    /// The name of another zip, if the folder or zip contains one.
     zip: Option<String>,
 }
 

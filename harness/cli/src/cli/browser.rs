@@ -1,8 +1,8 @@
-//! `karat browser`: runs the tests in the browser that opens its page.
+//! `karat browser`: serves a page, and runs the tests in the browser that opens this page.
 //!
-//! `karat test` and the test programs start this program again as an executor (`KARAT_EXECUTORS`). The executor passes
-//! each job to the process that serves the page. A file, which only the current user can read, tells the executor the
-//! port and the secret of that process.
+//! `karat test` and the test programs start `karat` again as an executor (`KARAT_EXECUTORS`). The executor passes each
+//! job to the process that serves the page. A file, which only the current user can read, tells the executor the port
+//! and the secret of that process.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -19,7 +19,8 @@ use serde::Deserialize;
 
 use super::{Ending, Outcome, child};
 
-/// The largest size of a page's reply, in bytes. Other executors have the same limit: a frame of 4096 by 4096 pixels.
+/// The largest size of a page's reply, in bytes. A frame of 4096 by 4096 pixels fits into this size. Other executors
+/// have the same limit.
 const LONGEST: u64 = 1 << 30;
 
 /// The time after which the server tells a page that there is no job. The page then asks again. Proxies and browsers
@@ -160,13 +161,13 @@ struct Said {
 struct State {
     page: Option<(String, Instant)>,
     greeting: String,
-    /// The number of jobs so far. It is also the number of the last job.
+    /// The number of jobs so far. The last job has this number.
     jobs: u64,
     /// The job that the page hasn't fetched yet.
     waiting: Option<String>,
     /// The page's reply to the last job.
     answer: Option<String>,
-    /// `true` while a page runs the job.
+    /// `true` while a page runs the last job.
     is_taken: bool,
     /// The reason why a page can't run jobs.
     failed: Option<String>,
@@ -174,7 +175,7 @@ struct State {
 
 struct Desk {
     door: Door,
-    /// The program that sent the current job holds this lock until it gets the reply.
+    /// The lock that lets only one program at a time send a job and wait for the reply.
     turn: Mutex<()>,
     state: Mutex<State>,
     changed: Condvar,

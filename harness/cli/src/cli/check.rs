@@ -68,8 +68,8 @@ pub(super) fn recorded_uses(project: &Project) -> anyhow::Result<Vec<Package>> {
     }
 }
 
-/// Validates packages, prints each invalid module, and checks if all modules are valid. With `all`, it also lists valid
-/// packages.
+/// Validates packages, prints each invalid module, and checks if all modules are valid. With `all`, also lists the
+/// valid packages.
 pub(super) fn validate(
     packages: &[Package],
     all: bool,
@@ -79,8 +79,8 @@ pub(super) fn validate(
     Ok(validate_found(&found, &[], all, out)?.0)
 }
 
-/// Does the work of [`validate`], and also returns the opinions of other compilers than naga. An undeclared package is
-/// validated with the features that its tests use.
+/// Does the work of [`validate`], and also returns the opinions of other compilers than naga. If no manifest or option
+/// declares a package, Karat validates the package with the features that its tests use.
 fn validate_found(
     found: &[Found],
     uses: &[Package],
@@ -180,9 +180,9 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>)
     (modules, packages)
 }
 
-/// Returns the invalid packages, and the opinions of other compilers than naga about all packages. A declared package
-/// is validated with the settings of its folder. An undeclared package is also validated with the features and
-/// dependencies of the run's tests.
+/// Returns the invalid packages, and the opinions of other compilers than naga about all packages. Karat validates a
+/// package with the settings of its folder. If no manifest or option declares the package, Karat also validates the
+/// package with the features and dependencies that the run's tests used.
 pub(super) fn invalid(
     found: &[Found],
     run: &Path,

@@ -9,8 +9,8 @@ use anyhow::{Context, bail, ensure};
 use karat::unstable::output::visible;
 use karat::unstable::process;
 
-/// Runs git in a folder, and returns its output. File names are complete and unquoted, independent of the user's
-/// configuration.
+/// Runs git in a folder, and returns its output. git prints complete file names without quotes, whatever the user has
+/// configured.
 pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> {
     let mut command = Command::new("git");
     command.current_dir(folder);

@@ -51,7 +51,8 @@ impl Settings {
     }
 }
 
-/// Reads the text of a file, or `None` if it doesn't exist. If the file is a pipe or a device file, returns an error.
+/// Returns the text of a file, or `None` if the file doesn't exist. If the file is a pipe or a device file, returns an
+/// error.
 pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
     use std::io::ErrorKind::{NotADirectory, NotFound};
     match karat::unstable::diagnostic::read_file(file) {
@@ -137,8 +138,8 @@ pub(super) struct Project {
     cargo: bool,
 }
 
-/// Returns the displayed name of a package. If another package has the same name, this is the path of the folder: each
-/// crate may have a folder `shaders`.
+/// Returns the displayed name of a package. If another package has the same name, returns the path of the package's
+/// folder: for example, each crate may have a folder `shaders`.
 pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Package>) -> String {
     let name = package.name();
     match all.into_iter().filter(|other| other.name() == name).count() {
@@ -147,8 +148,8 @@ pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Pac
     }
 }
 
-/// Returns a note that a file of tests beside a package of one file didn't run, because the tests belong to the folder.
-/// Returns `None` if there is no such file.
+/// Returns a note if a package is a single file, and another file beside it has its tests: these tests didn't run,
+/// because the user named the file and not the folder. Otherwise returns `None`.
 pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
     let beside = |file: PathBuf| {
         let stem = file.file_stem()?.to_str()?;
@@ -258,7 +259,7 @@ impl Project {
         packages
     }
 
-    /// Returns the folders of the manifests: the project's, and its members'.
+    /// Returns the folders with a manifest: the folder of the project, and the folders of its members.
     pub(super) fn manifests(&self) -> impl Iterator<Item = &Path> {
         std::iter::once(&*self.root).chain(self.members.iter().map(PathBuf::as_path))
     }

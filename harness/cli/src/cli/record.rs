@@ -103,7 +103,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// The tests that the runner skipped after a failure, according to its output.
+/// The tests that the runner skipped after a failure, according to the runner's output.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Heard {
     /// The number of skipped tests, if the runner prints it.

@@ -25,7 +25,8 @@ pub(super) struct Args {
 const LENGTH: usize = 4;
 
 /// Returns the names of a run's failures. A name is the beginning of a hash of the check, so a failure has the same
-/// name in each run. All names have the length that makes them distinct.
+/// name in each run. All names have the same length: the smallest length, from [`LENGTH`] on, for which they are
+/// distinct.
 pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     let failed = records.iter().filter(|record| is_failure(record) && command(record).is_some());
     let called = Names::of(records);
@@ -110,8 +111,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if status.success() { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the folder in which a recorded command runs: the project's folder. For `karat test FOLDER` it is the parent
-/// of FOLDER.
+/// Returns the folder in which a recorded command runs: for `karat test FOLDER` the parent of FOLDER, and otherwise the
+/// project's folder.
 fn start(project: &Path, arguments: &[String]) -> PathBuf {
     let named = match arguments {
         [verb, folder, ..] if *verb == "test" && !folder.starts_with('-') => Path::new(folder),

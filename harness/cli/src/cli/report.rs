@@ -413,8 +413,8 @@ fn wrong_place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> 
     told().or_else(|| place(record, root, workspace))
 }
 
-/// Returns the location of the WGSL function, of the test that draws the frame, or otherwise of the golden's
-/// provenance. Paths are relative to the workspace.
+/// Returns the location of the tested WGSL function, or of the test that draws the frame. If the location of this test
+/// is unknown, returns the location of the golden's provenance. Paths are relative to the workspace.
 fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     let located = |location: &str, package| {
         located(location, package, workspace).or_else(|| of_read(location, record, workspace))
@@ -435,9 +435,9 @@ fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
 /// The variables that contain the repository's folder on GitHub, GitLab and Jenkins.
 const WORKSPACES: [&str; 3] = ["GITHUB_WORKSPACE", "CI_PROJECT_DIR", "WORKSPACE"];
 
-/// Returns the folder that paths in reports for CI are relative to. This is the repository's folder, if CI or git names
-/// it and it contains the project. Otherwise it is the project's folder, or the working directory around a folder of
-/// shaders.
+/// Returns the folder that paths in reports for CI are relative to. This is the repository's folder, if CI names a
+/// folder that contains the project, or if git has one. Otherwise it is the working directory if this contains the
+/// project, or else the project's folder.
 fn workspace(root: &Path) -> PathBuf {
     let whole = |folder: &Path| folder.canonicalize().ok();
     let named = WORKSPACES.iter().filter_map(std::env::var_os).filter(|folder| !folder.is_empty());

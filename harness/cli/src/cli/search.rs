@@ -1,8 +1,9 @@
-//! The search for packages, and for their files with tests. Each command that runs, validates or lists shaders uses it.
+//! The search for packages, and for their files with tests. Each command that runs, validates or lists shaders uses
+//! this search.
 //!
 //! - If `--shaders`, `--crate` or a command's folder names a package, this is the only package.
 //! - `metadata.karat.packages` of a Cargo.toml lists the packages in its folder and below. The workspace's list applies
-//!   to all members, a member's list to the member.
+//!   to all members, and a member's list applies only to this member.
 //! - Without such a list, the packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
 //!   members, and the folders that recorded tests used.
 //! - Without Cargo and without a named folder, the package is the folder `shaders`, or otherwise the working directory.
@@ -135,7 +136,7 @@ impl Project {
         anyhow::bail!(none)
     }
 
-    /// Returns the packages of these records, and the packages that are known without records.
+    /// Returns the packages that these records mention, and the packages that Karat finds without records.
     pub(super) fn tested(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
         let used = self.used_by(records, &[]);
         let found = self.search_with(&PackageArgs::default(), &used)?;
@@ -199,8 +200,8 @@ fn is_empty(package: &Package) -> bool {
         && !package.files_beside().unwrap_or_default().iter().any(is_for_karat)
 }
 
-/// Returns the package's folder for a folder without Cargo: its `shaders`, if this has a karat.toml and all modules, or
-/// otherwise the same folder.
+/// Returns the folder of the package that is in a folder without Cargo. This is the subfolder `shaders`, if `shaders`
+/// has a karat.toml and all modules. Otherwise it is the folder itself.
 pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     let shaders = folder.join(SHADERS);
     let declares = |folder: &Path| folder.join(MANIFEST).is_file();
@@ -208,7 +209,7 @@ pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     Ok(if stands { shaders } else { folder.to_owned() })
 }
 
-/// The content of a folder outside of its `shaders`.
+/// The packages and tests in a folder that are outside of its subfolder `shaders`.
 #[derive(Default)]
 struct Outside {
     /// The packages outside of `shaders`: single modules, and folders with modules.

@@ -1,8 +1,8 @@
 //!
 //! `karat suite`: runs the tests of a folder of shaders. `karat test` runs this command as a separate process.
 //!
-//! A separate process is needed for the same reason as Cargo's test programs: if a shader hangs or crashes a driver,
-//! only this process ends. Its output has the format of Rust's test runner.
+//! If a shader hangs or crashes a driver, only the separate process ends, as with a test program of Cargo. The process
+//! prints verdicts in the format of Rust's test runner.
 
 use std::collections::HashMap;
 use std::io::Write;

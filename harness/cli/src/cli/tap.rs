@@ -129,7 +129,8 @@ pub(super) fn find(
     }
 }
 
-/// Returns the path on which a `[[frame]]` is drawn. Refuses options for properties that the frame sets.
+/// Returns the path on which a `[[frame]]` is drawn. Returns an error if an option sets a property that the `[[frame]]`
+/// sets itself.
 pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::Path>> {
     ensure!(
         drawn.size.is_none() && drawn.samples.is_none() && drawn.environment.is_none(),

@@ -68,16 +68,15 @@ pub(super) struct Args {
     package: PackageArgs,
 }
 
-/// The request. The first argument is resolved to a folder or a filter.
+/// The tests that the user asked for. The first argument is either a folder or a filter.
 struct Asked<'a> {
     args: &'a Args,
     /// The folder or file of shaders. If it is set, only the tests beside the shaders run.
     folder: Option<PathBuf>,
     filter: Option<&'a str>,
-    /// The Rust tests that checked a matching function or golden in their last run. The filter matches a part of the
-    /// name.
+    /// The Rust tests that, in their last run, checked a function or golden with a name that contains the filter.
     about: Vec<String>,
-    /// The names of the failed tests, if only these run.
+    /// The names of the failed tests, if only these tests run.
     names: Option<Vec<String>>,
 }
 

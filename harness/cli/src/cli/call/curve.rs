@@ -16,7 +16,7 @@ pub(super) struct Curve {
     pub(super) points: Vec<(f64, f64)>,
 }
 
-/// The number of columns to the left of a curve in a terminal that the curve leaves free.
+/// The number of terminal columns that a plot needs beside its curve.
 const BESIDE: usize = 15;
 const BELOW: usize = 6;
 /// The width of a curve in characters, if there is no terminal.

@@ -90,7 +90,7 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     Ok(if fails { Ending::Bad } else { Ending::Good })
 }
 
-/// Checks if two contents differ in an integer or a boolean. No driver rounds such values.
+/// Checks if two contents differ in an integer or a boolean. Drivers never round integers and booleans.
 fn differ(one: &Content, other: &Content) -> bool {
     let scalars = one.shape.lanes();
     let mut lanes = one.lanes.iter().zip(&other.lanes).zip(&scalars);

@@ -102,8 +102,7 @@ fn class(line: &Line<'_>) -> &'static str {
     }
 }
 
-/// Shows the sides of a line's branches with their counts, and the tests that run the line, each test with its first
-/// input.
+/// Shows each side of a line's branches with its count, and each test that runs the line with the test's first input.
 fn who(line: &Line<'_>) -> Markup {
     let came = line.seen.iter().max_by_key(|seen| seen.tests.len());
     let tests = came.map(|seen| &seen.tests);

@@ -27,8 +27,8 @@ pub(super) struct Seen {
     pub(super) sum: Counted,
     /// `true` if a path that doesn't count statements ran the statement.
     unmeasured: bool,
-    /// The tests that ran the statement. Each test has the number of runs, its first input, and the number of times
-    /// that it took each side of a branch.
+    /// The tests that ran the statement. For each test: the number of times that the test ran the statement, the first
+    /// input, and the number of times that the test took each side of a branch.
     pub(super) tests: BTreeMap<String, Came>,
     variants: BTreeSet<String>,
 }
@@ -53,7 +53,7 @@ pub(super) struct Line<'u> {
     pub(super) seen: Vec<&'u Seen>,
 }
 
-/// The number of lines, of sides of branches and of functions, and the number of each that the tests ran.
+/// The numbers of lines, of branch sides and of functions, and how many of these the tests ran.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub(super) struct Sum {
     pub(super) lines: usize,

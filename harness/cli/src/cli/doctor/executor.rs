@@ -12,7 +12,7 @@ use karat_inspect::conform::{Answer, Answered, conform};
 use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::super::{Ending, Outcome, write_json};
 
-/// Returns the path of a program that KARAT_EXECUTORS names, or otherwise the path of this name.
+/// Returns the path of a program that KARAT_EXECUTORS names, or otherwise the path that has this name.
 fn path(name: &str) -> Result<Path, PathError> {
     if let Some(own) = programs()?.into_iter().find(|path| path.driver() == Some(name)) {
         return Ok(own);

@@ -298,7 +298,8 @@ impl<'p> Trial<'p> {
         by_hand
     }
 
-    /// Returns the lines that an error asks for. The flag is `true` for a feature that switches declarations on or off.
+    /// Returns the lines that an error asks for, each with a flag. The flag is `true` if the line sets a feature that
+    /// switches declarations on or off.
     fn lines_of(&self, error: &ReflectError, mend: Option<Mend>) -> Vec<(Line, bool)> {
         let line = |section, key: &str, value: &str, about| {
             let (key, value) = (key.to_owned(), value.to_owned());

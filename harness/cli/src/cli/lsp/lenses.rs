@@ -29,8 +29,8 @@ pub(super) struct Subjects {
     pub(super) all: Vec<(String, Span)>,
 }
 
-/// The names of the shaders' tests, by function: the tests that check or call the function. A function with `@test` is
-/// its own test.
+/// For each function, the names of the tests beside the shaders that check or call the function. A function with
+/// `@test` is its own test.
 #[derive(Default)]
 struct Tests(BTreeMap<String, BTreeSet<String>>);
 
@@ -94,7 +94,7 @@ pub(super) struct Known<'k> {
     pub(super) verdicts: &'k Verdicts,
     /// `true` while tests run.
     pub(super) busy: bool,
-    /// `true` if one of the runs had all tests.
+    /// `true` if one of the runs included all tests.
     pub(super) whole: bool,
 }
 

@@ -24,7 +24,7 @@ pub(super) struct Lane {
     pub(super) verdicts: Vec<Record>,
 }
 
-/// A message of a process to the rest of the server.
+/// The effect of a message from a process that runs tests.
 pub(super) enum Told {
     Nothing,
     Verdicts,

@@ -25,7 +25,7 @@ pub(super) struct Root {
     records: Vec<Record>,
     /// The records of the last run. `karat replay` finds their failures.
     pub(super) last: Vec<Record>,
-    /// `true` if one of the runs had all tests. If this flag is `true`, a function without a record has no test.
+    /// `true` if one of the runs included all tests. If this flag is `true`, a function without a record has no test.
     whole: bool,
     stamp: Option<Stamp>,
 }
@@ -37,7 +37,7 @@ type Stamp = (String, Option<SystemTime>);
 #[derive(Default)]
 pub(super) struct Verdicts {
     pub(super) current: Vec<Record>,
-    /// The records of files that have changed since their run.
+    /// The outdated records: a file that the verdict depends on has changed since the run.
     pub(super) stale: Vec<Record>,
 }
 

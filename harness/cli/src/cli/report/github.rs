@@ -31,7 +31,7 @@ pub(in crate::cli) fn runs_here() -> bool {
     std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true")
 }
 
-/// A state in which GitHub's runner ignores commands. A random word ends the state.
+/// The random word that makes GitHub's runner obey commands again. `None` if the runner obeys commands already.
 #[derive(Debug, Default)]
 pub(in crate::cli) struct Held(Option<String>);
 

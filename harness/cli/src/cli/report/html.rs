@@ -16,7 +16,7 @@ use super::{Names, Sum, failing, replays, values};
 const STYLE: &str = include_str!("html/report.css");
 const SCRIPT: &str = include_str!("html/report.js");
 
-/// The content of the page, except for the records.
+/// The content that the page shows besides the records.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Beside<'p> {
     /// The functions without a test. `None` if the run skipped tests.
@@ -135,13 +135,13 @@ impl<'r> Row<'r> {
         is_failure(self.record)
     }
 
-    /// Returns the anchor of the row. If the page also shows the record in full, the anchor is there, and the row has
-    /// none.
+    /// Returns the anchor of the row. Returns `None` for a failure: the page shows the full record of a failure
+    /// elsewhere, and the anchor belongs to the full record.
     fn id(&self) -> Option<&str> {
         (!self.fails()).then_some(&self.anchor)
     }
 
-    /// Returns the words that the search finds although the row doesn't show them.
+    /// Returns words that the row doesn't show, but by which the page's search finds the row.
     fn words(&self) -> String {
         let of = |path: &PathRecord| format!("{} {} ", path.adapter, path.asserted);
         self.record.paths.iter().map(of).collect()

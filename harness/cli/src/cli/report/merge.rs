@@ -56,7 +56,7 @@ pub(super) fn merged(parts: &[Recorded]) -> Recorded {
     Recorded { folder: PathBuf::from(folders.join(", ")), records, run }
 }
 
-/// Returns a sentence for each part with missing tests.
+/// Returns a sentence for each part that lacks tests, or may lack tests, because its runner stopped after a failure.
 pub(super) fn missing(parts: &[Recorded]) -> Vec<String> {
     let of = |part: &Recorded| {
         let (folder, run) = (part.folder.display(), part.run.as_ref()?);

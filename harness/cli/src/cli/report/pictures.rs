@@ -89,7 +89,7 @@ fn is_during(written: SystemTime, time: &Time) -> bool {
     bounds().is_some_and(|bounds| bounds.contains(&written))
 }
 
-/// Writes the pictures of a frame, and returns the written ones by name. For a record without a time there are no
+/// Writes the pictures of a frame, and returns the written pictures by name. For a record without a time there are no
 /// pictures, because the pending frame may belong to another run.
 pub(super) fn write(
     record: &Record,

@@ -29,14 +29,14 @@ pub(in crate::cli) struct Sum {
     remarks: Vec<String>,
 }
 
-/// Returns the first of some names, in one line.
+/// Formats the first few of these names in one line.
 fn first(names: &[String]) -> String {
     let names: Vec<_> = names.iter().map(|name| one_line(name)).collect();
     some(&names.iter().map(|name| &**name).collect::<Vec<&str>>())
 }
 
-/// Counts the checks that the sanitizer didn't check completely: of compute passes, and of draws that write storage.
-/// Adds the first reason; the records have the other reasons.
+/// Returns a remark with the number of checks that the sanitizer didn't examine completely. These are checks of compute
+/// passes, and of draws that write storage. The remark has the first reason; the records have the other reasons.
 fn unwatched(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let reasons =

@@ -256,7 +256,8 @@ fn allowance(allowance: &Allowance) -> String {
     }
 }
 
-/// Writes the number of tolerances that another driver may exceed.
+/// Writes the number of passing checks whose tolerance is below the errors that WGSL allows. Such a check may fail on
+/// another driver.
 fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
     // The errors of a wrong shader don't help to judge its tolerance.
     let passes = |record: &&&Record| record.verdict == Verdict::Pass;

@@ -3,8 +3,8 @@
 //!
 //! If a Rust file changed, Cargo builds the test programs. If shaders changed, the programs run without a build. An
 //! edit affects a test if it changes a shader program that the test linked in its last run, or a file that the test
-//! read. Test programs end after each run: Rust's test runner ends with its tests, and a test that waits halfway would
-//! have old contents of files.
+//! read. Test programs end after each run: Rust's test runner ends with its tests, and a test that waited halfway for
+//! the next run would have old contents of files.
 
 pub(in crate::cli) mod libtest;
 pub(in crate::cli) mod programs;
@@ -95,7 +95,7 @@ struct Tests {
     /// The tests, by their displayed names.
     made: HashMap<String, Made>,
     ran: HashSet<String>,
-    /// The tests with frames that this process doesn't draw. The value is `true` if they passed.
+    /// The tests with frames that this process doesn't draw. The value is `true` if the test passed.
     left_out: HashMap<String, bool>,
     latest: Latest,
     /// The changed files that no known test reads, with their state at the last edit.

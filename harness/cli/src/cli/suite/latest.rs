@@ -51,8 +51,8 @@ impl Latest {
         drop(OpenOptions::new().write(true).open(file).and_then(|file| file.set_len(0)));
     }
 
-    /// Returns the present state of the files that the records depend on. Considers only files with the names of
-    /// `changed` files, or all files if `changed` is empty.
+    /// Returns the present state of the files that the records depend on. If all `changed` paths are files, considers
+    /// only files with the same names. If `changed` is empty or contains a folder, considers all files.
     pub(super) fn files(&self, changed: &[PathBuf]) -> HashMap<PathBuf, FileRead> {
         let names: BTreeSet<&OsStr> = changed.iter().filter_map(|file| file.file_name()).collect();
         // A new or removed folder may contain any file.

@@ -162,7 +162,8 @@ impl Whole {
         Ok(Self { project, found })
     }
 
-    /// Returns `false` for an undeclared folder that no test uses. Modules of such a folder don't make a run fail.
+    /// Returns `false` for a folder that no manifest declares and no test uses. Modules of such a folder don't make a
+    /// run fail.
     fn is_judged(&self, suite: &Suite) -> bool {
         let is_used =
             || self.found.place().is_some_and(|place| self.project.recorded().contains(&place));

@@ -5,8 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// The progress of a run. The bar needs the number of tests. This number is known if the last run had the same tests.
-/// Test programs print their counts one after the other, so a bar of the counts so far would go backwards.
+/// The progress of a run. The bar needs the number of all tests. Karat knows this number if the last run selected the
+/// same tests. Each test program prints its own number only when it starts, so a bar that used the sum of these numbers
+/// would jump backwards.
 pub(super) struct Progress {
     line: Line,
     done: u64,

@@ -56,7 +56,7 @@ fn ratio(row: &[f64]) -> f64 {
 }
 
 /// Returns the arguments, each with the share of the errors' variance that it explains. The largest share comes first.
-/// The variance is that of the errors' logarithms.
+/// The variance is that of the logarithms of the errors, not of the errors.
 fn by_weight(plot: &Plot) -> Vec<(usize, f64)> {
     let errors: Vec<f64> = plot.rows.iter().map(|row| ratio(row).ln()).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;

@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use cargo_metadata::{Artifact, Message};
 use karat::unstable::process;
 
-/// The endings of the files that Cargo builds from.
+/// The extensions of the files that a build by Cargo reads.
 const BUILT: [&str; 3] = ["rs", "toml", "lock"];
 
 /// A test program that uses Rust's test runner.
@@ -60,7 +60,7 @@ impl Programs {
         self.programs.iter()
     }
 
-    /// Checks if Cargo builds from a file.
+    /// Checks if a build by Cargo reads a file.
     pub(super) fn builds(&self, file: &Path) -> bool {
         let ending = file.extension().unwrap_or_default();
         BUILT.iter().any(|known| ending == *known) || self.sources.contains(file)
