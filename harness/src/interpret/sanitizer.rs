@@ -442,7 +442,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     } else if examining.together && is_behind(&race.first, &race.second) {
         format!(
             "the second access is in a later iteration of the loop or in a later call. A barrier between the two lines orders \
-             the accesses of one round or call: put a `{barrier}()` at the end of the loop or of the function, too"
+             the accesses of one iteration or call: put a `{barrier}()` at the end of the loop or of the function, too"
         )
     } else {
         format!(

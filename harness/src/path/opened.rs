@@ -52,7 +52,7 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     }
     if path.via().is_arithmetic() {
         let message = format!(
-            "only path `cpu:{}` has this arithmetic, because drivers use their own",
+            "only the path `cpu:{}` has this arithmetic: a driver's arithmetic can't be changed",
             path.via()
         );
         return Err(PathError::Route { path, message });

@@ -77,12 +77,13 @@ impl Page {
         let targets = found["targetInfos"].as_array().into_iter().flatten();
         let mut pages = targets.filter(|target| target["type"] == "page");
         let target = pages.next().map(|page| page["targetId"].clone());
-        let target = target.ok_or_else(|| Broken::Start("the browser opens no page".to_owned()))?;
+        let target =
+            target.ok_or_else(|| Broken::Start("the browser didn't open a page".to_owned()))?;
         page.call("Target.attachToTarget", &json!({ "targetId": target, "flatten": true }))?;
         let attached = page.answer(patience)?;
         let session = attached["sessionId"].as_str();
         let session =
-            session.ok_or_else(|| Broken::Start("the browser opens no session".to_owned()))?;
+            session.ok_or_else(|| Broken::Start("the browser didn't open a session".to_owned()))?;
         page.session = session.to_owned();
         page.load(patience)?;
         page.evaluate(script)?;
