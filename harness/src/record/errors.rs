@@ -10,8 +10,8 @@ pub struct Errors {
     /// Number of cases without any error.
     pub exact: u64,
     /// Number of cases for each power of two. The ratio of a case is its error divided by its tolerance. The case
-    /// counts for the smallest power of two that isn't below this ratio. Powers above 20 count as 20, and powers below
-    /// -20 as -20.
+    /// counts for the smallest power of two that isn't below this ratio. Powers above 20 count as 20. Powers below -20
+    /// count as -20.
     pub powers: BTreeMap<i32, u64>,
     /// Number of cases in which the error is infinite or NaN.
     pub not_finite: u64,
