@@ -1033,7 +1033,7 @@ mod planted {
         let file = ["--shaders", "shaders/maths.wgsl", "--only", "blend"];
         let columns = ["--columns", "vulkan,vulkan:wgsl"];
         let ran = karat(folder.path(), &[&["matrix"], &file[..], &columns[..]].concat()).good();
-        assert!(ran.contains("not checked: 1 declared failures"), "{ran}");
+        assert!(ran.contains("not checked: declared failures on"), "{ran}");
     }
 
     /// It is an error if a declared difference doesn't occur, or names a row that doesn't exist.
