@@ -566,8 +566,7 @@ impl Program {
                     ));
                 }
                 if count > options.most_turns {
-                    stopped =
-                        Some(Stop::Misuse("the invocations took more turns than Karat tries"));
+                    stopped = Some(Stop::Misuse("the invocations need more turns than Karat runs"));
                     break;
                 }
                 let number = room_of[&actor.unit];

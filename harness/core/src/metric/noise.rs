@@ -302,8 +302,7 @@ impl Metric for Noise<'_> {
             let note = Some("single pixels differ by more than their noise allows".to_owned());
             return Measured { place: Some(scattered), note, ..Measured::of(scatter) };
         }
-        let note =
-            format!("z is {z:.2}; with noise alone, z exceeds {critical:.2} in one frame of 100");
+        let note = format!("z-score {z:.2}; noise alone exceeds {critical:.2} in one frame of 100");
         Measured { place: (z > 0.0).then_some(place), note: Some(note), ..Measured::of(mean) }
     }
 }
