@@ -353,8 +353,8 @@ pub(crate) struct Frame {
     pub(crate) keys: Keys,
 }
 
-/// The positions of a test's keys in the file. `Debug` doesn't print them, because moving a test doesn't change its
-/// verdict.
+/// The positions of a test's keys in the file. `Debug` doesn't print the positions: Karat compares the `Debug` texts of
+/// tests to find changed tests, and a test that only moved in its file hasn't changed.
 #[derive(Clone, Default)]
 pub(crate) struct Keys(BTreeMap<String, Span>);
 

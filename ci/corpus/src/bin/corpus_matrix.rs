@@ -43,7 +43,8 @@ struct Sum {
     error: Option<String>,
 }
 
-/// The arguments after the list's name, for the process that computes the matrix of one crate.
+/// The command-line arguments of a process that computes the matrix of one crate. They follow the name of the list of
+/// crates.
 struct One {
     index: usize,
     journal: PathBuf,

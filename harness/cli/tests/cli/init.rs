@@ -113,8 +113,8 @@ fn a_first_test_is_written_and_passes() {
     assert!(!read("shaders/brdf.test.toml").contains("finite"));
 }
 
-/// If a project has Rust tests, `karat init` writes a test only for a function that no Rust test checks. The record of
-/// the last run of the Rust tests stays.
+/// If a project has Rust tests, `karat init` writes a test only for a function that no Rust test checks. `karat
+/// init` doesn't delete the records of the Rust tests' last run.
 #[test]
 fn init_skips_functions_that_rust_tests_check() {
     let folder = tempfile::tempdir().expect("a temporary folder");

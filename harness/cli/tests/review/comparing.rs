@@ -45,7 +45,8 @@ fn gain(browser: &mut Browser, tab: &Tab) -> Value {
     )
 }
 
-/// Each frame has its own gain. With the gain of another frame, the frame would be black or pale.
+/// Each frame has its own gain: the factor by which the page multiplies the differences. With the gain of another frame,
+/// the differences would be black or pale.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn each_frame_has_its_own_gain() {

@@ -333,7 +333,7 @@ impl Matrix {
         }
     }
 
-    /// Checks that every row reaches a status on a column. Functions that no kernel can call don't count.
+    /// Checks that every row has at least this status in a column. Functions that no kernel can call don't count.
     ///
     /// # Panics
     /// Panics if a row doesn't reach the status, if the column doesn't exist, or if the matrix has no row.
