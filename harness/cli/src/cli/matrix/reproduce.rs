@@ -181,7 +181,7 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
             let place = first.location.as_ref().map_or_else(String::new, |at| format!(" at {at}"));
             writeln!(
                 text,
-                "\nThe first value that differs is `{}`{place}: {} on this column, {} on the other column.{}",
+                "\nThe first value that differs is `{}`{place}: {} in this column of the matrix, {} in the column with which Karat compares it.{}",
                 first.name,
                 first.here,
                 first.there,
