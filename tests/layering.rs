@@ -40,7 +40,7 @@ fn the_reciprocal_weight_is_reciprocal() {
         .invariant_under(|(v, l)| (l, v), Ulp(0.0));
 }
 
-/// The function has three roundings of positive terms, and the rounding of 1 - mask.
+/// The tolerance covers three roundings of positive terms, and the rounding of 1 - mask.
 #[test]
 fn masked_base() {
     PBR.function("layering::masked_base")

@@ -115,7 +115,8 @@ fn an_integral_above_its_bound() {
     disagreement(integral().unrecorded().try_is_at_most(|_| 0.25_f64.next_down(), 0.0));
 }
 
-/// The integral has 100,000 nodes in two dispatches. One node gives NaN or an infinity, with any weight.
+/// The integral has 100,000 nodes in two dispatches. The function returns NaN or an infinity at one node. The check fails
+/// for positive and negative weights, and for the weight 0.
 // Lesson 5
 #[test]
 fn one_bad_node_of_an_integral() {

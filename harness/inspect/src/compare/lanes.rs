@@ -21,7 +21,7 @@ pub(super) struct Shared {
     pub(super) own: Vec<u32>,
 }
 
-/// Lanes, each with a key and a type. The key is the lane's attribute and component, such as `@location(0).x`, or the
+/// The key and the type of each lane. The key is the lane's attribute and component, such as `@location(0).x`, or the
 /// lane's name and component if the lane has no attribute.
 type Keyed = Vec<(String, Scalar)>;
 
