@@ -85,7 +85,8 @@ impl Prepared for Ready {
         4096
     }
 
-    /// Computes `(3 x) (3 x)`, or the value of one of its `let`s.
+    /// Computes the WGSL function `f`, which returns `(3 x) (3 x)`. If a probe reads a `let` of `f`, computes the value
+    /// of this `let`.
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
         let is_of = |binding: &str| self.name.contains(&format!("karat_let = {binding};"));
         let (same, thrice) = (is_of("same"), is_of("thrice"));

@@ -1,9 +1,9 @@
 //! Domains: the sets from which Karat samples the arguments of functions.
 //!
-//! A domain is closed: it includes its ends. Karat samples edges more often than other values (ends, their neighbours,
-//! points at a logarithmic distance from the ends, poles, axes). A domain is seeded: the value of case *i* depends only
-//! on the seed and on *i*, so any case can be sampled again without the cases before it. A finite domain ([`Just`],
-//! [`Grid`], [`OneOf`] and products of them) is enumerated completely.
+//! A domain is closed: it includes its ends. Karat samples edges (ends, their neighbours, points at a logarithmic
+//! distance from the ends, poles, axes) more often than other values. A domain is seeded: the value of case *i* depends
+//! only on the seed and on *i*, so any case can be sampled again without the cases before it. A finite domain
+//! ([`Just`], [`Grid`], [`OneOf`] and products of them) is enumerated completely.
 //!
 //! In one of eight sampled tuples, two components of the same type are tied: one component becomes equal or opposite to
 //! the other component, or close to the equal or the opposite value. Functions of two directions often fail for tied

@@ -98,7 +98,7 @@ pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, Strin
     }
 }
 
-/// The number that an author means by a decimal in a table, in `equals` or in `at_most`, for results of this type.
+/// The expected number for a decimal in a test file or its table, as `f64`. `scalar` is the type of the results.
 ///
 /// A decimal that Karat would print for an `f32` means exactly this `f32`: `0.3` is the value that `return 0.3;`
 /// returns. A decimal with more digits, such as `0.3333333333333333`, is exact, and the tolerance applies to it. If
