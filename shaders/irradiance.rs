@@ -61,8 +61,8 @@ pub fn loop_corrected(n: DVec3, radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
     terms.sum()
 }
 
-/// Computes the weighted mean of L with weights cos sin, at the centres of `phi_steps` by `theta_steps` equal steps of
-/// azimuth and polar angle.
+/// Computes the weighted mean of L with the weights cos(theta) sin(theta), at the centres of `phi_steps` by
+/// `theta_steps` equal steps of azimuth and polar angle.
 #[must_use]
 pub fn midpoint(
     n: DVec3,

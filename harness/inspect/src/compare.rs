@@ -544,7 +544,7 @@ impl Request {
                 unjudged(format!("before the edit: {}", was.unwrap_or_default()))
             }
             Pair::Hidden(open) => unjudged(format!(
-                "the function has {} features, and Karat sees no difference with none, one, two or all of the features on: turn on the features of the edit with --feature",
+                "the module has {} features, and with none, one, two or all of them both versions are the same: turn on the features that the edited code needs with --feature",
                 open.len()
             )),
         }

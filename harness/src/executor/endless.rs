@@ -111,7 +111,7 @@ fn unwatched(device: &Device, of: &str, error: &ProbeError) -> ProbeError {
     let driver = &device.adapter().name;
     let message = format!(
         "{of} has a loop without a visible bound. {driver} silently stops loops after {MOST_ROUNDS} iterations. \
-         Karat's engine could count the rounds, but can't run {of}: {error}"
+         Karat's engine could count the iterations, but can't run {of}: {error}"
     );
     PathError::Route { path: device.path(), message }.into()
 }

@@ -19,8 +19,8 @@
 
 use toml::Value;
 
-/// The largest number of elements of a generated array, and of workgroups: 2^22 `u32`s take 16 MiB, and larger arrays
-/// take minutes.
+/// The largest number of elements of a generated array, and the largest generated number of workgroups. 2^22 `u32`s
+/// take 16 MiB. With larger arrays, a run takes minutes.
 pub const MOST_ELEMENTS: u32 = 1 << 22;
 
 /// The values that a declared input may have.

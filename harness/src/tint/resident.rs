@@ -47,9 +47,10 @@ impl Asked {
                 Self::Browser(Page::open(program, START, (&script, LONGEST))?)
             }
             Kind::Program(_) => {
-                return Err(
-                    Broken::Start("this program answers only one question".to_owned()).into()
-                );
+                return Err(Broken::Start(
+                    "the program `tint` can't keep running: it checks one text and ends".to_owned(),
+                )
+                .into());
             }
         })
     }

@@ -77,8 +77,8 @@ fn a_closed_pipe_does_not_change_the_exit_code() {
     }
 }
 
-/// If nobody reads their output, commands that change files still change these files, and report the result by their
-/// exit code.
+/// If no program reads their output, commands that change files still change these files, and report the result by
+/// their exit code.
 // Lesson 57
 #[test]
 fn a_closed_pipe_does_not_stop_a_command() {

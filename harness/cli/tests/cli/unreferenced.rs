@@ -119,7 +119,7 @@ fn without_evidence_there_is_no_verdict() {
     let overlaid = all[0].replace("\"message\"", "\"overlay\":\"mutants\",\"message\"");
     record(&project, &[overlaid], Some((&[], true)));
     let error = karat(folder, &["unreferenced", "--delete"]).failure(3);
-    assert!(error.contains("the last run replaced files by KARAT_OVERLAY=mutants"), "{error}");
+    assert!(error.contains("files of KARAT_OVERLAY=mutants replaced shaders"), "{error}");
     let record_folder = record(&project, &["not a record\n".to_owned()], Some((&[], true)));
     let error = karat(folder, &["unreferenced"]).error();
     assert!(error.contains("1.jsonl` line 1 isn't a record of version 5"), "{error}");

@@ -55,7 +55,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
             return Some(format!(
-                "`{shown}` is missing: the provenance of `{image}` belongs into this file"
+                "`{shown}` is missing: this file must contain the provenance of `{image}`"
             ));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
