@@ -232,7 +232,10 @@ fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
         return Err(none(format!("the last run ran only some tests (`{selected}`)")).into());
     }
     if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
-        return Err(none(format!("in the last run, files of KARAT_OVERLAY={overlay} replaced shaders")).into());
+        return Err(none(format!(
+            "in the last run, files of KARAT_OVERLAY={overlay} replaced shaders"
+        ))
+        .into());
     }
     if !run.passed {
         let why = "a test failed in the last run, so Karat doesn't know which goldens the test would have \
