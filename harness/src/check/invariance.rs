@@ -1,5 +1,5 @@
-//! The verbs `invariant_under` and `scales_under`. They check that results stay the same, or change by a known
-//! factor, when the arguments are transformed.
+//! The verbs `invariant_under` and `scales_under`. These verbs transform the arguments, and check that the result stays
+//! the same or changes by a known factor.
 
 use super::batch::Batch;
 use super::demand::Demand;
@@ -144,7 +144,7 @@ fn words<V: Arguments>(transform: impl Fn(V) -> V + Sync) -> impl Fn(&[u32], &mu
     move |row, lanes| transform(V::load_all(&mut row.iter())).store_all(lanes)
 }
 
-/// The note beside `returned` for `scales_under`.
+/// The note that a report of `scales_under` prints beside the returned value.
 const SCALED: &str = "returned for the arguments with a prime; expected: the result for the arguments without a prime, times the factor";
 
 impl Plan<'_> {

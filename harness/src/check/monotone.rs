@@ -50,8 +50,8 @@ impl fmt::Display for Trend {
 /// the range.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
-/// The largest number of attempts to sample a value that differs from the first value. A domain may be a list
-/// of only two values.
+/// The largest number of attempts to sample a second value that differs from the case's own value. If the domain is a
+/// list of two values, about half of the attempts give the case's own value again.
 const PATIENCE: u32 = 64;
 
 const NAME: &str = "is_monotone_in";
@@ -228,7 +228,8 @@ impl Companion for Other<'_> {
         self.domain.admits(&self.replaced(arguments, companion[0]))
     }
 
-    /// Returns simpler second values: the domain's edges, and the domain's simplifications of this value.
+    /// Returns simpler second values than `companion`: edges of the domain, and the domain's simplifications of
+    /// `companion`.
     fn shrink(&self, arguments: &[u32], companion: &[u32]) -> Vec<Vec<u32>> {
         let other = companion[0];
         let weight = |word: u32| match self.argument.scalar {

@@ -1,4 +1,4 @@
-//! The judgements of all cases on a path, with the failing cases that a report shows.
+//! The sum of the judgements of all cases on a path, with the failing cases that a report shows.
 
 use super::called::Called;
 use super::sample::Sample;
@@ -7,7 +7,7 @@ use crate::judge::{Shown, Tally};
 use crate::path::{Adapter, Path};
 use crate::record::{Allowance, PathRecord};
 
-/// The judgements of one path's cases, summed up, and the failing cases that a report shows.
+/// The number of cases and failures on one path, the worst error, and the failing cases that a report shows.
 pub(super) struct PathTally {
     pub(super) adapter: Adapter,
     pub(super) path: Path,

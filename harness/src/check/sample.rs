@@ -9,7 +9,7 @@ use crate::value::{Scalar, Shape};
 /// The number of cases in a distribution or a plot: enough for a map of 20 by 20 cells.
 const CASES: usize = 512;
 
-/// Some cases with their ratios. A ratio is an error divided by its bound.
+/// Some cases with their ratios. A ratio is an error divided by its tolerance.
 #[derive(Clone, Debug)]
 pub(super) struct Sample {
     names: Vec<String>,
@@ -22,8 +22,8 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Selects the cases to keep. In the first sampled batch, these are all failing cases, and some other cases
-    /// if Karat writes a record.
+    /// Selects the cases to keep: all failing cases of the first sampled batch, and if Karat writes a record, about
+    /// `CASES` more cases of this batch. Keeps no case of other batches.
     pub(super) fn picked(batch: &Batch) -> Picked {
         if !batch.is_drawn || batch.first != 0 {
             return Picked::default();

@@ -30,7 +30,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// If an element differs, or the golden doesn't exist.
+    /// Panics if an element differs, or the golden doesn't exist.
     #[track_caller]
     pub fn matches(
         self,
@@ -41,10 +41,10 @@ impl After<'_> {
         or_panic(self.try_matches(goldens, case, tolerance))
     }
 
-    /// Like [`matches`](Self::matches), but returns an error instead of panicking.
+    /// Runs [`matches`](Self::matches), but returns the error instead of panicking.
     ///
     /// # Errors
-    /// If an element differs, or the golden doesn't exist.
+    /// Returns an error if an element differs, or the golden doesn't exist.
     #[track_caller]
     pub fn try_matches(
         self,
