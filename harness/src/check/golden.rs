@@ -37,9 +37,9 @@ impl<V> Check<'_, Calls<V>> {
     /// and results.
     ///
     /// The golden's arguments are the domain's first 256 cases, or all values of a finite domain that has at most 1,024
-    /// values. [`cases`](Self::cases) sets another number. The arguments depend on the golden's name, not on the test's
-    /// name. If the domain's arguments differ from the golden's arguments, the check fails until you accept the new
-    /// values.
+    /// values. To set another number, call [`cases`](Self::cases). The arguments depend on the golden's name, not on
+    /// the test's name. If the domain's arguments differ from the golden's arguments, the check fails until you accept
+    /// the new values.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};

@@ -18,8 +18,8 @@ type Ends = [Vec<u32>; 2];
 
 impl Session<'_> {
     /// Tries to prove that the statement holds for each result that WGSL allows, for all arguments of the domain. The
-    /// proof halves boxes of arguments until the statement holds for each box. If the function finds no proof, it
-    /// returns `false`, although the statement may hold. If the function reads a resource, returns `false`.
+    /// proof halves boxes of arguments until the statement holds for each box. `false` means that Karat found no proof.
+    /// The statement may still hold. If the tested function reads a resource, Karat doesn't look for a proof.
     pub(super) fn is_proved(&self, holds: &dyn Fn(&[Bound]) -> bool) -> bool {
         if self.is_replay() || !self.called.function().bindings.is_empty() {
             return false;

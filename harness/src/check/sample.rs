@@ -16,8 +16,8 @@ pub(super) struct Sample {
     scalars: Vec<Scalar>,
     rows: Vec<Vec<u32>>,
     ratios: Vec<f64>,
-    /// The number of cases that Karat picked independently of their errors. The worst case and the first
-    /// failing case follow these cases.
+    /// The number of cases that Karat picked independently of their errors. In `rows` and `ratios`, the worst case and
+    /// the first failing case follow these cases.
     chosen: usize,
 }
 

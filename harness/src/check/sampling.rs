@@ -45,7 +45,8 @@ const ENUMERATED: u64 = 4096;
 /// only one of 10^9 runs.
 const SAMPLES: u64 = 1 << 18;
 
-/// The default probability that a check rejects a correct sampler, for one seed. Mitsuba uses the same value.
+/// The default probability that a check rejects a correct sampler, for one seed. The tests of the renderer Mitsuba use
+/// the same value.
 const SIGNIFICANCE: f64 = 0.01;
 
 /// The default limit for the difference between a density's integral and 1. Karat adds the quadrature's error to this
@@ -156,10 +157,9 @@ where
         self
     }
 
-    /// Sets the probability that the check, with all its configurations, rejects a correct sampler. The default
-    /// is 1 %. The seed is fixed, so every run gives the same verdict. If the check rejects your sampler, try
-    /// ten times as many samples. If the sampler then passes, choose other random numbers with
-    /// [`seed`](Self::seed).
+    /// Sets the probability that the check, with all its configurations, rejects a correct sampler. The default is 1 %.
+    /// The seed is fixed, so every run gives the same verdict. If the check rejects your sampler, try ten times as many
+    /// samples. If the sampler then passes, the rejection was chance: choose another [`seed`](Self::seed).
     ///
     /// ```
     /// # use karat::prelude::*;

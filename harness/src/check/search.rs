@@ -10,7 +10,7 @@ use super::session::Session;
 use crate::probe::Inputs;
 use crate::value::Scalar;
 
-/// The number of cases that a search examines first. Each round of the search begins at the `FOLLOWED` rows of
+/// The largest number of cases that a search examines first. Each round of the search begins at the `FOLLOWED` rows of
 /// arguments with results nearest to the excluded value.
 const LOOKED_AT: u64 = 4096;
 const FOLLOWED: usize = 8;
@@ -25,7 +25,7 @@ const SIMPLER: usize = 64;
 
 impl Session<'_> {
     /// Returns the simplest failing arguments that the search finds. `None` if the search finds no failing arguments,
-    /// or if the domain has no test for whether it contains given arguments.
+    /// or if Karat can't check whether the domain contains given arguments.
     pub(super) fn search(&self, goal: &Goal<'_>) -> Result<Option<Vec<u32>>, Failure> {
         let width = self.stream.width();
         let Some(distance) = goal.distance else { return Ok(None) };

@@ -153,8 +153,8 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Makes the check run the inputs of earlier failures again, and remember new failing inputs. A check with
-    /// a single case and without arguments remembers nothing.
+    /// Makes the check run the inputs of earlier failures again, and remember new failing inputs. A check of a function
+    /// without arguments has a single case, so the check remembers nothing.
     pub(super) fn remembering(self, memory: Option<&'a Memory>) -> Self {
         // Cases of integrals may have a width of 0 words.
         let memory = memory.filter(|_| self.stream.width() > 0 || self.count() > 1);
@@ -178,8 +178,7 @@ impl<'a> Session<'a> {
         self.cases.count
     }
 
-    /// The path, if the environment variables can select it. `None` for an executor that the test's author
-    /// supplies.
+    /// The path, if environment variables can select the path. `None` if the test's author supplies the executor.
     pub(super) fn selectable(&self) -> Option<Path> {
         (!self.own_executors).then_some(self.called.path)
     }
@@ -314,8 +313,8 @@ impl<'a> Session<'a> {
         Ok(sum)
     }
 
-    /// Returns an error if the kernel has the arguments as constants, but WGSL can't write an edge of the domain as a
-    /// constant. Without this test, the error would occur only in runs that sample this edge.
+    /// Returns an error if the kernel contains the arguments as constants, but WGSL can't write an edge of the domain
+    /// as a constant. Without this test, the error would occur only in runs that sample this edge.
     fn expect_constants(&self) -> Result<(), Failure> {
         if self.inputs != Inputs::Constant {
             return Ok(());

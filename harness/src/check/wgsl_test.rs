@@ -32,7 +32,7 @@ pub struct WgslTest {
     /// The text of the test and of everything that the test uses, without comments and white space.
     normalized_text: Option<String>,
     /// The names and types of the parameters as the author wrote them. `None` if a type's name, such as that of a
-    /// structure, is unknown in other modules.
+    /// structure, may have another meaning in other modules.
     written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,

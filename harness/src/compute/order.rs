@@ -46,9 +46,9 @@ pub struct OrderDependence {
     pub assertion: String,
     /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
-    /// The position `file:line:column` of the first operation that returns another value than in the usual order. If
-    /// there is no such operation, the position of the entry point of the pass that this order changes, or of the last
-    /// pass.
+    /// The position `file:line:column` of the late store that `turns` describes. If there is no late store, the first
+    /// operation that returns another value than in the usual order. If there is no such operation either, the entry
+    /// point of the last pass that runs in another order.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
@@ -164,7 +164,8 @@ impl After<'_> {
     }
 
     /// Runs the passes in the engine, in one order after another. In each order, the test must accept every violation,
-    /// and the assertion must hold. This function doesn't report failures in the usual order: its callers do.
+    /// and the assertion must hold. If the assertion fails in the usual order, the callers of this function report the
+    /// failure.
     pub(super) fn expect_each_order(
         &self,
         assertion: Option<(&Assertion<'_>, &Part, &Shape)>,

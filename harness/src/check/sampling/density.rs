@@ -29,9 +29,9 @@ where
     /// each other within a cell. The test also misses a spike of the density that no sample and no quadrature node
     /// hits. To find such errors, also compare the density with a reference.
     ///
-    /// The density's integral must be 1. With [`may_leave_support`](Self::may_leave_support) the integral may
-    /// be less than 1. Then the share of samples outside the support must be 1 minus the integral. If the
-    /// density of a single sample is 0, the check fails.
+    /// The density's integral must be 1. With [`may_leave_support`](Self::may_leave_support) the integral may be less
+    /// than 1. Then the share of samples outside the support must be 1 minus the integral. If the density is 0 at even
+    /// one sample, the check fails.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};

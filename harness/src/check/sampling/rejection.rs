@@ -118,7 +118,7 @@ pub struct ConfigurationRejection {
     pub configuration: String,
     /// The reasons to reject the configuration's samples.
     pub findings: Vec<Finding>,
-    /// Additional facts: the density's integral, the worst cells.
+    /// Additional facts, such as the density's integral and the worst cells.
     pub notes: Vec<(&'static str, String)>,
     /// The files of the pictures. Each picture shows the observed counts, the expected counts and their difference.
     pub pictures: Vec<PathBuf>,
@@ -147,7 +147,7 @@ pub enum Finding {
         /// The first call with this fault, as text.
         call: String,
     },
-    /// A sample isn't a unit vector, although the support contains directions.
+    /// Some samples aren't unit vectors, although the points of the support are directions.
     NotUnit {
         /// The number of samples with this fault.
         count: u64,
