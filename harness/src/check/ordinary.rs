@@ -187,7 +187,7 @@ impl<V> Check<'_, Calls<V>> {
 }
 
 impl Plan<'_> {
-    /// The tested function. The function's result includes the values that the function writes.
+    /// The tested function. If the function writes resources, its result also contains the contents of these resources.
     pub(super) fn function(&self) -> Result<Function, Failure> {
         let probe = &self.probe;
         let mut probed = Probed::in_valid(probe.package, &probe.name, &probe.overrides)?;
