@@ -377,7 +377,6 @@ impl Interpreted {
     }
 }
 
-/// Lowers a function without its resources.
 fn lowered(probed: &Probed, settings: &Settings) -> Result<Lowered, ProbeError> {
     let Probed { program, function, .. } = probed;
     let settings = Settings { quads: function.form.fragment, ..settings.clone() };
@@ -560,8 +559,8 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
 }
 
 /// Checks if nested loops reached the limit of iterations only together, so that each of them may end: the stopped loop
-/// ran fewer than 1/16 of the counted iterations. An endless loop is still recognised as endless, if inner loops run at
-/// most 15 times in each of its iterations.
+/// ran fewer than 1/16 of the counted iterations. Karat still finds an endless loop, if each of its iterations has at
+/// most 15 iterations of inner loops.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

@@ -258,8 +258,7 @@ impl Print<String> {
         }
     }
 
-    /// The table of a printing line: the number of values, the smallest and the largest value, and the first `most`
-    /// values.
+    /// The table of a printing line: the number of values, the smallest, the largest and the first `most` values.
     fn table(&self, most: usize) -> String {
         let Self { span, text, shape, count, nans, .. } = self;
         let times = counted(usize::try_from(*count).unwrap_or(usize::MAX), "value");
@@ -302,8 +301,7 @@ impl Assertion {
         self.first.or(self.outside)
     }
 
-    /// A note for an assertion that no case reaches, and that therefore proves nothing; `None` if a case reaches the
-    /// assertion.
+    /// A note if no case reaches the assertion, because such an assertion proves nothing.
     fn unreached(&self) -> Option<String> {
         let Self { span, text, count, .. } = self;
         (*count == 0).then(|| format!("note: {span}: no case reaches the assertion `{text}`\n"))

@@ -210,8 +210,7 @@ impl Coverage {
         lines
     }
 
-    /// The positions where an index was outside of its array in this version of the shader, but not in the version
-    /// `other`.
+    /// The positions where an index was outside of its array in this version, but not in the version `other`.
     pub fn outside_beside(&self, other: &Self) -> Vec<Span> {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }

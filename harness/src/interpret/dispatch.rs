@@ -60,8 +60,7 @@ pub(super) fn lowered(pass: &Pass, settings: &Settings) -> Result<Lowered, Dispa
 /// A function that runs one pass, and changes its resources. It returns `false` if later passes must not run.
 type Run<'r> = &'r mut dyn FnMut(&Pass, &Lowered, &mut Resources) -> Result<bool, Stop>;
 
-/// Runs passes one after another with `run`, and returns all resources. Each resource has the group 0, and its own
-/// number as the binding.
+/// Runs passes one after another with `run`, and returns all resources. A resource's binding in group 0 is its number.
 pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, DispatchError> {
     Prepared::new(passes, &Settings::default())?.run(run)
 }
@@ -70,7 +69,7 @@ pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, Dispa
 pub(super) struct Prepared<'p> {
     pub(super) passes: &'p Passes,
     lowered: Arc<[Lowered]>,
-    /// The resources before the first pass. Each has the group 0, and its own number as the binding.
+    /// The resources before the first pass. A resource's binding in group 0 is its number.
     resources: Resources,
 }
 

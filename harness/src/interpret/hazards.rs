@@ -292,8 +292,8 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// The lanes and sites where double precision can't show which digits are lost. There, one operand was computed by an
-/// operation that [`absorbs`] a number, and the operation itself meets [`is_blind`].
+/// The lanes and sites where double precision can't show which digits are lost. There, an operand comes from an
+/// operation that [`absorbs`] a number, and the operation itself loses digits ([`is_blind`]).
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     // For each lane, the values that were computed from an operand that double precision lost.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();

@@ -16,8 +16,8 @@ pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
-/// In some sampled orders, an invocation that waits in a loop keeps running for this number of turns (steps up to its
-/// next atomic) before other invocations run. Meanwhile, a loop with a limit of a thousand retries reaches this limit.
+/// In some sampled orders, invocations may wait in loops for this number of turns before others run. In a turn, an
+/// invocation runs up to its next atomic. So a loop that retries at most a thousand times gives up.
 const PATIENCE: u32 = 1 << 13;
 
 /// An order of the invocations in several passes.
@@ -90,8 +90,7 @@ impl OrderOf {
         self.of_pass.iter().map(|own| own.subgroup).find(|own| *own != SUBGROUP).unwrap_or(SUBGROUP)
     }
 
-    /// Orders that are closer to the usual order. Each of them lacks one of the differences between this order and the
-    /// usual order.
+    /// Simpler orders. Each of them lacks one of the differences between this order and the usual order.
     pub(crate) fn simpler(&self) -> impl Iterator<Item = Self> {
         let usual = Schedule::default();
         let of_one = self.of_pass.iter().enumerate().flat_map(move |(at, own)| {
@@ -138,8 +137,7 @@ impl OrderOf {
         self.of_pass.iter().all(|own| Schedule { subgroup: SUBGROUP, ..own.clone() } == usual)
     }
 
-    /// The first words of a finding's headline, if the finding occurs in this order, but not in the usual order: `in
-    /// another order`.
+    /// The first words of a finding's headline, if the usual order doesn't show the finding: `in another order`.
     pub(super) fn headline(&self) -> String {
         match self.is_of_size() {
             true => format!("in subgroups of {}", self.subgroup()),

@@ -67,8 +67,7 @@ pub(crate) struct Turns {
     /// For each atomic, in the order in which they run, a line of a message. The list is empty if there are more than
     /// [`TOLD`] atomics.
     lines: Vec<String>,
-    /// The position of a store that other invocations saw only after a later atomic of the same invocation, with a note
-    /// about both atomics.
+    /// A store that other invocations saw only after a later atomic of the same invocation: its position and a note.
     pub(crate) late: Option<(Span, String)>,
 }
 

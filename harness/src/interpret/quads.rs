@@ -10,9 +10,8 @@ pub(super) const PIXELS: usize = 4;
 pub(super) struct Quads {
     /// For each argument, its scalars at one pixel, and `true` if the argument varies between pixels.
     arguments: Vec<(Vec<Scalar>, bool)>,
-    /// The pixel whose results count, if each row has the arguments of all four pixels. `None` if each row has the
-    /// arguments of the first pixel with their slopes (differences to the neighbours): then the first pixel's results
-    /// count.
+    /// The pixel whose results count, if rows have the arguments of all four pixels. `None` if rows have the first
+    /// pixel's arguments and slopes (differences to its neighbours): then the first pixel's results count.
     pub(super) own: Option<usize>,
 }
 

@@ -1,5 +1,5 @@
-//! Runs passes again and again, each time in another order of invocations. Each run returns the passes' results, and
-//! the violations that this order shows.
+//! Runs passes in several orders of invocations, one after another. Each run returns the passes' results, and the
+//! violations that no earlier run showed.
 
 use karat_engine::{Atomics, Explorer, Options, Schedule, Stores};
 
@@ -29,8 +29,7 @@ const MOST_LIKELY: f64 = 24.0;
 const MOST_TURNS: u64 = 1 << 20;
 const TURNS_OF_ONE: usize = 1 << 22;
 
-/// The number of orders that the runner samples before it tries all orders. Findings in sampled orders are simpler to
-/// describe.
+/// The number of orders to sample before trying all orders. Findings in sampled orders are simpler to describe.
 const SIMPLE: u64 = 3;
 
 /// One run of passes in one order.

@@ -309,8 +309,8 @@ fn run(
     Ok(left)
 }
 
-/// Checks if the passes' results depend on the old contents of blank buffers. Runs the passes again, with the integer 1
-/// and then with the float 1 in all elements of these buffers.
+/// Checks if the passes' results depend on the initial contents of blank buffers. Runs the passes again, with the
+/// integer 1 and then with the float 1 in all elements of these buffers.
 fn depends_on_blank(
     prepared: &Prepared<'_>,
     (held, left): (&Resources, &Afterwards),

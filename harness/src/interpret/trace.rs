@@ -126,8 +126,7 @@ impl Values {
         Self { all: Mutex::default(), lost: AtomicBool::new(false), case, most }
     }
 
-    /// Checks if enough values are recorded, so that further values of this site are dropped. `kept` is the number of
-    /// values of all sites.
+    /// Checks if Karat records no further value of this site. `kept` is the number of recorded values of all sites.
     fn has_enough(&self, site: &Site, kept: usize) -> bool {
         let Some(most) = &self.most else { return kept >= 16 * MOST };
         let own = most.get(&std::ptr::from_ref(site).addr());
@@ -216,7 +215,7 @@ pub fn trace(
 pub(crate) struct Pixel {
     /// The operations. If an operation runs often, `steps` has only the first runs.
     pub(crate) steps: Vec<Step>,
-    /// `true` if an operation ran more often.
+    /// `true` if an operation ran more often than `steps` shows.
     pub(crate) more: bool,
     pub(crate) results: Vec<u32>,
 }
@@ -268,8 +267,7 @@ fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     row
 }
 
-/// The number of runs that a trace shows of each operation. The first three iterations of a loop show how the loop
-/// continues.
+/// The number of runs of an operation in a pixel's trace. Three iterations of a loop show how the loop continues.
 pub(crate) const BRIEFLY: usize = 3;
 
 /// Traces the invocation of the last pass with this `global_invocation_id`. The steps have no bounds, because the
