@@ -17,8 +17,8 @@ fn the_exposures_are_pinned_when_a_golden_is_accepted() {
     assert!(failed.to_string().contains(&format!("FLIP used exposures of {expected}")), "{failed}");
 }
 
-/// The hashes of modules explain a difference, and don't affect the comparison. A golden without these hashes is
-/// compared as before.
+/// The hashes of modules explain a difference, and don't affect the comparison. So Karat still compares frames with
+/// older goldens, which lack these hashes.
 #[test]
 fn a_golden_has_the_hash_of_each_of_its_modules() {
     let project = Project::with_golden();
@@ -229,7 +229,7 @@ fn a_stale_acceptance_is_refused() {
     stale(project.accept(&failed, "why", Some("gl-llvmpipe")));
 }
 
-/// An acceptance was killed before it removed the pending frame. Accepting again keeps the golden and removes the
+/// If `karat accept` is killed before it removes the pending frame, accepting again keeps the golden and removes the
 /// frame.
 // Lesson 60
 #[test]
