@@ -114,8 +114,8 @@ impl Found {
         Ok(Self { roots: Arc::new(roots), ..self.clone() })
     }
 
-    /// The crate with this name: a dependency, or else the only crate of the graph with this name. A shader may name
-    /// any crate of its engine, because all crates of an engine share one namespace.
+    /// The crate with this name: a dependency, or else the only crate of the graph with this name. A shader may
+    /// import from any crate of its game engine, because all crates of the game engine share one namespace.
     pub(super) fn reach(&self, name: &str) -> Option<Self> {
         let of = |index| Self { index, ..self.clone() };
         if let Some(index) = self.krate().dependencies.get(name) {
