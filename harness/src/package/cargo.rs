@@ -19,7 +19,7 @@ use crate::diagnostic::{nearest, shown};
 use crate::settings;
 use metadata::Metadata;
 
-/// Version of the stored data. Increase the version if the form or the meaning of the data changes.
+/// The version of the data that Karat stores. Increase the version if the form or the meaning of the data changes.
 const SCHEMA: u32 = 3;
 
 /// The deepest nesting of folders that Karat searches. The folders of real crates are less deep.
@@ -28,8 +28,8 @@ const DEEPEST: usize = 16;
 /// The name of the temporary project for which cargo resolves the version of a crate.
 const ASKING: &str = "shaders-of-a-version";
 
-/// Shaders may import from crates on which no crate depends. Karat adds these crates to the project, and then asks
-/// cargo again. Karat asks cargo at most this many times.
+/// Shaders may import from crates on which no crate depends. Karat adds these crates to the temporary project, and
+/// then asks cargo again. Karat asks cargo at most this many times.
 const ROUNDS: usize = 4;
 
 #[derive(Debug, Deserialize, Serialize)]
@@ -307,7 +307,7 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
 
 impl Graph {
     /// The names of crates that shaders import, but on which no crate depends. Karat looks only at crates with this
-    /// version, because these crates belong together.
+    /// version, because crates of one game engine have the same version.
     fn missing(&self, version: &str) -> BTreeSet<String> {
         let of_version = self.crates.iter().filter(|krate| krate.version == version);
         let imports = of_version.flat_map(|krate| &krate.imports);

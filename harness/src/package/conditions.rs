@@ -43,8 +43,7 @@ pub(super) struct Conditions {
     pub(super) live: Vec<Token>,
     pub(super) removed: Vec<Range<usize>>,
     pub(super) inactive: Vec<Inactive>,
-    /// The indices of the open brackets around the current token, without the braces of groups such as `@if(fast) {
-    /// .. }`.
+    /// The indices of the brackets that are open, without braces such as in `@if(fast) { .. }`.
     open: Vec<usize>,
 }
 

@@ -143,7 +143,7 @@ impl<'a> Described<'a> {
     }
 
     /// Stores the known hashes for the next computation of fingerprints. Stores nothing if the package imports from
-    /// packages in files, because Karat doesn't watch those files.
+    /// packages in files, because those files may change.
     fn keep(self, there: &[String]) {
         let Some(packages) = self.library.in_memory() else { return };
         let (package, there) = (self.package.clone(), there.to_vec());

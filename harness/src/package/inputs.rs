@@ -57,7 +57,7 @@ pub enum End {
 const KINDS: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
 impl Declaration {
-    /// Reads the value of a declared input. If the value is wrong, returns a sentence for the error message.
+    /// Reads the value of a declared input. If the value is wrong, returns a sentence for the message.
     pub(super) fn of(name: &str, value: &Value) -> Result<Self, String> {
         let is_length = name.contains("length(");
         let wrong = || {

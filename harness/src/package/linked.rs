@@ -108,8 +108,7 @@ pub(crate) struct Linked {
     /// For a function with `discard`: its name in the text, and the name of the generated function that Karat calls
     /// instead.
     pub(crate) discards: Option<(String, &'static str)>,
-    /// The location of each call of an expectation in the linked modules. The keys are the numbers that Karat adds
-    /// to the calls.
+    /// For each number that Karat adds to a call of an expectation, the location of the call.
     pub(crate) calls: BTreeMap<u32, Span>,
     pub(crate) inactive: BTreeMap<String, Unmet>,
     pub(crate) sources: Sources,

@@ -227,8 +227,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Returns the index of the token after a type such as `ptr<storage, T>` or `texture_storage_2d<rgba8unorm,
-    /// write>`. Words such as `storage`, `rgba8unorm` and `write` aren't references, even if a declaration has such
-    /// a name.
+    /// write>`. Words such as `storage` aren't references, even if a declaration has such a name.
     fn after_spaces(&mut self, at: usize, end: usize) -> usize {
         let name = self.module.text(at);
         let all = name.starts_with("texture_storage_")

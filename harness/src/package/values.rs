@@ -1,5 +1,4 @@
-//! `[values]` of `karat.toml`: texts that replace placeholders, or that replace names as the author's program does
-//! before it loads the shader.
+//! `[values]` of `karat.toml`: texts that replace placeholders or names, as the author's program replaces them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -132,8 +131,7 @@ fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usiz
     all.contains(&at).then_some(all)
 }
 
-/// The names that a text declares or imports. With each name, returns the range of tokens in which the declaration
-/// or import is visible.
+/// The names that a text declares or imports. With each name, returns the tokens in which the name is visible.
 fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)> {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     // The end of the text also counts as the start of a line.
@@ -170,8 +168,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
     found
 }
 
-/// Checks if a token, before which there is `(` or `,`, isn't in parentheses. Then the token is a structure's member
-/// or a selector of a `case`, not a parameter.
+/// Checks if no `(` is open at a token after `(` or `,`: the token is a member or in a `case`, not a parameter.
 fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     let mut depth = 0;
     for token in tokens[..at].iter().rev() {
@@ -186,8 +183,7 @@ fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     true
 }
 
-/// Checks if a bare name is at a place where values don't replace it: in a declaration, path, condition, directive
-/// or import.
+/// Checks if values don't replace a bare name: it is in a declaration, path, condition, directive or import.
 fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     let before = at.checked_sub(1).map_or("", of);

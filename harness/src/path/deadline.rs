@@ -64,8 +64,7 @@ pub(crate) fn guard(path: Path, what: impl FnOnce() -> String + Send + 'static) 
     within(settings::deadline(), path, what)
 }
 
-/// Like [`guard`], for opening a path. The time limit is at least the default limit, even if `KARAT_TIMEOUT` sets a
-/// shorter limit for shaders.
+/// Like [`guard`], for opening a path. The time limit is at least 60 s, even if `KARAT_TIMEOUT` is shorter.
 pub(crate) fn guard_opening(path: Path) -> Guard {
     let limit = settings::deadline().max(Duration::from_secs_f64(settings::DEADLINE_SECONDS));
     within(limit, path, move || format!("opening path {path}"))

@@ -203,8 +203,7 @@ impl Device {
     /// if a thread waits six seconds for GL's context. On a busy machine, this happens while another thread compiles.
     ///
     /// Take a turn for every call of the driver, including the release of resources. Release the turn before you
-    /// wait for other threads. Take the turn before a deadline begins, so that the wait doesn't use up the time
-    /// limit.
+    /// wait for other threads. Take the turn before a deadline begins: the wait doesn't count.
     pub(crate) fn turn(&self) -> Turn<'_> {
         self.turns.as_ref().map(ReentrantMutex::lock)
     }
@@ -353,8 +352,7 @@ impl Device {
         })
     }
 
-    /// Translates a frame's shader along the path's route, and returns the IR from which wgpu makes the frame's
-    /// pipelines.
+    /// Translates a frame's shader along the path's route, and returns naga's IR for wgpu.
     pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
         let undrawn = || PathError::Route {
             path: self.path,
@@ -387,7 +385,7 @@ impl Device {
         })
     }
 
-    /// Waits for all submitted work. The caller must hold a guard of a deadline, because the work may hang.
+    /// Waits for all submitted work. The caller must hold a deadline's [`guard`](super::deadline::guard).
     pub(crate) fn wait(&self) -> Result<(), PathError> {
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
