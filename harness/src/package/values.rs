@@ -168,7 +168,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
     found
 }
 
-/// Checks if no `(` is open at a token after `(` or `,`: the token is a member or in a `case`, not a parameter.
+/// Checks if a name is outside of all parentheses: then it is a member or in a `case`, and not a parameter.
 fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     let mut depth = 0;
     for token in tokens[..at].iter().rev() {
@@ -183,7 +183,7 @@ fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     true
 }
 
-/// Checks if values don't replace a bare name: it is in a declaration, path, condition, directive or import.
+/// Checks if a bare name must stay: the name is in a declaration, path, condition, directive or import.
 fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     let before = at.checked_sub(1).map_or("", of);

@@ -203,7 +203,8 @@ impl Device {
     /// if a thread waits six seconds for GL's context. On a busy machine, this happens while another thread compiles.
     ///
     /// Take a turn for every call of the driver, including the release of resources. Release the turn before you
-    /// wait for other threads. Take the turn before a deadline begins: the wait doesn't count.
+    /// wait for other threads. Take the turn before a deadline begins, so that the time limit doesn't include the
+    /// wait.
     pub(crate) fn turn(&self) -> Turn<'_> {
         self.turns.as_ref().map(ReentrantMutex::lock)
     }
