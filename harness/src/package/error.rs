@@ -167,7 +167,7 @@ pub enum PackageError {
         package: String,
         /// An attribute that looks like a misspelt condition with one of the unknown features: `@iff(fast)`.
         misspelt: Option<Box<str>>,
-        /// One of the unknown features, if a module uses its name as an ordinary name.
+        /// One of the unknown features, if a module uses the feature's name as an ordinary identifier.
         bare: Option<Box<str>>,
         /// The features that the package's conditions use.
         known: Box<str>,
@@ -186,7 +186,7 @@ pub enum PackageError {
         /// The name that occurs twice.
         what: String,
     },
-    /// A file has the name of a module, but can't be a module.
+    /// A `.wgsl` or `.wesl` file can't be a module.
     #[error("`{file}` can't be a module: {reason}")]
     NoModule {
         /// The file.

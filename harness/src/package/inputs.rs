@@ -45,7 +45,7 @@ pub enum Declaration {
     MultipleOf(u32),
 }
 
-/// An end of the range of an array's elements.
+/// The smallest or largest value that an array's elements may have: `0`, `length(out) - 1`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum End {
     /// A number.
@@ -57,7 +57,7 @@ pub enum End {
 const KINDS: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
 impl Declaration {
-    /// Reads the value of a declared input. An error is a sentence for the message.
+    /// Reads the value of a declared input. If the value is wrong, returns a sentence for the message.
     pub(super) fn of(name: &str, value: &Value) -> Result<Self, String> {
         let is_length = name.contains("length(");
         let wrong = || {
