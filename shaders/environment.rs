@@ -38,8 +38,8 @@ pub fn studio(direction: DVec3) -> DVec3 {
 
 /// A warm lamp: its radiance is 50 at the centre, and falls smoothly to 0 at 16 degrees.
 ///
-/// 64 directions on the hemisphere are about 18 degrees apart. A sun of a few degrees would lie between them, and each
-/// diffuse sphere would show 64 copies of the sun.
+/// If a shader samples 64 directions on the hemisphere, they are about 18 degrees apart. A sun of a few degrees would
+/// lie between these directions, and each diffuse sphere would show 64 copies of the sun.
 fn sun(d: DVec3) -> DVec3 {
     let radiance = 50.0 * DVec3::new(1.0, 0.84, 0.62);
     let centre = DVec3::new(0.35, 0.75, 0.55).normalize();
@@ -169,8 +169,8 @@ pub fn equirectangular_direction(uv: DVec2) -> DVec3 {
     DVec3::new(longitude.sin() * latitude.cos(), latitude.sin(), longitude.cos() * latitude.cos())
 }
 
-/// Returns the vector from `centre` to the point at which a ray leaves a box. As in Kay and Kajiya 1986, a ray is in a
-/// box while it is in all three slabs, so it leaves the box where it leaves the first slab.
+/// Returns the vector from `centre` to the point at which a ray leaves a box. As in Kay and Kajiya 1986, a box is the
+/// intersection of three slabs, so a ray leaves the box where the ray first leaves a slab.
 ///
 /// `position` and `centre` are in the box. A ray parallel to a slab never leaves the slab.
 #[must_use]
@@ -190,8 +190,8 @@ pub fn parallax_box(
     position + leave * direction - centre
 }
 
-/// Solves (d.d) t^2 + 2 (q.d) t + q.q - r^2 = 0 with q = position - centre for the greater t, by the quadratic formula.
-/// `position` is in the sphere.
+/// Returns the vector from `centre` to the point at which a ray leaves a sphere: q + t d, where q = position - centre.
+/// t is the greater solution of (d.d) t^2 + 2 (q.d) t + q.q - r^2 = 0. `position` is in the sphere.
 #[must_use]
 pub fn parallax_sphere(position: DVec3, direction: DVec3, centre: DVec3, radius: f64) -> DVec3 {
     let q = position - centre;
