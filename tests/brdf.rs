@@ -550,8 +550,7 @@ fn estimators() -> Package {
 }
 
 /// No sample has a weight above 2. G2 / G1 is at most 1. G of the V-cavity is at most 2 N.H N.V / V.H, so the weight F
-/// G V.H / (N.H N.V) is at most 2 F. The exponentials of eval and pdf have equal errors, which cancel. If pdf is
-/// denormal, it may have lost digits.
+/// G V.H / (N.H N.V) is at most 2 F. The exponentials of eval and pdf have equal errors, which cancel.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn samples_have_bounded_weights() {

@@ -51,7 +51,7 @@ fn census(result: Result<karat::check::Agreement, Failure>) -> Census {
     disagreement(result).paths[0].census
 }
 
-/// A driver that multiplies by `factor` where the function multiplies by 3.
+/// A driver that multiplies by `3 * factor` where the function `f` multiplies by 3.
 #[derive(Debug)]
 struct Driver {
     factor: f32,

@@ -10,7 +10,7 @@ use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// Checks if naga accepts a file, with the capabilities that wgpu has.
+/// Checks if naga accepts a text, with the capabilities that wgpu has.
 fn naga_accepts(text: &str) -> bool {
     let Ok(module) = naga::front::wgsl::parse_str(text) else { return false };
     Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).is_ok()
@@ -622,7 +622,7 @@ fn modules_and_dependencies_have_names_of_their_own() {
     assert!(error.contains("two dependencies named `noise`"), "{error}");
 }
 
-/// Each file that looks like a module is read, or is an error.
+/// Karat reads each file that looks like a module, or reports an error at this file.
 // Lesson 76
 #[test]
 fn every_file_of_a_package_is_looked_at() {

@@ -1,5 +1,5 @@
-//! Tests computations of irradiance with the mistakes of papers and lectures. Without the mistakes, a white environment
-//! of radiance 1 would give 1.
+//! Tests computations of irradiance with the mistakes of papers and lectures. In a white environment of radiance 1, the
+//! right result is 1.
 
 use glam::{DVec3, Vec3};
 use karat::check::{Calls, Failure};

@@ -166,7 +166,7 @@ fn several_targets_and_depth() {
     expect(&alone, [near, RED]);
 }
 
-/// An edge through a pixel covers some of the pixel's samples.
+/// With 4 samples per pixel, a rectangle whose edge goes through a pixel covers only some of the pixel's samples.
 // Lesson 130
 #[test]
 fn pixels_have_samples() {
