@@ -102,8 +102,8 @@ fn flip_values_equal_those_of_the_published_implementation() {
     println!("largest difference from the published implementation: {largest:e}");
 }
 
-/// For each pixel, Karat and the program of FLIP's authors report the same exposure, unless one of the exposures that
-/// only Karat tries shows a larger error.
+/// For each pixel, Karat and the program of FLIP's authors report the same exposure. If one of the exposures that only
+/// Karat tries shows a larger error, Karat reports that exposure instead.
 #[test]
 fn exposures_are_those_of_flips_authors() {
     let mut same = 0;

@@ -10,7 +10,7 @@ use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// Checks if naga accepts a text, with the capabilities that wgpu has.
+/// Checks if naga accepts a text, with all of naga's capabilities turned on.
 fn naga_accepts(text: &str) -> bool {
     let Ok(module) = naga::front::wgsl::parse_str(text) else { return false };
     Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).is_ok()
@@ -335,7 +335,8 @@ fn damaged(texts: &[Vec<String>], number: usize) -> String {
     pieces.concat()
 }
 
-/// Checks that Karat and naga both accept a text or both refuse it. Returns `true` if naga accepts the text.
+/// Checks that Karat and naga both accept a text or both refuse it. Only WESL may be an exception. Returns `true` if
+/// naga accepts the text.
 fn compare(text: &str, number: usize) -> bool {
     let package = Package::from_source("damaged", text);
     let karat = Program::of_module(&package, "");
