@@ -185,7 +185,7 @@ fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         let file = file.display();
         writeln!(
             out,
-            "{BAD}not deleted, because no note says that Karat accepted this file: delete the file \
+            "{BAD}not deleted, because this file has no provenance: delete the file \
              yourself, or compare the file in a test{BAD:#}  {file}"
         )?;
     }
