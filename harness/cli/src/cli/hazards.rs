@@ -339,7 +339,7 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
         let like = if hazard.needs.is_empty() {
             "similar findings"
         } else {
-            "other findings that need the same inputs"
+            "other findings that depend on the same inputs"
         };
         writeln!(out, "{DIM}    {like}: {count}; the next finding is at {place}{DIM:#}")?;
     }
