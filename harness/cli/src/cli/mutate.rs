@@ -508,7 +508,7 @@ fn parts(
         (score.equal, "equal to the original"),
         (score.accepted, "accepted in karat.toml"),
         (score.invalid, "invalid WGSL"),
-        (score.idle, "in code that is in no linked text"),
+        (score.idle, "in code that no linked text contains"),
         (score.stopped, "without a verdict"),
     ] {
         if count > 0 {

@@ -92,7 +92,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if none && !evidence.elsewhere.is_empty() {
         let elsewhere: Vec<&str> = evidence.elsewhere.iter().map(String::as_str).collect();
         return Err(NotThere(format!(
-            "the last run compared no frame with a golden of `{shown}`, but with goldens of `{}`; \
+            "the last run compared no frame with a golden of `{shown}`, only with goldens of `{}`; \
              name the folder that you mean with --goldens DIR",
             elsewhere.join("`, `")
         ))
