@@ -251,10 +251,7 @@ fn files_that_delete_keeps_still_fail() {
     let ran = karat(project.path(), &["unreferenced", "--delete"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     let end = format!("compare the file in a test  {}\ndeleted 0 files\n", sky.display());
-    assert!(
-        ran.out.contains("not deleted, because no note says that Karat accepted this file"),
-        "{ran:?}"
-    );
+    assert!(ran.out.contains("not deleted, because this file has no provenance"), "{ran:?}");
     assert!(ran.out.ends_with(&end), "{ran:?}");
     let ran = karat(project.path(), &["unreferenced", "--delete", "--json"]);
     let report = json(&ran.out);
