@@ -600,7 +600,7 @@ mod tests {
         }
     }
 
-    /// A check may judge the same path several times. Each result of the path counts. Each result counts.
+    /// A check may judge the same path several times. Each result counts.
     #[test]
     fn several_results_of_one_path_all_count() {
         let stops = |path: &str| Conclusion::<(), Error> {

@@ -76,7 +76,7 @@ impl Wrong {
         }
     }
 
-    /// Adds the error to the record of the run, because no check of the test ran and added the error.
+    /// Adds the error to the record of the run, because none of the test's checks ran.
     pub(crate) fn recorded(&self, subject: Subject) -> Self {
         karat::unstable::run::record_unbegun(subject, &self.headline, &self.message);
         self.clone()
