@@ -131,7 +131,7 @@ impl Suite {
         (sound, broken.into_iter().map(named).collect())
     }
 
-    /// Adds a test that can't run to the record of the run. A check can't do this, because none of the test's checks
+    /// Writes the error of a test, module or file that can't run into the record. No check does this, because no check
     /// runs.
     ///
     /// # Panics
