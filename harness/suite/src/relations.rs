@@ -9,19 +9,19 @@ use toml::Value;
 
 use crate::domains::no_such;
 
-/// The key that declares such a domain.
+/// The key that makes a vector perpendicular to other vectors.
 pub(crate) const KEY: &str = "perpendicular_to";
 
-/// A vector in the arguments: `n`, `surface.tangent`, `frames[1].t`.
+/// A vector that is an argument or a part of an argument: `n`, `surface.tangent`, `frames[1].t`.
 #[derive(Clone, Debug)]
 struct Vector {
     path: String,
     lanes: Range<usize>,
-    /// The names of the vectors to which this vector is perpendicular, as the test file has them.
+    /// The names of the vectors to which this vector is perpendicular, as the test file writes them.
     to: Vec<String>,
 }
 
-/// The names in a vector's domain; `None` if the domain has no such key.
+/// The names in the domain `{ perpendicular_to = ... }`; `None` if the domain doesn't have this key.
 pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
     let said = value.as_table()?.get(KEY)?;
     let one = |value: &Value| value.as_str().map(str::to_owned);
