@@ -349,9 +349,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
             Fate::Killed { test } if all => (GOOD, "killed", vec![format!("by `{test}`")]),
             Fate::Invalid { reason } if all => (DIM, "invalid", vec![reason.clone()]),
             Fate::Equal { by } if all => (DIM, "equal", vec![by.to_string()]),
-            Fate::Idle if all => {
-                (DIM, "idle", vec!["the mutant doesn't change the linked text".to_owned()])
-            }
+            Fate::Idle if all => (DIM, "idle", vec!["the linked text doesn't change".to_owned()]),
             Fate::Accepted { .. }
             | Fate::Killed { .. }
             | Fate::Equal { .. }

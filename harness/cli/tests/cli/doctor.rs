@@ -114,7 +114,7 @@ fn doctor_does_not_damage_karat_toml() {
         let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(
-            ran.out.contains("you must choose where to write the lines in")
+            ran.out.contains("karat.toml may also need these lines")
                 && ran.out.contains("ROWS = 64"),
             "{ran:?}"
         );

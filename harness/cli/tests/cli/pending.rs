@@ -91,7 +91,7 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     let golden = folder.join("golden");
     let missing = karat(folder, &["pending"]);
     assert_eq!(missing.code, Some(2), "{missing:?}");
-    assert!(missing.err.contains("name that folder with --goldens DIR"), "{missing:?}");
+    assert!(missing.err.contains("which you can name with --goldens DIR"), "{missing:?}");
     std::fs::create_dir_all(golden.join("furnace")).expect("a folder");
     assert_eq!(karat(folder, &["pending"]).good(), "nothing is pending\n");
     assert_eq!(karat(folder, &["pending", "--json"]).good(), "[]\n");

@@ -169,7 +169,7 @@ fn a_run_that_compared_frames_only_elsewhere_has_no_verdict() {
     for arguments in [&["unreferenced"][..], &["unreferenced", "--delete"]] {
         let error = karat(folder, arguments).failure(3);
         assert!(error.contains("the last run compared no frame with a golden of"), "{error}");
-        assert!(error.contains(&format!("but with goldens of `{}`;", other.display())), "{error}");
+        assert!(error.contains(&format!("only with goldens of `{}`;", other.display())), "{error}");
     }
     assert!(folder.join("golden/room.exr").is_file(), "nothing was deleted");
     // A comparison with a number uses no folder. So no golden of this folder is compared.
