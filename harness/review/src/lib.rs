@@ -44,7 +44,7 @@ const MOST_ROWS: usize = 500;
 /// The largest size of a frame in a report, in bytes, including older versions of its golden. People mail and keep
 /// reports, so a report includes only the versions that fit.
 const MOST_BYTES: usize = 1_000_000;
-/// The largest number of older versions to try for a report.
+/// The largest number of older versions of a golden in a report.
 const MOST_VERSIONS: usize = 8;
 
 /// The data of a pending frame or table for the page.
@@ -105,7 +105,7 @@ pub struct Map {
     pub about: String,
     /// The values of the map. If red, green and blue are equal everywhere, the page shows the map in false colours.
     pub image: Image,
-    /// The values at the lower and the upper end of the false colours.
+    /// The values to which the first and the last of the false colours belong.
     pub range: [f32; 2],
 }
 
@@ -152,7 +152,7 @@ pub struct Review {
     run: LastRun,
     /// `true` if the page also shows goldens without a pending frame.
     accepted: bool,
-    /// `true` if accepting may write in CI.
+    /// `true` if the page may accept frames in CI.
     ci_may_write: bool,
     in_editor: bool,
     asked: pixels::Asked,
@@ -170,7 +170,7 @@ enum Entry {
 }
 
 impl Review {
-    /// Makes a review of everything that is pending in a folder of goldens.
+    /// Makes a review of all pending frames and tables in a folder of goldens.
     #[must_use]
     pub fn new(goldens: Goldens) -> Self {
         Self {
@@ -330,7 +330,8 @@ impl Review {
         }
     }
 
-    /// Returns the modules that changed since the golden, by their hashes if golden and frame have hashes.
+    /// Returns the modules that changed since the golden. Compares hashes if golden and frame have hashes, else asks
+    /// git.
     fn changed_modules(&self, golden: &Path, case: &Case) -> serde_json::Value {
         let known = case.golden_provenance.as_ref();
         let by_hash = known.zip(self.goldens.project()).and_then(|(known, project)| {
@@ -380,7 +381,7 @@ impl Review {
         Server::bind(self, port)
     }
 
-    /// Returns the currently pending frames. A frame that belongs to goldens in another folder counts as unusable.
+    /// Returns the currently pending frames. A frame whose golden belongs into another folder counts as unusable.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let PendingFrames { frames, mut unusable } = self.waiting.pending();

@@ -80,7 +80,8 @@ pub(super) fn cause(
     is_whole.then(|| cause_of(function, batch.cases, &|case| batch.arguments(case), failing))?
 }
 
-/// Does the same as `cause`. `arguments` returns the arguments of the case with the given index.
+/// Finds a cause in the same way as `cause`, for calls from other modules. `arguments` returns the arguments of the
+/// case with the given index.
 pub fn cause_of<'b>(
     function: &Function,
     cases: usize,
