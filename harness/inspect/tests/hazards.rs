@@ -1165,7 +1165,8 @@ fn a_derivative_that_only_part_of_a_quad_reaches_is_found() {
     }
 }
 
-/// A race remains a race if zeros make its writes equal. For a race in workgroup memory, the report suggests a barrier.
+/// Karat reports a race even if both writes are equal for buffers of zeros. For a race in workgroup memory, the report
+/// suggests a barrier.
 #[test]
 fn races_of_read_values_are_reported() {
     let pass = |body: &str| {
@@ -1188,8 +1189,8 @@ fn races_of_read_values_are_reported() {
     assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
 }
 
-/// If a dispatch has more invocations than elements, Karat finds a missing guard, in a dispatch with one long side or
-/// with three short sides. The report gives the condition under which the index is outside of the array.
+/// If a dispatch has more invocations than the array has elements, Karat finds a missing guard. The test dispatches
+/// along one axis and along three axes. The report gives the condition under which the index is outside of the array.
 #[test]
 fn a_tail_without_its_guard_is_found() {
     let line = "@group(0) @binding(0) var<storage, read_write> v: array<f32>;

@@ -149,7 +149,7 @@ pub struct Hunted {
     pub left_out: usize,
     /// The modules that are invalid in the original.
     pub invalid: Vec<String>,
-    /// The complaints about acceptances in `karat.toml` that no longer fit their mutants. Each is a sentence.
+    /// A sentence for each mutant that `karat.toml` accepts, and that a test kills.
     pub complaints: Vec<String>,
 }
 
@@ -178,7 +178,7 @@ pub enum MutateError {
          exist only in memory: run `karat mutate` on a folder with the program's output"
     )]
     Printed,
-    /// An acceptance in `karat.toml` doesn't apply to a mutant.
+    /// `karat.toml` accepts mutants without a reason, without ids, twice, or with an id that no mutant has.
     #[error("{0}")]
     Accepted(String),
     /// The package has no test that could kill a mutant.
@@ -187,7 +187,7 @@ pub enum MutateError {
     /// The request selects no mutant.
     #[error("the package has no mutant{of}, so Karat runs no tests")]
     NoMutant {
-        /// The selection that has no mutant.
+        /// The description of the request's selection, for the message.
         of: String,
     },
     /// Tests fail on the original shaders.

@@ -330,7 +330,7 @@ fn wgsl_of(value: &str, shape: &Shape) -> Option<String> {
     })
 }
 
-/// The suffix of an expectation's name for values of a type: `_vec3`, `_vec2u`.
+/// The suffix that an expectation's name has for a type, such as `_vec3` or `_vec2u`.
 fn suffix_of(shape: &Shape) -> Option<String> {
     Some(match shape {
         Shape::Scalar(Scalar::F32) => String::new(),

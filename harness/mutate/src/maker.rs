@@ -70,7 +70,7 @@ pub struct Mutant {
     pub range: Range<usize>,
     /// The replaced text.
     pub original: String,
-    /// The text that the mutation puts into this range.
+    /// The text that replaces `range`.
     pub replacement: String,
     /// The mutation's line, counted from 1.
     pub line: usize,

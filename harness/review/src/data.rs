@@ -122,7 +122,7 @@ pub(super) fn version(index: usize, commit: &str, older: Result<Older, String>) 
 /// The content of an older version of a golden.
 pub(super) enum Older {
     Image(Image),
-    /// The rows that have changed since that version.
+    /// The rows of a table that have changed since the older version.
     Table(Rows),
 }
 

@@ -2,8 +2,8 @@
 //!
 //! Every program on this machine can connect, so the server never waits long for a client. A request must arrive within
 //! a time limit, the sizes of its head and its body are limited, and the server doesn't trust announced lengths. If
-//! there are too many connections, the server closes the oldest connection, preferably one without a valid request. So
-//! silent clients can't block others. Stopping doesn't wait for clients.
+//! there are too many connections, the server closes the oldest connection without a valid request. So silent clients
+//! can't block others. Stopping doesn't wait for clients.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -137,7 +137,7 @@ struct Entry {
 }
 
 impl Open {
-    /// Adds a connection. If there are too many, closes the oldest one, preferably one without a valid request.
+    /// Adds a connection. If there are too many, closes the oldest one without a valid request, or else the oldest one.
     fn enter(open: &Arc<Self>, stream: TcpStream) -> Connection {
         let stream = Arc::new(stream);
         open.change(|entries| {

@@ -60,15 +60,15 @@ pub struct Case {
     pub maps: Vec<Map>,
     /// The measurements and bounds of the test.
     pub margins: Vec<CriterionMargin>,
-    /// The difference as a sentence.
+    /// The difference between golden and frame, as a sentence.
     pub verdict: String,
     /// The metadata in the golden's file. `None` if there is no golden, or if the golden has no metadata.
     pub golden_provenance: Option<Provenance>,
     /// The metadata in the frame's file.
     pub actual_provenance: Provenance,
-    /// The difference of the metadata.
+    /// The kind of difference between the golden's and the frame's metadata.
     pub cause: Cause,
-    /// For a table of values instead of a frame: the rows that differ.
+    /// The rows that differ, if the case is a table of values; `None` for a frame.
     pub table: Option<Rows>,
 }
 
@@ -105,7 +105,7 @@ pub struct Map {
     pub about: String,
     /// The values of the map. If red, green and blue are equal everywhere, the page shows the map in false colours.
     pub image: Image,
-    /// The values to which the first and the last of the false colours belong.
+    /// The values that the page shows in the first and in the last of its false colours.
     pub range: [f32; 2],
 }
 
@@ -121,7 +121,7 @@ pub enum ReviewError {
     Remove {
         /// The path of the file.
         path: String,
-        /// The error of the system.
+        /// The operating system's error.
         cause: std::io::Error,
     },
     /// A file of the page can't be written.
@@ -129,7 +129,7 @@ pub enum ReviewError {
     Write {
         /// The path of the file.
         path: String,
-        /// The error of the system.
+        /// The operating system's error.
         cause: std::io::Error,
     },
     /// The server can't be started.
@@ -137,7 +137,7 @@ pub enum ReviewError {
     Serve {
         /// The requested port. 0 means any port.
         port: u16,
-        /// The error of the system.
+        /// The operating system's error.
         reason: String,
     },
 }
@@ -381,7 +381,7 @@ impl Review {
         Server::bind(self, port)
     }
 
-    /// Returns the currently pending frames. A frame whose golden belongs into another folder counts as unusable.
+    /// Returns the currently pending frames. A frame whose golden belongs in another folder counts as unusable.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let PendingFrames { frames, mut unusable } = self.waiting.pending();

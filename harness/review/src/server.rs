@@ -54,7 +54,7 @@ struct Decision {
     pixels: String,
     #[serde(default)]
     because: String,
-    /// `true` if the frame becomes the golden of its profile.
+    /// `true` if the frame becomes the golden of its profile, even if Karat compared the frame with the shared golden.
     #[serde(default)]
     profile: bool,
     #[serde(default)]

@@ -115,7 +115,7 @@ mod tests {
         allowances.against(&[Scalar::F32], &expected, &tolerance.into())
     }
 
-    /// WGSL allows `sin` an error of 2^-11, so drivers may fail a test with a smaller tolerance.
+    /// WGSL allows `sin` an error of 2^-11, so a test with a smaller tolerance may fail on some driver.
     // Lesson 93
     // Lesson 171
     #[test]

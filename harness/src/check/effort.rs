@@ -17,8 +17,8 @@ impl Effort {
         Self { first: 128, most: capacity, round: 16_384 }
     }
 
-    /// The limits for arguments that are constants in the kernel. A round tries fewer values, because Karat
-    /// must compile a kernel for every 64 constants.
+    /// The limits for arguments that are constants in the kernel. A round tries fewer values, because Karat must
+    /// compile a kernel for every 64 cases.
     pub(super) fn of_constants(capacity: usize) -> Self {
         Self { round: 192, ..Self::of_calls(capacity) }
     }
