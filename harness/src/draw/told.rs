@@ -50,7 +50,7 @@ impl<'s> Drawing<'s> {
         self.scene.samples == 1 && self.scene.formats.len() == 1
     }
 
-    /// Reports if several draws may contribute to a pixel.
+    /// Checks if a draw blends, so several draws may contribute to a pixel.
     pub(crate) fn blends(&self) -> bool {
         let targets = 0..self.scene.formats.len();
         let blends = |target: usize| {

@@ -40,7 +40,7 @@ impl Tap {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
-    /// Checks if the tap selects each line that prints (`karat:print`).
+    /// Checks if the tap selects all `karat:print` lines.
     #[must_use]
     pub fn is_of_prints(&self) -> bool {
         self.wanted == "karat:print"
@@ -85,7 +85,7 @@ pub struct Tapped {
     /// The width and height of the frame. For a pass, the number of invocations in x and y, with all layers in z below
     /// each other.
     pub size: (u32, u32),
-    /// The word for messages that says if each value belongs to a `pixel` or an `invocation`.
+    /// The owner of each value, for messages: `pixel` or `invocation`.
     pub of: &'static str,
     /// For each pixel, row by row, how often the pixel computed the value. `None` if no draw covers the pixel.
     pub times: Vec<Option<u32>>,
@@ -305,7 +305,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
     all
 }
 
-/// The positions of the lines that print, in the code that `entry_points` run.
+/// The positions of the `karat:print` lines in the code that `entry_points` run.
 pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
     let all = candidates(program, entry_points);
     let is_print =
@@ -372,7 +372,7 @@ pub(crate) struct Wanted {
 }
 
 /// Finds the value that the caller named. Also returns `true` if another value in the function has the same name, and
-/// the member or element of the value if the caller named a member or element.
+/// the member or element, if the caller named one.
 pub(crate) fn find_or_part(
     program: &Program,
     entry_points: &[&str],
@@ -462,7 +462,7 @@ impl Frame<'_> {
         Ok(all.iter().filter_map(|one| one.listed(program)).collect())
     }
 
-    /// The positions of the lines that print in code that the fragment functions run. [`Tap::new`] accepts each
+    /// The positions of the `karat:print` lines in code that the fragment functions run. [`Tap::new`] accepts each
     /// position.
     ///
     /// # Errors
