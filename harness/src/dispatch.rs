@@ -52,7 +52,7 @@ pub enum DispatchError {
     /// There are no passes.
     #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
     Empty,
-    /// A dispatch has no workgroups in one direction, or more than 65535, the number that every GPU supports.
+    /// A dispatch has no workgroups in one direction, or more than 65535, the most that every GPU supports.
     #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number must be 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
     Workgroups {
         /// The name of the entry point.
@@ -107,7 +107,7 @@ pub enum DispatchError {
         member: String,
         /// The type of the resource.
         shape: String,
-        /// The most similar member, such as `particles.position`.
+        /// The member with the most similar name, such as `particles.position`.
         nearest: Option<String>,
     },
     /// No pass uses a buffer with this name.

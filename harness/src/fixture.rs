@@ -203,7 +203,7 @@ impl Fixture {
         Some(bytes.map(exact).map_err(|error| error.at(binding)))
     }
 
-    /// Returns an error about a fixture that no device accepts.
+    /// Returns an error if no device accepts the fixture.
     fn mistake(&self, binding: &Binding) -> Option<FixtureError> {
         let variable = || binding.path.clone();
         if let Self::Sampler(sampler) = self {

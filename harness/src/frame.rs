@@ -516,7 +516,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Sets the fragment function that the depth pre-pass runs for the last mesh. This function must discard pixels and
-    /// write depth exactly as the colour pass's function does. It may return only a depth.
+    /// write depth exactly as the colour pass's function does. Its only allowed result is a depth.
     ///
     /// ```no_run
     /// use karat::draw::Mesh;
@@ -619,9 +619,9 @@ impl<'a> Frame<'a> {
     /// samples per pixel, divide the variance of the samples by `n`. Karat stores the variance in the golden's file.
     ///
     /// A frame that fails its tolerance still passes if the noise of the frame and the golden explains the difference.
-    /// [`Noise`](crate::metric::Noise) decides this for each channel, from the means and the scatter of tiles. By
-    /// chance, [`Noise`](crate::metric::Noise) rejects one correct frame in a hundred. Karat uses HDR-FLIP for a noisy
-    /// frame only if the tolerance names HDR-FLIP.
+    /// [`Noise`](crate::metric::Noise) decides this for each channel, from the means and the scatter of tiles. `Noise`
+    /// rejects one correct frame in a hundred by chance. Karat uses HDR-FLIP for a noisy frame only if the tolerance
+    /// names HDR-FLIP.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

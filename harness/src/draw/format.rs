@@ -3,7 +3,7 @@
 use crate::image::encode_srgb;
 use crate::path::Device;
 
-/// The largest error of a conversion from float to integer, in steps. Direct3D allows 0.6 steps
+/// The largest error of a conversion from float to integer, in steps of the integer. Direct3D allows 0.6 steps
 /// (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`). Other APIs round to the nearest integer.
 const ROUNDING: f64 = 0.6;
 

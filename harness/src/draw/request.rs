@@ -236,7 +236,7 @@ impl Draw {
     }
 
     /// Sets the fragment function for the depth pre-pass. This function must discard pixels and write depth exactly as
-    /// the colour pass's function does. It may return only a depth.
+    /// the colour pass's function does. Its only allowed result is a depth.
     ///
     /// ```
     /// use karat::draw::Draw;

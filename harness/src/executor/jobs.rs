@@ -343,7 +343,7 @@ mod tests {
         assert_eq!(sampler.lod, (0.5, 32.0));
     }
 
-    /// In a job, a storage texture has its format, even if the first pass doesn't write the texture.
+    /// A job contains the format of a storage texture, even if the first pass doesn't write the texture.
     #[test]
     fn a_texture_that_a_later_pass_stores_has_its_format() {
         let text = "@group(0) @binding(0) var read: texture_2d<f32>;

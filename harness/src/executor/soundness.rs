@@ -119,7 +119,7 @@ const SCALARS: [(&str, usize, usize); 44] = [
     ("select(a, b, a < b)", 2, 99),
 ];
 
-/// Functions of vectors and matrices, of which only one component is tested, and conversions.
+/// Functions of vectors and matrices, with one component of each result, and conversions.
 const VECTORS: [(&str, usize, usize); 11] = [
     ("length(vec3f(a, b, c))", 3, 20),
     ("distance(vec2f(a, b), vec2f(c, 1.0))", 3, 20),

@@ -91,7 +91,8 @@ pub struct Tapped {
     pub times: Vec<Option<u32>>,
     /// The components of the values as `u32`s, pixel after pixel. A pixel without a value has zeros.
     pub lanes: Vec<u32>,
-    /// `true` if another value in the same function has the same name. A file name for the value then needs the line.
+    /// `true` if another value in the same function has the same name. Then a file name for the value must contain the
+    /// line number.
     pub has_twin: bool,
     /// The number that the caller gave to [`Tap::round`].
     pub round: Option<u32>,
@@ -125,7 +126,7 @@ pub enum TapError {
         /// The position, function and text of each value.
         places: Vec<String>,
     },
-    /// Values of this kind can't be read.
+    /// Karat can't read a value of this kind.
     #[error("{place}: `{text}` can't be tapped, because it is {why}")]
     Untold {
         /// The position of the value.
@@ -160,7 +161,7 @@ pub enum TapError {
         "the frame has several targets or samples, so its colours can't be drawn beside the value: tap the value without the colours"
     )]
     Beside,
-    /// No pixel computes the value as often as the caller asked for.
+    /// No pixel computes the value `round` times.
     #[error(
         "no pixel computes `{value}` {round} times: a pixel computes the value at most {most} times"
     )]
