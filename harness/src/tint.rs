@@ -97,7 +97,7 @@ pub enum NoVerdict {
     #[error("Tint's answer can't be read: {0}")]
     Garbage(String),
     /// The answer is about another text than the question.
-    #[error("Tint answered about another text")]
+    #[error("Tint's answer is about another shader")]
     Other,
     /// The question got two answers.
     #[error("Tint answered twice")]

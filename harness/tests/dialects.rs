@@ -522,7 +522,7 @@ fn other_preprocessors_are_named() {
       = to expand the text, write a `preprocess` command into karat.toml beside the modules, or use `Package::from_modules` in Rust
     "#);
     assert_snapshot!(error(&one("#import \"shaders/a.wgsl\" as a\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
-    error: an import by an asset's path isn't WGSL: an engine's asset server must expand it
+    error: an import by an asset's path isn't WGSL: the asset server of a game engine must expand it
       --> <s>:1:1
       |
     1 | #import "shaders/a.wgsl" as a

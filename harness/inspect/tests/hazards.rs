@@ -1185,7 +1185,7 @@ fn races_of_read_values_are_reported() {
         race(&pass(body));
     }
     let within = race(&pass("tile[i] = a[id.x]; b[id.x] = tile[63u - i];"));
-    assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
+    assert!(within.contains("put a `workgroupBarrier()` between the two"), "{within}");
 }
 
 /// If a dispatch has more invocations than elements, Karat finds a missing guard, in a dispatch with one long side or

@@ -584,8 +584,8 @@ mod fakes {
             ("it hangs at once", "cat >/dev/null\n".to_owned(), "the program didn't answer within"),
             ("garbage", says(&["Segmentation fault"]), "can't be read: Segmentation fault"),
             ("half an answer", says(&["{\"id\":1,"]), "can't be read: {\"id\":1,"),
-            ("another text", says(&[&other, &last]), "Tint answered about another text"),
-            ("another question", says(&[&empty]), "Tint answered about another text"),
+            ("another text", says(&[&other, &last]), "Tint's answer is about another shader"),
+            ("another question", says(&[&empty]), "Tint's answer is about another shader"),
             ("twice", says(&[&good, &good, &last]), "Tint answered twice"),
             ("it can't start", "echo '{\"error\":\"no Dawn\"}' >&2\n".to_owned(), "run: no Dawn"),
         ] {

@@ -213,7 +213,7 @@ fn facts_that_cannot_be_used_are_errors() {
     let project = Project::with_golden();
     let file = project.folder.path().join("room/ramp.exr");
     for (facts, expected) in [
-        (r#"{"schema": 7}"#, "a newer Karat wrote it (facts of version 7"),
+        (r#"{"schema": 7}"#, "a newer Karat wrote its metadata (in version 7 of the format"),
         ("{}", "its metadata can't be read (missing field `schema`"),
     ] {
         ramp().write_exr(&file, Precision::Half, Some(facts)).expect("written");
