@@ -306,7 +306,7 @@ fn names_that_two_files_give_are_errors() {
     1 | #import a::b::g
       |               ^ imported here
       |
-      = modules `package::one` and `package::two` both declare `#define_import_path a::b`
+      = modules `package::one` and `package::two` both declare `#define_import_path a::b`: give one module another path
     "#);
     linked(&two("#define_import_path a::c\n"), "user::f");
     let shared = |first: &'static str| {
@@ -315,7 +315,7 @@ fn names_that_two_files_give_are_errors() {
         Package::from_modules("m", [("one", first), ("two", two), ("user", user)])
     };
     assert_snapshot!(error(&shared("const A = 1.0; const g = 2.0;"), "user::f"), @r#"
-    error: `g` is declared in two files that share a name space
+    error: `g` is declared in two files that are included or joined together
       --> <two>:1:4
       |
     1 | fn g(x: f32) -> f32 { return 2.0 * x; }
@@ -706,7 +706,7 @@ fn files_that_the_host_concatenates_share_their_names() {
     for function in ["material::shade", "other::twice"] {
         let twice = error(&package(), function);
         assert!(
-            twice.contains("`tone` is declared in two files that share a name space"),
+            twice.contains("`tone` is declared in two files that are included or joined together"),
             "{twice}"
         );
     }

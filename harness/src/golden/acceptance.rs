@@ -67,7 +67,7 @@ pub enum AcceptError {
     /// `CI` is set, so Karat writes no golden.
     #[error(
         "`{0}` isn't accepted: `CI` is set, and Karat writes nothing into your sources in CI; accept the golden on your own \
-         machine, with --from and this run's output, or pass --ci-may-write"
+         machine, with --from and the downloaded artefact of this run, or pass --ci-may-write"
     )]
     InCi(String),
     /// Another adapter than lavapipe rendered the frame. Goldens come from lavapipe.

@@ -380,8 +380,8 @@ impl Manifest {
             let has_root = dependency.path.is_some() && dependency.root.is_some();
             if dependency.path.is_some() == dependency.krate.is_some() || has_root {
                 let reason = format!(
-                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }} with or \
-                     without `root`"
+                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }}. A \
+                     crate may also have `root`"
                 );
                 return Err(told(&["dependencies", name], reason));
             }

@@ -174,8 +174,8 @@ fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
     let text = project.text(&failed);
     assert!(
         text.ends_with(
-            "look at `golden/room/ramp.new.exr`, then delete `golden/@gl-llvmpipe/room/ramp.exr` \
-             with its `.toml` and run the test again: the frame passes with the golden for all profiles"
+            "look at `golden/room/ramp.new.exr`, then delete the profile's own golden \
+             `golden/@gl-llvmpipe/room/ramp.exr` and its `.toml`, and run the test again: the frame passes with the golden for all profiles"
         ),
         "{text}"
     );
