@@ -112,7 +112,9 @@ pub enum PackageError {
         nearest: Option<String>,
     },
     /// Two modules of one package declare the same path for themselves.
-    #[error("modules `{first}` and `{second}` both declare `#define_import_path {path}`: give one module another path")]
+    #[error(
+        "modules `{first}` and `{second}` both declare `#define_import_path {path}`: give one module another path"
+    )]
     ComposedTwice {
         /// The path.
         path: String,

@@ -416,7 +416,8 @@ impl Manifest {
         for known in &matrix {
             let list = [("rows", &known.rows), ("columns", &known.columns)];
             if let Some((name, _)) = list.into_iter().find(|(_, list)| list.is_empty()) {
-                let reason = format!("a `[[matrix]]` entry names no {name}, so the entry has no effect");
+                let reason =
+                    format!("a `[[matrix]]` entry names no {name}, so the entry has no effect");
                 return Err(told(&["matrix"], reason));
             }
         }

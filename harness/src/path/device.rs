@@ -353,9 +353,11 @@ impl Device {
 
     /// Translates a frame's shader as the path's route does, and returns the IR to draw with.
     pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
-        let undrawn = || PathError::Route {
+        let undrawn = || {
+            PathError::Route {
             path: self.path,
             message: "Karat can't draw frames on this route, because another compiler than naga writes its SPIR-V".to_owned(),
+        }
         };
         match route::takes_wgpu(self.path) {
             true => route::through_naga(self.path, module),
@@ -416,7 +418,9 @@ impl Device {
                 Ok(mapped) => break mapped,
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
-                    return Err(failed("wgpu didn't map a buffer into memory, and gave no reason".to_owned()));
+                    return Err(failed(
+                        "wgpu didn't map a buffer into memory, and gave no reason".to_owned(),
+                    ));
                 }
             }
         };
