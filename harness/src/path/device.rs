@@ -353,11 +353,10 @@ impl Device {
 
     /// Translates a frame's shader as the path's route does, and returns the IR to draw with.
     pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
-        let undrawn = || {
-            PathError::Route {
+        let undrawn = || PathError::Route {
             path: self.path,
-            message: "Karat can't draw frames on this route, because another compiler than naga writes its SPIR-V".to_owned(),
-        }
+            message: "Karat can't draw frames with SPIR-V that another compiler than naga writes"
+                .to_owned(),
         };
         match route::takes_wgpu(self.path) {
             true => route::through_naga(self.path, module),
