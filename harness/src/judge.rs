@@ -92,8 +92,8 @@ impl Census {
             (self.wrong_sign, "with the wrong sign"),
             (self.too_low, "too low"),
             (self.too_high, "too high"),
-            (self.shader, "with a reference that WGSL doesn't allow"),
-            (self.driver, "with a result outside of the bounds"),
+            (self.shader, "with a reference value that WGSL doesn't allow"),
+            (self.driver, "with a result that WGSL doesn't allow"),
             (self.ill_conditioned, "ill-conditioned"),
             (self.unbounded, "unbounded"),
         ];

@@ -35,7 +35,7 @@ const LONGEST: u64 = 16 << 20;
 
 /// The advice for a missing Tint, in one line.
 const REMEDY: &str = "run `npm install --save-dev webgpu` in the project (with Node 20 or newer), or set KARAT_TINT to \
-                      the path of the installed package, of the program `tint` or of a Chromium";
+                      the path of the installed package, of the program `tint` or of a Chromium browser";
 
 /// The Tint on this machine.
 pub struct Tint {
@@ -97,7 +97,7 @@ pub enum NoVerdict {
     #[error("Tint's answer can't be read: {0}")]
     Garbage(String),
     /// The answer is about another text than the question.
-    #[error("Tint answered about another text")]
+    #[error("Tint's answer is about another shader")]
     Other,
     /// The question got two answers.
     #[error("Tint answered twice")]

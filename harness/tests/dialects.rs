@@ -306,7 +306,7 @@ fn names_that_two_files_give_are_errors() {
     1 | #import a::b::g
       |               ^ imported here
       |
-      = modules `package::one` and `package::two` both declare `#define_import_path a::b`
+      = modules `package::one` and `package::two` both declare `#define_import_path a::b`: give one module another path
     "#);
     linked(&two("#define_import_path a::c\n"), "user::f");
     let shared = |first: &'static str| {
@@ -315,7 +315,7 @@ fn names_that_two_files_give_are_errors() {
         Package::from_modules("m", [("one", first), ("two", two), ("user", user)])
     };
     assert_snapshot!(error(&shared("const A = 1.0; const g = 2.0;"), "user::f"), @r#"
-    error: `g` is declared in two files that share a name space
+    error: `g` is declared in two files that are included or joined together
       --> <two>:1:4
       |
     1 | fn g(x: f32) -> f32 { return 2.0 * x; }
@@ -522,7 +522,7 @@ fn other_preprocessors_are_named() {
       = to expand the text, write a `preprocess` command into karat.toml beside the modules, or use `Package::from_modules` in Rust
     "#);
     assert_snapshot!(error(&one("#import \"shaders/a.wgsl\" as a\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
-    error: an import by an asset's path isn't WGSL: an engine's asset server must expand it
+    error: an import by an asset's path isn't WGSL: the asset server of a game engine must expand it
       --> <s>:1:1
       |
     1 | #import "shaders/a.wgsl" as a
@@ -706,7 +706,7 @@ fn files_that_the_host_concatenates_share_their_names() {
     for function in ["material::shade", "other::twice"] {
         let twice = error(&package(), function);
         assert!(
-            twice.contains("`tone` is declared in two files that share a name space"),
+            twice.contains("`tone` is declared in two files that are included or joined together"),
             "{twice}"
         );
     }

@@ -574,7 +574,7 @@ fn an_unknown_function_is_not_another_modules_error() {
     assert!(error("m::ff").contains("has no function `m::ff`"), "{}", error("m::ff"));
     assert!(error("m::b").contains("declared under `@if(fast)`"), "{}", error("m::b"));
     let unknown =
-        "package `s` has no function `n::f` among its functions (1); did you mean `m::f`?";
+        "package `s` has no function `n::f` (functions in the package: 1); did you mean `m::f`?";
     assert_eq!(error("n::f"), unknown, "of a module that isn't there");
     let Err(ProbeError::Reflect(ReflectError::Package(PackageError::Inactive { .. }))) =
         Probed::new(&package, "m::b")

@@ -1186,7 +1186,7 @@ fn races_of_read_values_are_reported() {
         race(&pass(body));
     }
     let within = race(&pass("tile[i] = a[id.x]; b[id.x] = tile[63u - i];"));
-    assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
+    assert!(within.contains("put a `workgroupBarrier()` between the two"), "{within}");
 }
 
 /// If a dispatch has more invocations than the array has elements, Karat finds a missing guard. The test dispatches

@@ -158,7 +158,7 @@ pub enum TapError {
     },
     /// The frame's colours can't be drawn beside a value.
     #[error(
-        "the frame has several targets or samples, so its colours can't be drawn beside the value: tap the value without the colours"
+        "the frame has several targets or samples, so Karat can't draw the frame's colours beside the value: draw the value alone"
     )]
     Beside,
     /// No pixel computes the value `round` times.

@@ -62,12 +62,12 @@ pub enum AcceptError {
         nearest: Option<String>,
     },
     /// No reason was given.
-    #[error("accepting `{0}` needs a reason that a reviewer can check: --because \"...\"")]
+    #[error("accepting `{0}` needs a reason that a reviewer can check: add --because \"...\"")]
     NoReason(String),
     /// `CI` is set, so Karat writes no golden.
     #[error(
         "`{0}` isn't accepted: `CI` is set, and Karat writes nothing into your sources in CI; accept the golden on your own \
-         machine, with --from and this run's output, or pass --ci-may-write"
+         machine, with --from and the downloaded artefact of this run, or pass --ci-may-write"
     )]
     InCi(String),
     /// Another adapter than lavapipe rendered the frame. Goldens come from lavapipe.
@@ -293,7 +293,7 @@ impl Goldens {
             // An interrupted acceptance may have written this golden without removing the pending frame. Then the
             // golden may differ from the golden of the comparison.
             let warnings = vec![format!(
-                "the golden `{}` has the same pixels and facts already",
+                "the golden `{}` has the same content and provenance already",
                 shown(&path)
             )];
             Accepted { golden: path, written: false, warnings }

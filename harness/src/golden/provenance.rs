@@ -84,7 +84,7 @@ pub struct Provenance {
 #[non_exhaustive]
 pub enum ProvenanceError {
     /// A newer version of Karat wrote the facts.
-    #[error("a newer Karat wrote it (facts of version {0}, but this Karat reads version {max}): update Karat", max = Provenance::SCHEMA)]
+    #[error("a newer Karat wrote its metadata (in version {0} of the format, but this Karat reads version {max}): update Karat", max = Provenance::SCHEMA)]
     Newer(u32),
     /// The facts can't be parsed, or have control characters.
     #[error("its metadata can't be read ({0})")]

@@ -180,7 +180,7 @@ impl Goldens {
         if let Some((row, at, value)) = table.non_finite() {
             let advice = match at < table.arguments {
                 true => "restrict the domain",
-                false => "fix the shader, or restrict its arguments",
+                false => "fix the shader, or restrict the domain of an argument",
             };
             return Err(ValuesError::NonFinite {
                 case: case.to_owned(),

@@ -447,7 +447,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         )
     } else {
         format!(
-            "only barriers order the invocations of a workgroup: put a `{barrier}()` between both accesses"
+            "only barriers order the invocations of a workgroup: put a `{barrier}()` between the two accesses"
         )
     };
     let one = |access: &Access, at: usize| {
@@ -640,7 +640,7 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
     if let Some(span) = &place {
         diagnostic = diagnostic.at(span.clone(), format!("{invocation} {does}"));
     }
-    let note = "WGSL initialises workgroup memory with zeros (*var Declarations*), but engines can turn this off to save \
+    let note = "WGSL initialises workgroup memory with zeros (*var Declarations*), but a program can turn this off in wgpu to save \
                 time: write the initial value, and then call `workgroupBarrier()`";
     let diagnostic = diagnostic.note(note);
     let accesses = vec![access((place, invocation, does))];

@@ -57,7 +57,7 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         let is_name = |c: char| c.is_alphanumeric() || c == '_';
         let returned = previous.strip_prefix("return").filter(|rest| !rest.starts_with(is_name));
         if returned.is_some_and(|rest| rest.ends_with(';')) {
-            return Err(wrong("this line comes after a `return`, so it never runs".to_owned()));
+            return Err(wrong("this line comes after a `return`, so it never runs: move the line above the `return`".to_owned()));
         }
         let indent = line.len() - line.trim_start().len();
         let (before, behind) = line[indent + head.len()..]

@@ -363,7 +363,7 @@ impl Reader<'_> {
                 self.file,
                 line.clone(),
                 "an import by an asset's path",
-                "an engine's asset server",
+                "the asset server of a game engine",
             ));
         }
         // The result is an import statement of WESL with the same length. A blank replaces `#`, and the statement ends

@@ -112,7 +112,9 @@ pub enum PackageError {
         nearest: Option<String>,
     },
     /// Two modules of one package declare the same path for themselves.
-    #[error("modules `{first}` and `{second}` both declare `#define_import_path {path}`")]
+    #[error(
+        "modules `{first}` and `{second}` both declare `#define_import_path {path}`: give one module another path"
+    )]
     ComposedTwice {
         /// The path.
         path: String,
@@ -123,7 +125,7 @@ pub enum PackageError {
     },
     /// A path names a function that the package doesn't have.
     #[error(
-        "package `{package}` has no function `{path}` among its functions ({count}){}",
+        "package `{package}` has no function `{path}` (functions in the package: {count}){}",
         did_you_mean(nearest)
     )]
     UnknownFunction {
@@ -139,7 +141,7 @@ pub enum PackageError {
     /// A function is under a condition that is false.
     #[error(
         "`{path}` of package `{package}` is declared under `{condition}`, which is false: set \
-         the feature with `.feature(..)`"
+         the feature, with `.feature(..)` in Rust or `--feature` in a command"
     )]
     Inactive {
         /// The path in the test.

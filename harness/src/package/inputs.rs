@@ -126,7 +126,7 @@ impl Declaration {
             Self::Range(least, most) if is_size && !(is_count(*least) && is_count(*most)) => {
                 let what = if is_length { "elements" } else { "workgroups" };
                 return Err(format!(
-                    "the input `{name}` must have from 1 to {MOST_ELEMENTS} {what}, but the value is {value}"
+                    "the input `{name}` must be a number of {what} from 1 to {MOST_ELEMENTS}, but is {value}"
                 ));
             }
             Self::Values(_) | Self::Named(_) | Self::Elements { .. } if is_size => {
@@ -144,7 +144,7 @@ impl Declaration {
                 if !(least <= most && least.is_finite() && most.is_finite()) =>
             {
                 Err(format!(
-                    "the input `{name}` is declared from {least} to {most}, which isn't a range"
+                    "the input `{name}` is declared from {least} to {most}, which isn't a range: write the lower end first"
                 ))
             }
             Self::MultipleOf(_) if !is_length => Err(wrong()),

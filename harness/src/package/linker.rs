@@ -90,8 +90,9 @@ impl<'a> Linker<'a> {
                 let span = module.span(declaration.name_token);
                 if let Some(first) = known.insert(name, span.clone()).filter(|first| *first != span)
                 {
-                    let message =
-                        format!("`{name}` is declared in two files that share a name space");
+                    let message = format!(
+                        "`{name}` is declared in two files that are included or joined together"
+                    );
                     let diagnostic =
                         Diagnostic::new(message).at(span, "").at(first, "declared first");
                     return Err(PackageError::Shader(Box::new(diagnostic)));

@@ -263,7 +263,7 @@ impl Declared {
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             let of = if self.functions.contains(name) { "hazard" } else { "matrix" };
             let what = "but the package has no function of this name";
-            ([of, name], format!("an entry names `{name}`, {what}{near}"))
+            ([of, name], format!("an entry of `[[{of}]]` names `{name}`, {what}{near}"))
         } else {
             return Ok(());
         };
@@ -379,8 +379,8 @@ impl Manifest {
             let has_root = dependency.path.is_some() && dependency.root.is_some();
             if dependency.path.is_some() == dependency.krate.is_some() || has_root {
                 let reason = format!(
-                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }} with or \
-                     without `root`"
+                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }}. A \
+                     crate may also have `root`"
                 );
                 return Err(told(&["dependencies", name], reason));
             }
@@ -415,7 +415,8 @@ impl Manifest {
         for known in &matrix {
             let list = [("rows", &known.rows), ("columns", &known.columns)];
             if let Some((name, _)) = list.into_iter().find(|(_, list)| list.is_empty()) {
-                let reason = format!("a `[[matrix]]` entry names no {name}, so it has no effect");
+                let reason =
+                    format!("a `[[matrix]]` entry names no {name}, so the entry has no effect");
                 return Err(told(&["matrix"], reason));
             }
         }

@@ -79,8 +79,8 @@ fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 's
         if wait.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
             // Writes directly to stderr, because the test runner's captured output is lost with the process.
             let why = format!(
-                "{} did not finish within {} s: a loop may be endless, or the deadline may be too short \
-                 for this adapter (KARAT_TIMEOUT=seconds)",
+                "{} did not finish within {} s. A loop may be endless, or the deadline may be too short \
+                 for this adapter: set KARAT_TIMEOUT to a larger number of seconds",
                 what(),
                 limit.as_secs_f64()
             );

@@ -357,7 +357,8 @@ impl Device {
     pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
         let undrawn = || PathError::Route {
             path: self.path,
-            message: "Karat can't draw frames with SPIR-V from other compilers".to_owned(),
+            message: "Karat can't draw frames with SPIR-V that another compiler than naga writes"
+                .to_owned(),
         };
         match route::takes_wgpu(self.path) {
             true => route::through_naga(self.path, module),
@@ -418,7 +419,9 @@ impl Device {
                 Ok(mapped) => break mapped,
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
-                    return Err(failed("wgpu dropped the mapping of a buffer".to_owned()));
+                    return Err(failed(
+                        "wgpu didn't map a buffer into memory, and gave no reason".to_owned(),
+                    ));
                 }
             }
         };

@@ -30,7 +30,7 @@ struct Replay {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "KARAT_CASE selects `{selected}`, but `{check}` runs in a thread without a name, so Karat can't \
-     tell which test runs this check"
+     tell which test runs this check: run the check in the test's own thread"
 )]
 pub struct NotReplayed {
     /// The name of the check with its function, or the name of the frame.

@@ -125,7 +125,7 @@ impl Reason {
                 "Chrome's WGSL doesn't have this name: write the code without the name, or run the shader only with wgpu"
             }
             Self::Pipeline | Self::Other => {
-                "the shader can't run in Chrome, Edge, Node and Electron"
+                "the shader can't run in Chrome, Edge, Node or Electron"
             }
         }
     }

@@ -167,7 +167,7 @@ fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
         | HazardKind::Saturated
         | HazardKind::EdgesReversed => Ok(()),
         HazardKind::LostDigits | HazardKind::Unbounded | HazardKind::Endless => {
-            wrong("Karat doesn't check passes for hazards of this kind")
+            wrong("Karat doesn't check passes for hazards of this kind: remove the kind")
         }
         _ => {
             wrong("Karat checks each [[compute]] for hazards of this kind anyway: remove the kind")

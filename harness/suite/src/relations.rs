@@ -72,7 +72,7 @@ pub(crate) fn related(
         let Some(next) = pending.iter().position(|(_, to)| !to.iter().any(|to| waits(to))) else {
             let names: Vec<_> = pending.iter().map(|(own, _)| format!("`{}`", own.path)).collect();
             return Err(format!(
-                "the keys `{KEY}` of {} form a circle: each key applies in both directions, so remove the key of one vector",
+                "the keys `{KEY}` of {} form a cycle: each key applies in both directions, so remove the key of one vector",
                 names.join(", ")
             ));
         };
@@ -94,7 +94,7 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
         && one.path != other.path
     {
         return Err(wrong(format!(
-            "the name `{name}` may mean `{}` or the parameter: write `{}`",
+            "the name `{name}` may mean `{}` or the parameter `{name}`: write `{}`, or rename the parameter",
             one.path, one.path
         )));
     }
@@ -216,7 +216,7 @@ mod tests {
             ("uv = { perpendicular_to = [\"w\", \"w\"] }", "can't be perpendicular to 2 vectors"),
             (
                 "t = { perpendicular_to = \"n\" }\nn = { perpendicular_to = \"t\" }",
-                "of `n`, `t` form a circle",
+                "of `n`, `t` form a cycle",
             ),
         ] {
             let error = of(&three, text).expect_err(text);

@@ -345,7 +345,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
             return Err(
-                "the function uses derivatives, and all derivatives are 0 in an integral".into()
+                "Karat can't integrate a function with derivatives, because all derivatives are 0 in an integral".into()
             );
         }
         _ => probed.with_varying(),
@@ -497,7 +497,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
                 let wrong = format!(
-                    "the condition `{text}` names `{argument}`, but the limit sets this argument"
+                    "the condition `{text}` names `{argument}`, but the limit sets this argument: remove `{argument}` from `where`"
                 );
                 return Err(Misdeclared::of("where")(wrong));
             }

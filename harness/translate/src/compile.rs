@@ -14,7 +14,9 @@ use crate::{Code, EntryPoint, Stage, Target, Translation, layout, tool};
 #[non_exhaustive]
 pub enum CompileError {
     /// This machine has no compiler for the language.
-    #[error("`{name}` compiles {target}, but Karat can't use this compiler: {reason} ({remedy})")]
+    #[error(
+        "Karat needs `{name}` to compile {target}, but can't use this compiler: {reason} ({remedy})"
+    )]
     NoCompiler {
         /// The language.
         target: Target,

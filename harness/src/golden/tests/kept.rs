@@ -174,8 +174,8 @@ fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
     let text = project.text(&failed);
     assert!(
         text.ends_with(
-            "look at `golden/room/ramp.new.exr`, then delete `golden/@gl-llvmpipe/room/ramp.exr` \
-             with its `.toml` and run the test again: the frame passes with the golden for all profiles"
+            "look at `golden/room/ramp.new.exr`, then delete the profile's own golden \
+             `golden/@gl-llvmpipe/room/ramp.exr` and its `.toml`, and run the test again: the frame passes with the golden for all profiles"
         ),
         "{text}"
     );
@@ -213,7 +213,7 @@ fn facts_that_cannot_be_used_are_errors() {
     let project = Project::with_golden();
     let file = project.folder.path().join("room/ramp.exr");
     for (facts, expected) in [
-        (r#"{"schema": 7}"#, "a newer Karat wrote it (facts of version 7"),
+        (r#"{"schema": 7}"#, "a newer Karat wrote its metadata (in version 7 of the format"),
         ("{}", "its metadata can't be read (missing field `schema`"),
     ] {
         ramp().write_exr(&file, Precision::Half, Some(facts)).expect("written");
