@@ -1054,7 +1054,7 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
     assert!(scatter.needs.contains(&"idx".to_owned()), "{scatter}");
 }
 
-/// A loop with many iterations isn't reported as endless. Karat still finds the other hazards of the function.
+/// A loop with many iterations isn't reported as endless. Karat still finds other hazards of the function.
 #[test]
 fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {
@@ -1531,8 +1531,8 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// Declarations in `karat.toml` remove the findings that they make impossible. They declare distinct elements, lengths,
-/// workgroups, directions, and inputs of one function.
+/// Declarations in `karat.toml` remove the findings that they make impossible. The test declares distinct elements,
+/// lengths, workgroups, directions, and inputs of one function.
 #[test]
 fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");

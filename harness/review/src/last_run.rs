@@ -19,7 +19,7 @@ pub struct LastRun {
 pub struct FrameRun {
     /// The name of the test.
     pub test: String,
-    /// The location of the test: `file:line:column`.
+    /// The location of the call in the test: `file:line:column`.
     pub place: String,
     /// The commands that run the test again.
     pub replays: Vec<String>,

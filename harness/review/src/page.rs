@@ -145,7 +145,7 @@ fn severity(frame: &Pending) -> Option<Value> {
     Some(if measured { json!(most) } else { json!("inf") })
 }
 
-/// Checks if all numbers in the frame are finite.
+/// Checks that the test found no NaN and no infinity in the frame.
 fn is_finite(frame: &Pending) -> bool {
     let margins = frame.provenance.finding.iter().flat_map(|finding| &finding.margins);
     !margins
