@@ -93,8 +93,7 @@ pub enum DispatchError {
     NotWritten {
         /// The name that the test uses.
         name: String,
-        /// The written resource with the most similar name. `None` if passes read the resource `name`, but don't write
-        /// it.
+        /// The written resource with the most similar name. `None` if passes only read the resource `name`.
         nearest: Option<String>,
     },
     /// A resource has no member with this name.

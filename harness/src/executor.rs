@@ -285,8 +285,7 @@ pub fn call(
 }
 
 /// Accepts results in which the driver left some words unwritten, if WGSL allows any value for each of these words.
-/// Unwritten words keep their previous value, a NaN. If WGSL bounds one of the words, the driver dropped a write, and
-/// this function returns `error`.
+/// Unwritten words keep their previous value, a NaN. Otherwise the driver dropped a write: returns `error`.
 pub(crate) fn left_open(
     (probed, fixtures): (&Probed, &Fixtures),
     (cases, rows): (usize, &[u32]),

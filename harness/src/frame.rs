@@ -579,7 +579,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Sets how much the frame may differ from its golden on some paths: `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"`
-    /// (see [`Selector`]). These paths don't use [`tolerance`](Self::tolerance).
+    /// (see [`Selector`]).
     ///
     /// ```no_run
     /// # use karat::Path;

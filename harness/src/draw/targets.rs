@@ -7,7 +7,7 @@ use super::{DrawError, Format};
 use crate::reflect::{Output, Program, Texels};
 
 impl Scene<'_> {
-    /// Checks that each draw's outputs match the frame's targets, and checks the settings `samples` and `depth`.
+    /// Checks the settings `samples` and `depth`, and that each draw's outputs match the targets.
     pub(super) fn expect_targets(&self, program: &Program) -> Result<(), DrawError> {
         let unsound = |setting, reason: String| Err(DrawError::Unsound { setting, reason });
         if !matches!(self.samples, 1 | 2 | 4 | 8 | 16) {

@@ -40,7 +40,7 @@ impl Tap {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
-    /// Checks if the tap selects all `karat:print` lines.
+    /// Checks if the tap selects every `print` in the shader (`karat:print`).
     #[must_use]
     pub fn is_of_prints(&self) -> bool {
         self.wanted == "karat:print"
@@ -306,7 +306,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
     all
 }
 
-/// The positions of the `karat:print` lines in the code that `entry_points` run.
+/// The source position of each `print` in the code that `entry_points` run.
 pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
     let all = candidates(program, entry_points);
     let is_print =
@@ -463,8 +463,7 @@ impl Frame<'_> {
         Ok(all.iter().filter_map(|one| one.listed(program)).collect())
     }
 
-    /// The positions of the `karat:print` lines in code that the fragment functions run. [`Tap::new`] accepts each
-    /// position.
+    /// The source position of each `print` in code that the fragment functions run. [`Tap::new`] accepts each position.
     ///
     /// # Errors
     /// If the frame can't be drawn.
