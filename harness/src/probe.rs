@@ -185,14 +185,14 @@ impl Probed {
         self.with_quads(&varying)
     }
 
-    /// If the function takes derivatives, adds the derivatives of each parameter that has a float. With constant
+    /// If the function takes derivatives, adds the derivatives of each parameter that contains a float. With constant
     /// arguments, each derivative would be 0, so the test would check nothing.
     #[must_use]
     pub fn with_varying(self) -> Self {
         if self.takes_derivatives() { self.varying() } else { self }
     }
 
-    /// Adds the derivatives of each parameter that has a float, even if the function takes no derivatives.
+    /// Adds the derivatives of each parameter that contains a float, even if the function takes no derivatives.
     pub fn varying(self) -> Self {
         let parameters = self.function.parameters.iter();
         let floats = |shape: &Shape| shape.lanes().iter().any(|scalar| scalar.is_float());

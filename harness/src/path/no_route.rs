@@ -1,4 +1,4 @@
-//! Stands in for routes in a library without the feature `routes`.
+//! Replaces `route.rs` in builds without the feature `routes`.
 
 use super::{Path, PathError, Via};
 use crate::reflect::Ir;

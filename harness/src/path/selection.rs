@@ -56,7 +56,7 @@ fn must_open(path: Path) -> Result<Opened, PathError> {
     })
 }
 
-/// The paths that the environment selects for a check. There is at least one.
+/// The paths that the environment selects for a check. The list has at least one path.
 ///
 /// ```no_run
 /// for path in karat::unstable::path::selected()? {

@@ -1,4 +1,4 @@
-//! Runs a function's kernel on a device. If the driver stops long loops, Karat counts the loops' rounds first.
+//! Runs a function's kernel on a device. If the driver stops long loops, Karat counts the loops' iterations first.
 
 use super::bound::compile;
 use super::dispatcher::{Dispatch, Dispatcher};
@@ -8,7 +8,7 @@ use super::{Inputs, Prepared, ProbeError, Probed, Started};
 use crate::fixture::Fixtures;
 use crate::path::{Device, guard};
 
-/// The number of cases in one dispatch. So many cases keep a GPU busy, and even a function with many words needs only
+/// The number of cases in one dispatch. This many cases keep a GPU busy, and even a function with many words needs only
 /// 20 MB for them.
 pub(crate) const BATCH: usize = 65_536;
 

@@ -2,7 +2,7 @@
 //!
 //! Some drivers stop all loops of an invocation after a number of rounds, and go on with the values of that moment. If
 //! naga's IR shows that all loops end sooner, Karat doesn't count their rounds. Otherwise a copy of the kernel counts
-//! the rounds of its loops. The verdict uses the results of the original kernel.
+//! the iterations of its loops. The verdict uses the results of the original kernel.
 
 mod bounds;
 mod watched;
@@ -62,7 +62,7 @@ impl Program {
     }
 
     /// The number of loops. [`count_rounds`] numbers the loops in the order of the text. Each loop has two counters:
-    /// the first counts the loop's rounds, and the second counts how often an invocation enters the loop.
+    /// the first counts the loop's iterations, and the second counts how often an invocation enters the loop.
     pub(crate) fn loops(&self) -> usize {
         let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
         functions.map(|body| loops_of(body).len()).sum()
@@ -89,7 +89,7 @@ enum Around {
 ///
 /// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`. The driver also
 /// runs at least one round of each loop in a branch, even if no case takes the branch. So whenever the code around a
-/// loop runs, the driver counts a round of the loop, even if no case enters the loop.
+/// loop runs, the driver counts an iteration of the loop, even if no case enters the loop.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nesting {
     /// The loop, function or entry point around each loop.
@@ -134,7 +134,7 @@ impl Nesting {
     }
 
     /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is 1, plus
-    /// 1 for each inner loop. If a case enters an inner loop, the rounds of the inner loop count separately.
+    /// 1 for each inner loop. If a case enters an inner loop, the iterations of the inner loop count separately.
     fn weights(&self) -> Vec<u32> {
         // For each function, the number of its loops that are in no other loop of the function, plus the numbers
         // of the functions that it calls outside of loops.

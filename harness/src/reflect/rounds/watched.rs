@@ -1,4 +1,4 @@
-//! Counts the rounds of loops in frames. A pixel has no counters that Karat could read.
+//! Counts the iterations of loops in frames. A pixel has no counters that Karat could read.
 
 use naga::{
     AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Scalar,
