@@ -96,7 +96,7 @@ fn an_integral_above_its_bound() {
     let found = disagreement(integral().unrecorded().try_is_at_most(|_| 0.75, 0.03));
     assert_eq!(
         (found.check, &*found.assertion),
-        ("integral.is_at_most", "at most its bound, plus the slack abs 3e-2")
+        ("integral.is_at_most", "each integral is at most its bound, plus the slack abs 3e-2")
     );
     let text = found.to_string();
     let part = "at most = 0.75\n       error = abs 0.0354 (0.03 allowed)";

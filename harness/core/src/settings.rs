@@ -25,8 +25,14 @@ const VARIABLES: [(&str, &str); 17] = [
         EXECUTORS,
         "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between programs. Each program is a path, `process@NAME` (none)",
     ),
-    (ADAPTER, "the adapter to use: a part of the adapter's name (default: hardware before software)"),
-    (DEADLINE, "seconds that a shader may take before the process gives up (60; 10 in `watch`)"),
+    (
+        ADAPTER,
+        "the adapter to use: a part of the adapter's name (default: hardware before software)",
+    ),
+    (
+        DEADLINE,
+        "seconds that a shader may take before Karat aborts the process (60; 10 in `watch`)",
+    ),
     (
         FUEL,
         "largest number of loop iterations in a case on `cpu`; loops with a known bound don't count (1048576)",

@@ -48,7 +48,9 @@ pub enum Mismatch {
     Itself,
     /// The check's range contains no number, or every number. So either no result passes the check, or every
     /// result passes.
-    #[error("is checked for a result that {0}: no result passes this check, or every result does")]
+    #[error(
+        "is checked for a result that {0}, but either no result or every result passes this check: correct the range"
+    )]
     Range(String),
     /// The check looks for no kind of hazard, or for a kind that no operation can have.
     #[error("is checked for {0}: name kinds of hazards that an operation can have, such as `Nan`")]
