@@ -407,7 +407,10 @@ impl<'a> Compute<'a> {
     /// # Panics Panics if `other` has no fixture.
     pub fn alias(mut self, name: &str, other: &str) -> Self {
         let known = self.fixtures.iter().any(|(known, _)| known == other);
-        assert!(known, "`{other}` has no fixture; add `.with(\"{other}\", ...)` before");
+        assert!(
+            known,
+            "`{other}` has no fixture; add `.with(\"{other}\", ...)` before `.alias(...)`"
+        );
         self.same.push((name.to_owned(), other.to_owned()));
         self
     }

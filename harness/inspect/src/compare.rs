@@ -544,7 +544,7 @@ impl Request {
                 unjudged(format!("before the edit: {}", was.unwrap_or_default()))
             }
             Pair::Hidden(open) => unjudged(format!(
-                "the module has {} features, and with none, one, two or all of them both versions are the same: turn on the features that the edited code needs with --feature",
+                "Karat didn't find the features that turn on the edited code: Karat turned on none, one, two or all of the module's {} features. Turn on the right features with --feature NAME",
                 open.len()
             )),
         }
@@ -617,7 +617,7 @@ impl Request {
         let mut one = one.expect("there is one setting, at least");
         if let (Change::Same { .. }, Some((path, lanes))) = (&one.change, stateful.large) {
             let reason = format!(
-                "the results are the same, but the {lanes} numbers of `{path}` are too many to compare"
+                "the results are the same, but Karat doesn't compare the variable `{path}`: its {lanes} numbers are too many"
             );
             one.change = Change::Unjudged { reason };
         }

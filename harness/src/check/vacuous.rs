@@ -28,7 +28,7 @@ pub enum Vacuous {
     TooManyCases(u64),
     /// A filter rejects nearly all values.
     #[error(
-        "has a filter that rejects nearly all values: use narrower ranges, or compute values that pass from other values"
+        "has a filter that rejects nearly all values: use narrower ranges, or replace the filter by a domain that has only accepted values"
     )]
     Filtered,
     /// A replay selects a case that doesn't exist.
@@ -79,7 +79,7 @@ pub enum Vacuous {
     Constant(Parameter),
     /// Even at the first step, every result is within the tolerance of its limit.
     #[error(
-        "has only cases with results that are at the limit at the first step, {argument} = {step}: begin with a step farther away"
+        "has only cases whose results already equal the limit at the first step, {argument} = {step}: add an earlier step that is farther away"
     )]
     AtLimit {
         /// The argument that approaches the limit.

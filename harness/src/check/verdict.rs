@@ -111,7 +111,7 @@ pub enum Failure {
         reason: Box<Vacuous>,
     },
     /// A quadrature rule has no nodes, has a weight that isn't finite, or gives an integral without a verdict.
-    #[error("the quadrature rule of `{function}` {reason} for case {case}: {arguments}")]
+    #[error("for case {case} ({arguments}), the quadrature rule of `{function}` {reason}")]
     Rule {
         /// The function's name.
         function: String,

@@ -100,7 +100,11 @@ impl After<'_> {
             // The verdict below reports an error of the first path.
             if let Ok((now, adapter)) = first() {
                 let count = (golden.len() != now.len()).then(|| {
-                    format!("it has {} elements, but the result has {}", golden.len(), now.len())
+                    format!(
+                        "the golden has {} elements, but the result has {}",
+                        golden.len(),
+                        now.len()
+                    )
                 });
                 if let Some(how) = other_columns(&golden, &now).or(count) {
                     return Err(left((now, adapter), Some((&golden, &how))).into());

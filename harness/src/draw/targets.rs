@@ -22,8 +22,8 @@ impl Scene<'_> {
         if self.result == Source::Depth && !self.draws.iter().any(|d| writes_depth(d, program)) {
             return unsound(
                 "depth",
-                "it shows depth, but none of its draws writes depth: a draw without a vertex function writes depth \
-                 only if its fragment function returns `@builtin(frag_depth)`"
+                "it shows depth, but none of its draws writes depth: let a draw with a vertex function write depth, \
+                 or return `@builtin(frag_depth)` from a fragment function"
                     .to_owned(),
             );
         }

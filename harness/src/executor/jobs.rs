@@ -37,7 +37,7 @@ pub(super) fn prepare<'e>(
     let form = &probed.function().form;
     if form.fragment {
         let message = "the function takes derivatives, or discards and writes, so it runs only on drawn \
-                       pixels, and only wgpu's drivers and Karat's engine draw pixels";
+                       pixels: use one of wgpu's drivers or Karat's engine, such as the paths `vulkan` and `cpu`";
         return Err(PathError::Route { path, message: message.to_owned() }.into());
     }
     let kernel = KernelJobs::new(probed, fixtures)?;

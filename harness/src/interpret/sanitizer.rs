@@ -735,6 +735,6 @@ mod tests {
         assert!(examined.violations.is_empty());
         let Watched { invocations, reason, .. } = examined.watched;
         assert_eq!(invocations, 0);
-        assert!(reason.contains("the engine doesn't execute"), "{reason}");
+        assert!(reason.contains("the engine doesn't support"), "{reason}");
     }
 }

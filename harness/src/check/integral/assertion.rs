@@ -148,9 +148,13 @@ impl std::fmt::Display for Assertion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::AgreesWith(tolerances) => write!(f, "{}", tolerances.general),
-            Self::IsAtMost(0.0) => f.write_str("at most its bound"),
+            Self::IsAtMost(0.0) => f.write_str("each integral is at most its bound"),
             Self::IsAtMost(slack) => {
-                write!(f, "at most its bound, plus the slack {}", Tolerance::Abs(*slack))
+                write!(
+                    f,
+                    "each integral is at most its bound, plus the slack {}",
+                    Tolerance::Abs(*slack)
+                )
             }
         }
     }

@@ -164,7 +164,7 @@ impl Group {
                 let reason = format!(
                     "gives {value} with {} nodes and {control} with {nodes} nodes (a difference of \
                      {doubt}, and {expected} is {}), so there is no verdict: use more rings, or your \
-                     own rule with `.integral(...)`,",
+                     own rule with `.integral(...)`",
                     case.own,
                     assertion.stated(),
                 );
@@ -215,11 +215,11 @@ impl Case {
     /// Describes why the rule can't be used. `None` if the rule can be used.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {
-            return Some("has no nodes, so it can't integrate,".to_owned());
+            return Some("has no nodes, so it can't integrate".to_owned());
         }
         let bad = self.nodes.weights.iter().position(|weight| !weight.is_finite())?;
         Some(format!(
-            "has the weight {} at node {bad}, but weights must be finite,",
+            "has the weight {} at node {bad}, but weights must be finite",
             self.nodes.weights[bad]
         ))
     }
