@@ -370,9 +370,7 @@ impl Package {
             let place = place.and_then(|range| program.linked.spliced.resolve(range))?.to_string();
             if Reason::of(&message.text) == Reason::Uniformity && lines.contains(&line(&place)) {
                 let head = message.text.lines().next().unwrap_or_default();
-                return Some(format!(
-                    "Tint reports the same error when it compiles the shader: {place}: {head}"
-                ));
+                return Some(format!("Tint's compiler reports the same error: {place}: {head}"));
             }
         }
         // After an error of another kind, Tint stops without checking uniformity.
