@@ -548,7 +548,7 @@ mod tests {
         let error = read(&[("KARAT_BANANA_SPLIT", "1")]).expect_err("unknown");
         assert!(
             error.ends_with(
-                "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_EXECUTORS, KARAT_ADAPTER, \
+                "Karat reads KARAT_PATHS, KARAT_REQUIRE, KARAT_EXECUTORS, KARAT_ADAPTER, \
              KARAT_TIMEOUT, KARAT_FUEL, KARAT_SCHEDULES, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
              KARAT_OVERLAY, KARAT_TINT, KARAT_RECORD, KARAT_COVERAGE, KARAT_BROWSER"
             ),

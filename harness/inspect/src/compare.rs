@@ -1992,7 +1992,7 @@ mod tests {
         let large = "var<private> a: array<f32, 5000>;\nfn put(i: u32, x: f32) -> f32 { a[i % 5000u] = x; return x; }";
         let one = compared(large, &large.replace("i %", "(i + 9u) %"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
-        assert!(reason.contains("the 5000 numbers of `a` are too many"), "{reason}");
+        assert!(reason.contains("its 5000 numbers are too many"), "{reason}");
         // If two variables have the same name, the comparison uses their paths.
         let modules = |a: &str| {
             let b = "var<private> s: u32;\nfn g() -> u32 { s = s + 1u; return s; }";

@@ -705,7 +705,8 @@ fn a_barrier_that_some_invocations_miss_shows_the_error_of_tint() {
     );
     let told = with_tint(folder.path(), &["test", "shaders"]);
     assert_eq!(told.code, Some(1), "{told:?}");
-    let word = "Tint's compiler reports the same error: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
+    let word =
+        "Tint's compiler reports the same error: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
     assert!(told.out.contains(word), "{}", told.out);
     let alone = output(command(folder.path(), &["test", "shaders"]).env("KARAT_TINT", "off"));
     assert_eq!(alone.code, Some(1), "{alone:?}");
