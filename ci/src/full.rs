@@ -114,7 +114,7 @@ fn on_swiftshader() -> Result<()> {
     }
 }
 
-/// The results in libtest's output, for all test programs together.
+/// The sums of the results that libtest prints, over all test programs.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Sum {
     pub(crate) passed: u64,
@@ -123,7 +123,8 @@ pub(crate) struct Sum {
 }
 
 impl Sum {
-    /// Adds a line: `test NAME ... FAILED`, or the last line of a program.
+    /// Adds the result in a line of libtest's output: a failed test (`test NAME ... FAILED`), or the counts in the last
+    /// line of a test program. Ignores other lines.
     pub(crate) fn read(&mut self, line: &str) {
         if let Some(name) =
             line.strip_prefix("test ").and_then(|rest| rest.strip_suffix(" ... FAILED"))
