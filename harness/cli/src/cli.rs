@@ -358,7 +358,7 @@ impl PlaceArgs {
         package
     }
 
-    /// Prints the names of `*.test.toml` tests that don't run because they are outside of the found packages. Prints
+    /// Prints the names of tests that don't run because they are outside of the packages that Karat found. Prints
     /// nothing if an option names the package.
     fn write_outside(&self, out: &mut dyn Write) -> anyhow::Result<()> {
         let package = self.package();
