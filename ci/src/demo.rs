@@ -52,8 +52,8 @@ pub(crate) fn build() -> anyhow::Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// Builds the test program `library`, whose tests give the first verdicts. Crates get the same features as with
-/// [`BUILD`].
+/// Builds the test program `library`, whose tests give the first verdicts. Cargo compiles crates with the same features
+/// as for [`BUILD`].
 fn build_library() -> anyhow::Result<()> {
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", LIBRARY]))
 }

@@ -338,7 +338,7 @@ mod tests {
     }
 
     /// ARCHITECTURE.md limits the number of lines of code in each folder. If a folder needs more lines, write the new
-    /// limit and the reason into ARCHITECTURE.md in the same commit.
+    /// limit into ARCHITECTURE.md, and the reason into the commit's message.
     #[test]
     fn no_folder_exceeds_its_line_budget() {
         let page = std::fs::read_to_string(command::root().join("ARCHITECTURE.md")).expect("it is");

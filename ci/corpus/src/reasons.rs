@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-/// The cause why Karat can't call a function: the shader or Karat itself.
+/// The side that would have to change so that Karat can call a function: the shader or Karat.
 #[derive(Clone, Copy, PartialEq)]
 enum Whose {
     /// The shader itself is the cause: no harness could call the function without a change to the shader.
@@ -13,7 +13,7 @@ enum Whose {
 
 use Whose::{Karat, Nature};
 
-/// Each reason why Karat refuses a function, with the cause and an explanation.
+/// Each reason why Karat refuses a function, with the side that would have to change, and an explanation.
 const ARGUED: &[(&str, Whose, &str)] = &[
     (
         "names of another file",

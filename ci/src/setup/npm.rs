@@ -84,7 +84,7 @@ pub(crate) fn node_and_modules(name: &str) -> Option<(PathBuf, PathBuf)> {
     modules.is_dir().then_some((node, modules))
 }
 
-/// Runs a Node, and returns its major and minor version.
+/// Runs `node --version`, and returns the major and the minor version.
 pub(crate) fn version(node: &Path) -> Option<(u32, u32)> {
     let said = Command::new(node).arg("--version").output().ok()?;
     numbers(&String::from_utf8_lossy(&said.stdout))

@@ -51,14 +51,14 @@ struct Row {
     whole: usize,
     functions: usize,
     callable: usize,
-    /// For each reason, the number of functions that Karat refuses to call for this reason.
+    /// For each reason, the number of functions that Karat can't call for this reason.
     reasons: BTreeMap<String, usize>,
     /// The time that the slowest module took, in milliseconds.
     slowest_ms: u128,
 }
 
 /// The longest time that Karat may take for a module, even on a busy machine. A longer time is a fault of Karat. The
-/// file of `--json` has the longest time of each crate.
+/// JSON file contains the longest time of each crate.
 const SLOWEST: Duration = Duration::from_secs(10);
 
 fn main() -> ExitCode {
@@ -277,8 +277,8 @@ fn text_of(package: &Package, module: &str) -> Option<String> {
     ["wgsl", "wesl"].into_iter().find_map(|extension| std::fs::read_to_string(file(extension)).ok())
 }
 
-/// Returns a message if the line that Karat reports for a function doesn't declare this function. Reads the line
-/// without Karat's lexer, so that an error of the lexer doesn't hide itself.
+/// Returns a message if the line that Karat reports for a function doesn't declare this function. Doesn't use Karat's
+/// lexer, because the lexer itself may be wrong.
 fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     let (line, column) = item.span.file.line_column(item.span.range.start);
     let name = item.name.rsplit("::").next().unwrap_or_default();

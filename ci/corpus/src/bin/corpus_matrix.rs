@@ -5,7 +5,7 @@
 //! (see `corpus.rs`), and prints a table. `cargo ci corpus --routes` runs the program over `ci/corpus.toml`. The
 //! program computes the matrix of each crate in a separate process. If a function or entry point hangs or crashes a
 //! driver, the process starts again, and leaves out this function or entry point. If a process ends without a result,
-//! the program fails. Other problems are only counted in the table.
+//! the program fails. The table counts all other problems.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -237,7 +237,7 @@ impl Sum {
     }
 }
 
-/// Removes the folder in which cargo keeps crates from a line of text, because this folder differs between machines.
+/// Shortens the paths of crates in a line of text: removes cargo's folder, which differs between machines.
 fn without_registry(line: &str) -> String {
     let Some((before, after)) = line.split_once("/registry/src/") else { return line.to_owned() };
     let begin = before.rfind(['(', '`', ' ']).map_or(0, |at| at + 1);

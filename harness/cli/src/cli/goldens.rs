@@ -1,4 +1,4 @@
-//! `karat pending`, `karat accept` and `karat reject`
+//! Runs `karat pending`, `karat accept` and `karat reject`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;

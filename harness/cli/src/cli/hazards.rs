@@ -21,8 +21,8 @@ use super::{Ending, Outcome, PlaceArgs, call, terminal, write_json};
 /// The largest number of reasons for not checking functions that Karat prints without `--all`.
 const REASONS: usize = 4;
 
-/// The number of lines that Karat prints for an average finding. With it Karat computes how many findings fit on the
-/// screen.
+/// The number of lines that Karat prints for an average finding. Karat computes from this number how many findings fit
+/// on the screen.
 const LINES: usize = 4;
 
 #[derive(clap::Args)]
@@ -155,7 +155,7 @@ fn tell_beside(package: &Package) {
     }
 }
 
-/// Removes the hazards that aren't of one of the given kinds, but nothing if `kinds` is empty. Returns the number of
+/// Removes the hazards of kinds that aren't in `kinds`. If `kinds` is empty, removes nothing. Returns the number of
 /// removed findings.
 fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
     let Hazards { found, others, .. } = hazards;

@@ -1,4 +1,4 @@
-//! Writes an image that shows the error of each pixel by HDR-FLIP.
+//! Writes an image that shows the HDR-FLIP error of each pixel.
 
 mod canvas;
 mod legend;
@@ -26,8 +26,8 @@ pub(super) struct Heatmap {
 
 impl Heatmap {
     /// Computes HDR-FLIP of all pixels at the exposures that the published method chooses, and at darker exposures if
-    /// the chosen exposures are too bright to show the error. So the heatmap shows the errors on which the verdict
-    /// depends.
+    /// the chosen exposures are too bright to show the error. The verdict uses the same exposures, so the heatmap shows
+    /// the errors that decide the verdict.
     pub(super) fn flip(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let judged = Flip::LARGEST_TILE.map(pair).ok();

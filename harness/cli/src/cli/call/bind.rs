@@ -50,7 +50,7 @@ pub(in crate::cli) fn overrides_in(
     }
 }
 
-/// Returns only those given values whose override exists in a package.
+/// Returns, of the given values, only the values of overrides that this package has.
 pub(in crate::cli) fn overrides_of(
     package: &Package,
     given: &BTreeMap<String, f64>,

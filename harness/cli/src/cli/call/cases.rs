@@ -92,7 +92,7 @@ pub(super) struct Given {
     stopped: Vec<(Path, ProbeError)>,
     /// The output of the shader's `karat: print` lines.
     pub(super) printed: String,
-    /// The first assertion in the shader that fails for a row, as an error.
+    /// An error with the first assertion in the shader that fails for a row, or `Ok` if no assertion fails.
     asserted: Result<(), ProbeError>,
 }
 

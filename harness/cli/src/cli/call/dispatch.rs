@@ -98,7 +98,7 @@ fn differ(one: &Content, other: &Content) -> bool {
     lanes.any(|((one, other), scalar)| one != other && !scalar.is_float())
 }
 
-/// Formats the content of a resource, of a long array only the first elements.
+/// Formats the content of a resource. For a long array, formats only the first elements.
 fn shown(content: &Content) -> String {
     let width = content.element().lanes().len().max(1);
     let count = content.lanes.len() / width;

@@ -205,7 +205,7 @@ impl<'p> Trial<'p> {
             .is_ok()
     }
 
-    /// Removes each line without which just as many modules are whole, and returns the removed lines.
+    /// Removes each line that doesn't increase the number of whole modules, and returns the removed lines.
     fn sift(&mut self) -> Vec<Line> {
         let all = self.errors(&self.lines).len();
         let without = |at: usize| {
