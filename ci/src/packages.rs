@@ -168,8 +168,8 @@ fn target() -> PathBuf {
     command::root().join(target)
 }
 
-/// Returns the folder for the unpacked packages. Around this folder there are no files of the repository that a package
-/// could read by mistake.
+/// Returns the folder for the unpacked packages. Beside the packages in this folder there are no other files of the
+/// repository, which a package could read by mistake.
 fn unpacked() -> PathBuf {
     target().join("package").join("unpacked")
 }

@@ -80,8 +80,9 @@ pub(super) fn validate(
     Ok(validate_found(&found, &[], all, out)?.0)
 }
 
-/// Does the work of [`validate`], and also returns the opinions of compilers other than naga. If neither a manifest nor
-/// an option names a package, a module is also valid if it is valid with the features that a test in `uses` sets.
+/// Does the work of [`validate`], and also returns the verdicts of compilers other than naga. If neither a manifest nor
+/// an option names a package, a module also counts as valid if it is valid with the features that a test in `uses`
+/// sets.
 fn validate_found(
     found: &[Found],
     uses: &[Package],
@@ -182,9 +183,9 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>)
     (modules, packages)
 }
 
-/// Returns the invalid packages, and the opinions of compilers other than naga about all packages. Karat validates a
-/// package with the settings in its `karat.toml`. If neither a manifest nor an option names the package, a module is
-/// also valid if it is valid with the features and dependencies that a test of the run used.
+/// Returns the invalid packages, and the verdicts of compilers other than naga on all packages. Karat validates a
+/// package with the settings in its `karat.toml`. If neither a manifest nor an option names the package, a module also
+/// counts as valid if it is valid with the features and dependencies that a test of the run used.
 pub(super) fn invalid(
     found: &[Found],
     run: &Path,

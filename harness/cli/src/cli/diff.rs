@@ -75,7 +75,7 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// Parses a bound. Without the error for a negative number here, clap would report the number as an unknown option.
+/// Parses a bound. Reports a negative number as an invalid bound, because clap would report it as an unknown option.
 fn bound(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         // Adding 0 turns -0 into 0.

@@ -249,8 +249,9 @@ impl File {
         }
     }
 
-    /// Returns the code that tests don't run, don't check or don't measure, in the order of lines. Each entry has the
-    /// first and the last line, a description, and `true` if no test ran this code.
+    /// Returns the gaps in the coverage, in the order of lines. A gap is code or a side of a branch that no test ran,
+    /// code whose value no test checks, or code that isn't measured. Each gap has its first and last line, a
+    /// description, and `true` if no test ran it.
     pub(super) fn missing(&self) -> Vec<([usize; 2], String, bool)> {
         let mut all: Vec<([usize; 2], String, bool)> = Vec::new();
         let mut add = |line: usize, why: String, is_gap: bool| match all.last_mut() {

@@ -25,7 +25,7 @@ const ROUNDS: usize = 32;
 /// The largest number of modules that the output lists. More lines wouldn't fit on a screen.
 const TOLD: usize = 12;
 
-/// The comment after a line with an invented value, because only the user's game engine knows the value.
+/// The comment that Karat writes after an invented value, if only the user's game engine knows the real value.
 const MADE_UP: &str = "invented value: write the value that your game engine sets";
 
 /// The number that Karat invents for a feature that needs a number. The number may be the length of an array, so it is
@@ -35,14 +35,15 @@ const FEATURE: &str = "4";
 /// The value that Karat invents for a placeholder. Most placeholders are sizes of workgroups, and 64 is a usual size.
 const VALUE: &str = "64";
 
-/// The comment after a line with an invented value for an undeclared name in capitals.
+/// The comment that Karat writes after an invented value for an undeclared name in capitals.
 const UNDECLARED: &str =
     "invented value: no module declares this name; is the name a macro, or misspelt?";
 
-/// The comment after a line that turns on a feature, because a declaration exists only with this feature.
+/// The comment that Karat writes after a feature that Karat turns on because a declaration exists only with this
+/// feature.
 const VARIANT: &str = "a declaration needs this feature: your game engine may set other features";
 
-/// The comment after a line with an empty text, because only the user's game engine knows the text.
+/// The comment that Karat writes after an empty text, if only the user's game engine knows the real text.
 const TEXT: &str = "empty: write the text that your game engine inserts";
 
 /// Returns advice to the author on an error that Karat can't correct by a line.
