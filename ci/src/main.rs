@@ -158,7 +158,7 @@ enum Task {
         /// A revision to compare the working tree with.
         revision: Option<String>,
     },
-    /// Try every mutant of the shader library, and check that its tests kill it; this takes hours.
+    /// Try every mutant of the shader library, and list the mutants that no test kills; this takes hours.
     ///
     /// Runs `karat mutate`, and writes the result for each mutant to `target/karat/mutation.json`. `cargo ci test`
     /// tries only a few mutants.

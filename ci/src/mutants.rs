@@ -1,4 +1,4 @@
-//! `cargo ci mutants`: `karat mutate` over the shader library.
+//! `cargo ci mutants`: runs `karat mutate` over the shader library.
 
 use anyhow::Result;
 

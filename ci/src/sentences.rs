@@ -17,7 +17,7 @@ pub(crate) enum Source {
     Docs,
     /// Documentation comments
     Comments,
-    /// Texts in the sources, of at least five words
+    /// Texts in the harness's sources that users see
     Messages,
 }
 

@@ -77,7 +77,7 @@ pub(crate) fn install_validators() -> Result<()> {
     Ok(())
 }
 
-/// Installs Tint, Chrome's WGSL compiler, if it is missing. The demo doesn't need it.
+/// Installs Tint, Chrome's WGSL compiler, if it is missing. The demo doesn't need Tint.
 pub(crate) fn install_tint() -> Result<()> {
     npm::install_tint()
 }

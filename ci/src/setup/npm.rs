@@ -200,7 +200,7 @@ mod tests {
         assert!(npm_in_path(&machine.host()).is_none());
     }
 
-    /// Lock files have versions and checksums, and no address of a mirror.
+    /// Lock files must have checksums, and must not have the addresses of a mirror.
     // Lesson 212: lock files
     #[test]
     fn lock_files_have_integrity_and_no_addresses() {

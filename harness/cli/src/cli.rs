@@ -1,9 +1,9 @@
 //! `karat`: the commands and their exit codes.
 //!
-//! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced,
-//! an acceptance is refused or a path is missing; 2 when the command couldn't do its work or write
-//! its output; 3 when its input is missing: an image, a golden, a pending frame, the record of a full
-//! run. A closed output pipe doesn't change the code.
+//! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced, an acceptance is
+//! refused or a path is missing; 2 when the command couldn't do its work or write its output; 3 when its input is
+//! missing: an image, a golden, a pending frame, the record of a full run. If the program that reads the output ends
+//! early, the exit code stays the same.
 
 mod artefact;
 mod browser;

@@ -35,7 +35,8 @@ enum Answer {
     Stopped(String),
 }
 
-/// Accepts each result within WGSL's bounds (section 15.7.4), where WGSL bounds the error by 1 or less.
+/// Returns a tolerance that accepts each result within WGSL's bounds (section 15.7.4), if these bounds allow an error
+/// of at most 1.
 fn within() -> SpecTolerance {
     Spec.needing(Abs(1.0))
 }

@@ -19,8 +19,8 @@ use serde::Deserialize;
 
 use super::{Ending, Outcome, child};
 
-/// The largest size of a page's reply, in bytes. A frame of 4096 by 4096 pixels fits into this size. Other executors
-/// have the same limit.
+/// The largest size of a page's reply, in bytes. A frame of 4096 by 4096 pixels fits into this size. The replies of
+/// other executors have the same limit.
 const LONGEST: u64 = 1 << 30;
 
 /// The longest time that a page's request for a job waits. If there is no job by then, the server replies that there is
