@@ -138,7 +138,7 @@ enum Command {
                             Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without this request."
     )]
     Lsp(lsp::Args),
-    /// Runs the tests of a folder of shaders as `karat test` does, and prints lines
+    /// Runs the tests of a folder of shaders as `karat test` does, and prints a line for each test
     #[command(hide = true)]
     Suite(suite::Args),
     /// Runs the tests in a browser on this machine
