@@ -1,4 +1,4 @@
-//! `cargo ci bench`: the harness's benchmarks.
+//! `cargo ci bench`: runs the harness's benchmarks.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::command;
 
-/// The page that `--page` writes.
+/// The page that `cargo ci bench --page` writes.
 const PAGE: &str = "docs/speed.md";
 
 /// Runs the benchmarks, and passes `arguments` to them.
@@ -55,7 +55,8 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
         .with_context(|| format!("can't write `{PAGE}`"))
 }
 
-/// An empty folder for compiled shaders. The user's own cache contains compiled shaders of earlier runs.
+/// Returns an empty folder in which drivers cache compiled shaders. The user's own cache would already contain shaders
+/// of earlier runs, so the benchmark would miss the time to compile them.
 fn empty_cache(target: &Path) -> Result<PathBuf> {
     let folder = target.join("bench-driver-cache");
     let shown = folder.display();
@@ -66,7 +67,7 @@ fn empty_cache(target: &Path) -> Result<PathBuf> {
     Ok(folder)
 }
 
-/// A description of the machine: its processor and its number of cores.
+/// Describes the machine as a Markdown list: processor, memory, system, Rust and Vulkan driver.
 fn machine() -> String {
     let read = |file: &str, name: &str| {
         let text = std::fs::read_to_string(file).ok()?;

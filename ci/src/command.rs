@@ -1,4 +1,4 @@
-//! Child processes: they start in the workspace's root, and write directly to this program's output.
+//! Runs child processes in the workspace's root. The child processes write directly to this program's output.
 
 use std::error::Error;
 use std::ffi::{OsStr, OsString};
@@ -14,7 +14,7 @@ pub(crate) fn root() -> PathBuf {
     package.parent().map_or_else(|| package.clone(), PathBuf::from)
 }
 
-/// A `cargo` command. Uses the cargo that runs this program, if the environment names it.
+/// Returns a `cargo` command. If `CARGO` names the cargo that runs this program, the command uses the same cargo.
 pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let program = std::env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));
     let mut command = Command::new(program);
@@ -26,7 +26,7 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
     command
 }
 
-/// The `karat` program, which the build step has put beside this program.
+/// Returns a `karat` command. The build step has put the program `karat` beside this program.
 pub(crate) fn karat(arguments: &[&str]) -> Result<Command> {
     let program = std::env::current_exe()
         .context("could not find out where cargo puts its programs; run `cargo karat` instead")?
@@ -36,8 +36,8 @@ pub(crate) fn karat(arguments: &[&str]) -> Result<Command> {
     Ok(command)
 }
 
-/// Runs a command to its end. The command writes to this program's output. If the command fails, the error has the
-/// command's exit status: see [`exit_code`].
+/// Runs a command to its end. The command's output goes to this program's output. If the command fails, the error has
+/// the command's exit status: see [`exit_code`].
 pub(crate) fn run(command: &mut Command) -> Result<()> {
     let line = describe(command);
     let status = command.status().with_context(|| {
@@ -56,7 +56,7 @@ pub(crate) fn succeeds(command: &mut Command) -> bool {
     command.output().is_ok_and(|output| output.status.success())
 }
 
-/// The command as you would type it, with its environment variables.
+/// Returns the command as you would type it in a shell, with its environment variables in front.
 pub(crate) fn describe(command: &Command) -> String {
     let variables = command.get_envs().filter_map(|(name, value)| {
         Some(format!("{}={}", name.display(), quoted(&value?.to_string_lossy())))
@@ -75,7 +75,7 @@ fn quoted(word: &str) -> String {
     if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{word}'") }
 }
 
-/// The exit code of this program for an error: the exit code of the failing child process, or 1.
+/// Returns the exit code for an error: the exit code of the child process that failed, or 1 for other errors.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
     error
         .downcast_ref::<Failure>()

@@ -1,4 +1,4 @@
-//! `cargo ci corpus` and `cargo ci found`: checks of shaders of published crates. cargo fetches the crates, and doesn't
+//! `cargo ci corpus` and `cargo ci found`: check the shaders of published crates. cargo fetches the crates, and doesn't
 //! compile them.
 
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{command, setup};
 
-/// The text above the table in the documentation.
+/// The text above the table in `docs/corpus.md`.
 const HEAD: &str = "\
 # Shaders that others wrote
 
@@ -24,7 +24,7 @@ callable.
 
 ";
 
-/// The text above the table of translations.
+/// The text above the table in `docs/corpus-translations.md`.
 const ROUTES_HEAD: &str = "\
 # Shaders that others wrote, on each route
 
@@ -37,7 +37,7 @@ Most rejections are rejections of naga's HLSL by glslang. In messages `#` replac
 
 ";
 
-/// The text above the table of both compilers.
+/// The text above the table in `docs/corpus-compilers.md`.
 const COMPILERS_HEAD: &str = "\
 # Shaders that others wrote, by both compilers
 
@@ -50,7 +50,7 @@ only naga accepts. Most modules in the column *neither* become WGSL only after a
 
 ";
 
-/// Runs both compilers on the shaders of a list.
+/// Validates the shaders of a list with naga and with Tint.
 pub(crate) fn run_compilers(list: Option<PathBuf>) -> Result<()> {
     setup::install_tint()?;
     table(list, "corpus_compilers", None, ("docs/corpus-compilers.md", COMPILERS_HEAD))
@@ -61,7 +61,7 @@ pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result
     table(list, "corpus_matrix", json, ("docs/corpus-translations.md", ROUTES_HEAD))
 }
 
-/// The command that runs a program of `ci/corpus`.
+/// Returns the command that runs a program of `ci/corpus`.
 pub(crate) fn program(name: &str) -> Command {
     command::cargo(&["run", "--locked", "--bin", name, "--"])
 }
@@ -93,7 +93,7 @@ fn table(
     Ok(())
 }
 
-/// Runs the checks that find faults of released shaders, and writes their pages.
+/// Runs the checks that find faults of released shaders, writes a page for each fault, and compares vello's passes.
 pub(crate) fn run_found() -> Result<()> {
     let mut found = program("found");
     found.arg(command::root().join("docs/found"));
@@ -105,7 +105,7 @@ pub(crate) fn run_found() -> Result<()> {
     Ok(())
 }
 
-/// Checks the shaders of a list.
+/// Checks which shaders of a list are valid, and which functions Karat can call.
 pub(crate) fn run(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {
     table(list, "corpus", json, ("docs/corpus.md", HEAD))
 }

@@ -1,5 +1,5 @@
-//! `cargo ci demo`: goes from a fresh clone to verdicts on every execution path. One test program prints the first
-//! verdicts, before the demo builds the program `karat`.
+//! `cargo ci demo`: goes from a fresh clone to verdicts on every execution path. To show the first verdicts soon, the
+//! demo runs one test program before it builds the program `karat`.
 
 use std::process::ExitCode;
 
@@ -7,7 +7,8 @@ use crate::setup::{self, PATHS};
 use crate::step::Steps;
 use crate::{command, suite};
 
-/// Sets up, builds, opens the paths and runs the shader tests. Stops at the first failure.
+/// Installs missing drivers, builds the tests and `karat`, opens the paths, and runs the shader tests. Stops at the
+/// first failure.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci demo");
     let _ = steps.run("setup", setup::install_missing)
@@ -20,7 +21,7 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
-/// Sets up, and then opens the paths. `setup` can't open paths, because only the harness can.
+/// Runs `cargo ci setup`: installs what the tests need, builds the harness, and opens the paths with it.
 pub(crate) fn set_up() -> ExitCode {
     let mut steps = Steps::new("cargo ci setup");
     let _ = steps.run("setup", setup::install_missing)
@@ -32,9 +33,9 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// The arguments of the command that builds the demo's programs. The command builds for the whole workspace: for fewer
-/// packages, or without tests, Cargo would choose other features of shared dependencies, and compile these dependencies
-/// twice.
+/// The arguments of the command that builds the demo's programs. The command builds for the whole workspace: if the
+/// command named fewer packages, or no tests, Cargo would choose other features for shared dependencies, and compile
+/// these dependencies twice.
 pub(crate) const BUILD: &[&str] = &[
     "build",
     "--workspace",
@@ -51,7 +52,8 @@ pub(crate) fn build() -> anyhow::Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// Builds the test program `library`, which gives the first verdicts, with the features of [`BUILD`].
+/// Builds the test program `library`, whose tests give the first verdicts. Cargo compiles crates with the same features
+/// as for [`BUILD`].
 fn build_library() -> anyhow::Result<()> {
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", LIBRARY]))
 }
@@ -62,7 +64,7 @@ fn first_verdict() -> anyhow::Result<()> {
     command::run(test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS))
 }
 
-/// The program of `tests/` that tests the functions and frames of the shader library.
+/// Cargo's argument for the test program that tests the functions of the shader library.
 const LIBRARY: &str = "--test=library";
 const FRAMES: &str = "--test=golden";
 

@@ -13,10 +13,10 @@ use crate::{command, setup, suite};
 /// need no glibc, but couldn't open Vulkan.
 const GLIBC: &str = "2.28";
 
-/// The largest sizes of the program and of the archive, in bytes. Files of these sizes download within seconds.
+/// The largest sizes of the program and of the archive, in bytes. Files up to these sizes download within seconds.
 const MOST_BYTES: [u64; 2] = [28_000_000, 11_000_000];
 
-/// The shells with completions, and the names of the completion files.
+/// The shells for which the packages have completions, with the names of the completion files.
 const SHELLS: [(&str, &str); 4] = [
     ("bash", "karat.bash"),
     ("zsh", "_karat"),
@@ -60,7 +60,7 @@ pub(crate) fn run(target: Option<&str>) -> Result<()> {
     if target == host && cfg!(unix) { walk(&packages) } else { Ok(()) }
 }
 
-/// The target that this machine's Rust compiles for.
+/// Returns the target that this machine's Rust compiles for by default.
 fn host() -> Result<String> {
     let said = Command::new("rustc").arg("-vV").output().context("`rustc` doesn't run")?;
     let text = String::from_utf8_lossy(&said.stdout).into_owned();
@@ -82,7 +82,7 @@ fn expect_library(target: &str) -> Result<()> {
     Ok(())
 }
 
-/// Builds the program in the profile `dist`.
+/// Builds the program `karat` in the profile `dist`.
 fn build(target: &str, folder: &Path) -> Result<PathBuf> {
     let linux = target.contains("-linux-");
     let mut cargo = if linux { zigbuild(folder)? } else { command::cargo(&["build"]) };
@@ -93,7 +93,7 @@ fn build(target: &str, folder: &Path) -> Result<PathBuf> {
     Ok(command::root().join("target").join(target).join("dist").join(name))
 }
 
-/// `cargo zigbuild`, with tools in a folder below `target`.
+/// Returns the command `cargo zigbuild`, and installs cargo-zigbuild below `folder` if it is missing.
 fn zigbuild(folder: &Path) -> Result<Command> {
     let tools = folder.join("tools");
     let bin = tools.join("bin");
@@ -113,7 +113,7 @@ fn zigbuild(folder: &Path) -> Result<Command> {
     Ok(cargo)
 }
 
-/// Builds the program for this machine.
+/// Builds the program `karat` for this machine.
 fn own() -> Result<PathBuf> {
     command::run(&mut command::cargo(&[
         "build",
@@ -143,7 +143,7 @@ fn archive_of(packages: &Path) -> Result<PathBuf> {
     all.into_iter().next().context("no archive was made")
 }
 
-/// `PATH` without the folders that have a cargo.
+/// Returns `PATH` without the folders that contain the program cargo.
 fn without_rust() -> Result<std::ffi::OsString> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let has = |folder: &PathBuf| folder.join("cargo").exists() || folder.join("cargo.exe").exists();
@@ -151,7 +151,8 @@ fn without_rust() -> Result<std::ffi::OsString> {
     Ok(std::env::join_paths(all)?)
 }
 
-/// Runs the commands that a person with npm or Python types, in an empty folder and without cargo in `PATH`.
+/// Runs, in an empty folder and without cargo in `PATH`, the commands that a user of npm or Python types to install
+/// `karat` and run a first test.
 fn walk(packages: &Path) -> Result<()> {
     let path = without_rust()?;
     let all = files(packages, |name| name.ends_with(".tgz"))?;
@@ -253,13 +254,13 @@ fn web(folder: &Path, packages: &[PathBuf], path: &std::ffi::OsStr) -> Result<()
     Ok(())
 }
 
-/// The first code block of a language on a page.
+/// Returns the first code block of a language on a page.
 fn block<'p>(page: &'p str, language: &str) -> Result<&'p str> {
     let found =
         page.split_once(&format!("```{language}\n")).and_then(|(_, rest)| rest.split_once("```"));
     found.map(|(text, _)| text).with_context(|| format!("the page has no block of {language}"))
 }
 
-/// A shader such as a web developer may have.
+/// A shader like one that a web developer may have.
 const SHADER: &str = "/// Reinhard's curve.\nfn reinhard(luminance: f32) -> f32 {\n    \
                       return luminance / (1.0 + luminance);\n}\n";

@@ -13,13 +13,13 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::step::Steps;
 use crate::{command, dist, glams, matrix, setup, suite, swiftshader};
 
-/// The page with the last result.
+/// The page with the results of the last run on SwiftShader.
 const PAGE: &str = "docs/swiftshader.md";
 
-/// The only path of the runs. SwiftShader is this path's only driver.
+/// The path of the run on SwiftShader. SwiftShader is then the only driver of this path.
 const PATHS: &str = "vulkan";
 
-/// Runs every test with SwiftShader as the only driver, and writes the result.
+/// Runs the long suites one after the other, and stops at the first failure.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci full");
     let _ = steps.run("setup", setup::install_missing)
@@ -58,8 +58,8 @@ fn on_the_web(path: &str) -> Result<()> {
     Ok(())
 }
 
-/// A message for each failed test that `list` doesn't name, and for each test that `list` names and that didn't fail. A
-/// test marked `sometimes` may pass or fail.
+/// Returns a message for each failed test that isn't in `list`, and for each test in `list` that passed. A test marked
+/// `sometimes` may pass or fail.
 fn others(list: &str, failed: &[String]) -> Vec<String> {
     let known = list.lines().filter(|line| !line.starts_with('#') && !line.is_empty());
     let (mut always, mut sometimes) = (Vec::new(), Vec::new());
@@ -75,7 +75,7 @@ fn others(list: &str, failed: &[String]) -> Vec<String> {
     new.chain(gone.map(|name| format!("`{name}` passes"))).collect()
 }
 
-/// Runs the whole suite without Mesa: Vulkan is SwiftShader, and there is no GL.
+/// Runs all tests without Mesa: SwiftShader is the only Vulkan driver, and there is no GL.
 fn on_swiftshader() -> Result<()> {
     let manifest = swiftshader::manifest().context("no Chromium with SwiftShader is here")?;
     let alone = |command: &mut Command| {
@@ -114,7 +114,7 @@ fn on_swiftshader() -> Result<()> {
     }
 }
 
-/// The results in libtest's output, for all test programs together.
+/// The sums of the results that libtest prints, over all test programs.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Sum {
     pub(crate) passed: u64,
@@ -123,7 +123,8 @@ pub(crate) struct Sum {
 }
 
 impl Sum {
-    /// Adds a line: `test NAME ... FAILED`, or the last line of a program.
+    /// Adds the result in a line of libtest's output: a failed test (`test NAME ... FAILED`), or the counts in the last
+    /// line of a test program. Ignores other lines.
     pub(crate) fn read(&mut self, line: &str) {
         if let Some(name) =
             line.strip_prefix("test ").and_then(|rest| rest.strip_suffix(" ... FAILED"))

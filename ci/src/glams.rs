@@ -1,5 +1,5 @@
-//! `cargo ci glams`: tests a project with each glam version for which karat has a feature, and a project with mint.
-//! Each project uses its own vector types.
+//! `cargo ci glams`: tests that a project can use karat with the vector types of mint and of each glam version for
+//! which karat has a feature.
 
 use std::fmt::Write as _;
 
@@ -7,10 +7,10 @@ use anyhow::{Context, Result};
 
 use crate::command;
 
-/// The glam versions, as in the names of features and packages.
+/// The glam versions, as they appear in the names of karat's features: `glam-029`.
 const VERSIONS: [&str; 5] = ["029", "030", "031", "032", "033"];
 
-/// Writes each project below `target`, and runs its tests.
+/// Writes a project into `target/glams`, and runs its tests.
 pub(crate) fn run() -> Result<()> {
     let root = command::root();
     let folder = root.join("target/glams");
@@ -42,8 +42,7 @@ pub(crate) fn run() -> Result<()> {
     command::run(&mut test)
 }
 
-/// A test that uses the vector types of the project's glam version in a domain, and as arguments and results of a
-/// reference.
+/// Tests that use the vector types of one glam version: in a domain, a reference, a texture and a mesh.
 const TEST: &str = r#"
 #[cfg(test)]
 mod glam_VERSION_is_the_engines {

@@ -1,7 +1,7 @@
-//! Checks the licences and origins of every crate in the resolved graph, for all targets.
+//! Checks the licence and the origin of every crate that the workspace depends on, on any target.
 //!
-//! The accepted licences are in `licences.txt`, each with its reason. The check works both ways: it refuses a crate
-//! whose licence isn't in the list, and a line of the list that no crate needs.
+//! The accepted licences are in `licences.txt`, each with its reason. The check refuses a crate whose licence isn't in
+//! the list, and a line of the list that no crate needs.
 
 use anyhow::{Context, Result, bail, ensure};
 use cargo_metadata::{Metadata, MetadataCommand};
@@ -11,10 +11,11 @@ use crate::command;
 
 const ALLOWED: &str = include_str!("../licences.txt");
 
-/// Crates from before SPDX write `MIT/Apache-2.0`. All other rules of SPDX are checked strictly.
+/// Accepts `MIT/Apache-2.0`, which older crates write instead of `MIT OR Apache-2.0`. Otherwise the expressions must
+/// follow SPDX strictly.
 const MODE: ParseMode = ParseMode { allow_slash_as_or_operator: true, ..ParseMode::STRICT };
 
-/// Checks the workspace's whole graph, and prints its number of crates.
+/// Checks all crates, and prints their number.
 pub(crate) fn check() -> Result<()> {
     let metadata = MetadataCommand::new()
         .current_dir(command::root())
@@ -65,7 +66,7 @@ fn crates(metadata: &Metadata) -> Vec<Crate> {
     metadata.packages.iter().map(describe).collect()
 }
 
-/// Reads the list: one SPDX identifier per line, with its reason after `#`.
+/// Reads the list of accepted licences: one SPDX identifier per line, with the reason after `#`.
 fn allow_list(text: &str) -> Result<Vec<Licensee>> {
     let mut allowed = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
@@ -86,7 +87,7 @@ fn allow_list(text: &str) -> Result<Vec<Licensee>> {
     Ok(allowed)
 }
 
-/// A message for each problem.
+/// Returns a message for each problem with a crate or with the list.
 fn problems(crates: &[Crate], allowed: &[Licensee]) -> Vec<String> {
     let mut problems = Vec::new();
     let mut needed = vec![false; allowed.len()];
@@ -137,7 +138,8 @@ fn judge(licence: Option<&str>, allowed: &[Licensee]) -> Result<Expression, Stri
     }
 }
 
-/// Checks if the list satisfies an expression. If `skipped` is a line of the list, the check ignores this line.
+/// Checks if the accepted licences satisfy an expression. If `skipped` is the index of an accepted licence, the check
+/// ignores this licence.
 fn satisfied(expression: &Expression, allowed: &[Licensee], skipped: Option<usize>) -> bool {
     expression.evaluate(|requirement| {
         let mut lines = allowed.iter().enumerate().filter(|(line, _)| Some(*line) != skipped);

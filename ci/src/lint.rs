@@ -1,4 +1,4 @@
-//! `cargo ci lint`: checks formatting, Clippy, documentation, licences and the content of packages.
+//! `cargo ci lint`: checks the formatting, Clippy's lints, the documentation, the licences and the content of packages.
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
@@ -39,9 +39,9 @@ fn clippy() -> Result<()> {
     command::run(command::cargo(&clippy).args(LINTS))
 }
 
-/// Makes Cargo reuse the metadata of the workspace's libraries that Clippy has written. Cargo identifies metadata by
-/// the program that wrote it and by that program's arguments. `cargo clippy` passes the program and the arguments in
-/// the two environment variables that this function sets. If the variables differ, Cargo checks the libraries again.
+/// Makes `cargo doc` reuse the metadata that Clippy wrote for the workspace's libraries. Cargo reuses metadata only if
+/// the same program wrote it with the same arguments. `cargo clippy` passes this program and its arguments in two
+/// environment variables, so this function sets the same variables. Otherwise Cargo would check the libraries again.
 fn after_clippy(doc: &mut Command) {
     let sysroot = Command::new("rustc").args(["--print", "sysroot"]).output();
     let sysroot = sysroot
@@ -54,9 +54,9 @@ fn after_clippy(doc: &mut Command) {
     }
 }
 
-/// Documents programs first, then libraries. The program `karat` and the library `karat` share a folder, and `cargo`
-/// removes the folder before it writes the documentation of one of them. If both are documented at the same time,
-/// `cargo` sometimes fails.
+/// Builds the documentation of the programs, and then of the libraries. The documentation of the program `karat` and of
+/// the library `karat` goes to the same folder, and `cargo doc` empties this folder first. If one command documented
+/// both, it would sometimes fail.
 fn documentation() -> Result<()> {
     for targets in ["--bins", "--lib"] {
         let mut doc = command::cargo(&["doc", "--workspace", "--no-deps", "--locked", targets]);

@@ -1,4 +1,4 @@
-//! `cargo ci`: runs all parts of CI in the same way on any machine.
+//! `cargo ci`: runs the parts of CI, in the same way on any machine.
 //!
 //! Each command is a list of steps with a name, a wall time and a verdict; see [`step`]. This package stays small on
 //! purpose: `cargo ci setup` must compile and run before the graphics libraries that the harness needs are installed.
@@ -72,35 +72,36 @@ enum Task {
     Demo,
     /// Run all of CI: set up, lint, then every test. Later steps run even if an earlier step fails.
     Test,
-    /// Run the suites that are too long for each change: every test with SwiftShader as the only driver.
+    /// Run the suites that are too long for each change, such as every test with SwiftShader as the only driver.
     ///
-    /// The result goes to docs/swiftshader.md. `cargo ci test` runs a sample.
+    /// The results on SwiftShader go to docs/swiftshader.md. `cargo ci test` runs a sample of these suites.
     Full,
     /// Check formatting, Clippy, documentation and licences: CI without the tests.
     Lint,
-    /// Check that the README's two commands compile each crate with only one set of features.
+    /// Check that the usual commands compile each crate only once, with one set of features.
     Once,
     /// Run the checks that find faults of released shaders
     ///
     /// Each check must fail on the released crate, and pass with the change that repairs the fault. The command writes
     /// the pages in docs/found.
     Found,
-    /// Test a project with each version of glam for which karat has a feature, and a project with mint
+    /// Test karat with mint, and with each version of glam for which karat has a feature
     Glams,
     /// Test each operator and builtin function on each path, and write pages of the differences
     ///
     /// The pages go to docs/divergences; pages of drivers that this machine lacks stay unchanged.
     Divergences,
-    /// Check the shaders of published crates: whether they open, link, validate and can be called.
+    /// Check the shaders of published crates: which modules open, link and are valid, and which functions Karat can
+    /// call.
     ///
     /// Cargo fetches the crates, and doesn't compile them. The table goes to docs/corpus.md.
     Corpus {
         /// The list of crates and folders [default: ci/corpus.toml]
         list: Option<PathBuf>,
-        /// Instead, run each function in every translation; the table goes to docs/corpus-translations.md
+        /// Runs each function in every translation instead; the table goes to docs/corpus-translations.md
         #[arg(long)]
         routes: bool,
-        /// Instead, validate each module with naga and with Tint; the table goes to docs/corpus-compilers.md
+        /// Validates each module with naga and with Tint instead; the table goes to docs/corpus-compilers.md
         #[arg(long, conflicts_with_all = ["routes", "json"])]
         compilers: bool,
         /// Also write the rows as JSON to this file, or with --routes into this folder
@@ -119,7 +120,7 @@ enum Task {
     /// Translate, validate, run and compare the shader library on every route, and write
     /// `docs/translations.md`.
     Matrix,
-    /// Build and test the crates as they would be published: packed, unpacked, away from the repository.
+    /// Build and test the crates as they would be published: packed, and unpacked into a separate workspace.
     ///
     /// Cargo uses the unpacked packages in place of those in the registry. This takes minutes.
     Package,
@@ -129,8 +130,8 @@ enum Task {
     Npm,
     /// Build the packages for people without Rust, and try them without Rust
     ///
-    /// An archive with its checksum, npm packages and a Python wheel, in target/dist/packages. Needs python3 with
-    /// `venv`, and for this machine's own target also npm.
+    /// Writes an archive with its checksum, npm packages and a Python wheel into target/dist/packages. Needs python3
+    /// with `venv`, and for this machine's own target also npm.
     Dist {
         /// The target to build for [default: this machine's], such as aarch64-unknown-linux-gnu
         #[arg(long, value_name = "TRIPLE")]
@@ -138,7 +139,7 @@ enum Task {
     },
     /// Compare the libraries' public interfaces with those of a revision, by cargo-semver-checks.
     Semver {
-        /// The revision [default: the one in ci/baseline.txt]
+        /// The revision [default: the newest release, else the revision in ci/baseline.txt]
         revision: Option<String>,
     },
     /// Print a random sample of the sentences that people read, for a reader who has never seen them.
@@ -157,10 +158,10 @@ enum Task {
         /// A revision to compare the working tree with.
         revision: Option<String>,
     },
-    /// Try every mutant of the shader library, and check that its tests kill it; this takes hours.
+    /// Try every mutant of the shader library, and list the mutants that no test kills; this takes hours.
     ///
-    /// Runs `karat mutate`, of which `cargo ci test` tries a few mutants. The result for each mutant is written to
-    /// `target/karat/mutation.json`.
+    /// Runs `karat mutate`, and writes the result for each mutant to `target/karat/mutation.json`. `cargo ci test`
+    /// tries only a few mutants.
     Mutants {
         /// Try only mutants of this module or function, or the mutant with this id, such as `brdf`, `brdf::schlick` or
         /// `b778d00e`.

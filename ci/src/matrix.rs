@@ -17,7 +17,7 @@ pub(crate) fn run() -> Result<()> {
     Ok(())
 }
 
-/// Tests each operator and builtin function on the usual paths, and on SwiftShader.
+/// Tests each operator and builtin function on the engine, Vulkan, GL and two translations, and then on SwiftShader.
 pub(crate) fn divergences() -> Result<()> {
     setup::install_missing()?;
     setup::install_browser()?;

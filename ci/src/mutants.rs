@@ -1,10 +1,11 @@
-//! `cargo ci mutants`: `karat mutate` over the shader library.
+//! `cargo ci mutants`: runs `karat mutate` over the shader library.
 
 use anyhow::Result;
 
 use crate::command;
 
-/// Tries all mutants, or only those that a name selects: a module, a function, or the id of a mutant.
+/// Tries all mutants, or only the mutants that `names` selects. Each name is a module, a function, or the id of a
+/// mutant.
 pub(crate) fn run(names: &[String]) -> Result<()> {
     let mut mutate = command::karat(&["mutate", "--tests", "library::"])?;
     mutate.args(names.iter().flat_map(|name| ["--only", name]));

@@ -43,7 +43,7 @@ pub(crate) fn run() -> Result<()> {
         .context("nobody reads the output any more")
 }
 
-/// The table of a report, without the paths of its records and the times.
+/// Returns the report's text without the lines that differ between runs: the path of the record, and the slowest tests.
 fn table(report: &mut Command) -> Result<String> {
     let output = report.output().context("the report can't be made")?;
     ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -1,8 +1,9 @@
 //! Checks that Cargo compiles each dependency and each library only once, into one file.
 //!
-//! Cargo compiles a crate once for each set of its features, and again if one of its dependencies is compiled again.
-//! The features depend on the packages and targets that a command names. [`COMMANDS`] lists the commands that people,
-//! `cargo ci demo` and `cargo ci test` run. Each command must reuse the output of the commands before it.
+//! Cargo compiles a crate once for each set of the crate's features, and again if Cargo compiles one of the crate's
+//! dependencies again. The features depend on the packages and targets that a command names. [`COMMANDS`] lists the
+//! commands that people, `cargo ci demo` and `cargo ci test` run. Each command must reuse the libraries that the
+//! earlier commands compiled.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +13,8 @@ use cargo_metadata::{Artifact, Message, Metadata, MetadataCommand, PackageId};
 
 use crate::command;
 
-/// The commands that compile code. With `--no-run`, Cargo compiles the tests and doesn't run them.
+/// The commands to check, in the order in which they run. With `--no-run`, Cargo compiles the tests and doesn't run
+/// them.
 const COMMANDS: [&[&str]; 6] = [
     // `cargo ci` itself, and `cargo karat`, as their aliases do.
     &["build", "--bin", "ci"],
@@ -23,10 +25,10 @@ const COMMANDS: [&[&str]; 6] = [
     &["test", "--workspace", "--locked", "--no-run"],
 ];
 
-/// For each package, the compiled files of its library, each with the features of its compilation.
+/// For each package, the files into which Cargo compiled its library, each with the features that were turned on.
 type Compiled = BTreeMap<String, BTreeMap<Utf8PathBuf, Vec<String>>>;
 
-/// Reads Cargo's build messages for each command, and names the code that was compiled more than once.
+/// Runs each command, and returns an error that lists the libraries that Cargo compiled more than once.
 pub(crate) fn check() -> Result<()> {
     let metadata = MetadataCommand::new().current_dir(command::root()).exec();
     let hosts = hosts(&metadata.context("can't read the workspace")?);
@@ -52,7 +54,8 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Packages that build scripts and macros use. Cargo compiles these packages for the host, with their own features.
+/// Returns the packages that build scripts and macros use. Cargo compiles these packages for the host, with their own
+/// features.
 fn hosts(metadata: &Metadata) -> BTreeSet<PackageId> {
     use cargo_metadata::DependencyKind;
     let Some(resolve) = &metadata.resolve else { return BTreeSet::new() };
@@ -84,7 +87,8 @@ fn hosts(metadata: &Metadata) -> BTreeSet<PackageId> {
     hosts
 }
 
-/// Reads Cargo's messages about a command, and adds the libraries that the messages name to `compiled`.
+/// Reads Cargo's build messages for one command, and adds each compiled library to `compiled`, except libraries for
+/// build scripts and macros.
 fn note(
     messages: impl std::io::BufRead,
     hosts: &BTreeSet<PackageId>,
@@ -108,13 +112,14 @@ fn note(
     Ok(())
 }
 
-/// Checks if a library was compiled for build scripts and macros: such libraries have the optimisation level 0, from
-/// `[profile.dev.build-override]`.
+/// Checks if a library was compiled for build scripts and macros. Such libraries have the optimisation level 0, which
+/// `[profile.dev.build-override]` sets.
 fn is_for_host(artifact: &Artifact, hosts: &BTreeSet<PackageId>) -> bool {
     hosts.contains(&artifact.package_id) && artifact.profile.opt_level == "0"
 }
 
-/// A line for each library that was compiled into several files, with the features that differ between the files.
+/// Returns a line for each library that Cargo compiled into several files, with the features that differ between the
+/// files.
 fn twice(compiled: &Compiled) -> Vec<String> {
     let several = compiled.iter().filter(|(_, files)| files.len() > 1);
     let line = |(package, files): (&String, &BTreeMap<Utf8PathBuf, Vec<String>>)| {

@@ -1,5 +1,5 @@
-//! Checks that each published package has the fields that a registry needs, and the right files. `cargo ci package`
-//! also builds and tests the packages away from the repository.
+//! Checks that each published package has the fields that a registry needs, and contains the right files. `cargo ci
+//! package` also builds and tests the packages in a separate workspace.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,8 +11,8 @@ use cargo_metadata::{Metadata, MetadataCommand, Package};
 use crate::command;
 use crate::step::Steps;
 
-/// Each package has copies of these files, because a registry shows only files of the package. Links instead of copies
-/// would fail on Windows, where git writes a link as a text file.
+/// The licence files, of which each package has copies, because a registry shows only the package's own files. Links
+/// wouldn't work on Windows, where git writes a link as a text file.
 const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
 
 /// The largest number of keywords that crates.io accepts.
@@ -20,7 +20,7 @@ const MOST_KEYWORDS: usize = 5;
 
 const PRIVATE: [&str; 3] = ["ci", "shaders", "tests"];
 
-/// Parts of the names of files that a test run writes.
+/// Pieces of the paths of files that don't belong in a package, such as files that a test run writes.
 const STRAY: [&str; 8] = [
     ".new.exr",
     ".new.csv",
@@ -32,20 +32,20 @@ const STRAY: [&str; 8] = [
     ".DS_Store",
 ];
 
-/// The workspace without its dependencies.
+/// Reads the metadata of the workspace's packages, without their dependencies.
 fn workspace() -> Result<Metadata> {
     let mut command = MetadataCommand::new();
     command.current_dir(command::root()).no_deps();
     command.exec().context("could not read the workspace")
 }
 
-/// Packages that may be published.
+/// Returns the packages whose manifests allow publishing.
 fn published(metadata: &Metadata) -> Vec<&Package> {
     let may = |package: &&&Package| package.publish.as_ref().is_none_or(|to| !to.is_empty());
     metadata.workspace_packages().iter().filter(may).copied().collect()
 }
 
-/// Checks the packages as they would be published, and prints their number.
+/// Checks the manifest and the files of each published package, and prints the number of packages.
 pub(crate) fn check() -> Result<()> {
     let metadata = workspace()?;
     let packages = published(&metadata);
@@ -86,7 +86,7 @@ fn extension() -> Result<Vec<String>> {
     Ok(problems)
 }
 
-/// A message for each field that a package's manifest lacks, or that has too many values.
+/// Returns a message for each field that is missing in a package's manifest, or has too many values.
 fn untold(package: &Package) -> Vec<String> {
     let is_library = package.targets.iter().any(|target| target.is_lib());
     let said = [
@@ -104,7 +104,7 @@ fn untold(package: &Package) -> Vec<String> {
     missing.map(|(what, _)| format!("its manifest has no `{what}`, or too many")).collect()
 }
 
-/// A message for each copy of a licence that differs from the repository's licence, or is missing.
+/// Returns a message for each licence file of a package that is missing, or differs from the repository's file.
 fn unlike_ours(package: &Package) -> Result<Vec<String>> {
     let folder = package.manifest_path.parent().context("a manifest has a folder")?;
     let mut problems = Vec::new();
@@ -117,7 +117,7 @@ fn unlike_ours(package: &Package) -> Result<Vec<String>> {
     Ok(problems)
 }
 
-/// The files that Cargo would put into the package.
+/// Returns the files that Cargo would put into the package.
 fn listed(name: &str) -> Result<Vec<String>> {
     let mut list = command::cargo(&["package", "--list", "--allow-dirty", "--package", name]);
     let output = list.output().context("`cargo package` doesn't start")?;
@@ -129,7 +129,7 @@ fn listed(name: &str) -> Result<Vec<String>> {
         .collect())
 }
 
-/// The files that a package lacks, and files that don't belong in it.
+/// Returns a message for each file that a package lacks, and for each file that doesn't belong in a package.
 fn misplaced(files: &[String]) -> Vec<String> {
     let wanted = LICENCES.iter().chain(&["README.md", "Cargo.toml"]);
     let lacks = wanted.filter(|name| !files.iter().any(|file| file == *name));
@@ -139,7 +139,7 @@ fn misplaced(files: &[String]) -> Vec<String> {
     lacks.chain(stray.map(|file| format!("`{file}` doesn't belong into the package"))).collect()
 }
 
-/// Packs, unpacks, builds and tests.
+/// Packs the published packages, unpacks them into a separate workspace, and runs their tests there.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci package");
     let _ = steps.run("packages", check)
@@ -168,12 +168,14 @@ fn target() -> PathBuf {
     command::root().join(target)
 }
 
-/// A folder outside the repository, where a package can't read files that it doesn't contain.
+/// Returns the folder for the unpacked packages. Beside the packages in this folder there are no other files of the
+/// repository, which a package could read by mistake.
 fn unpacked() -> PathBuf {
     target().join("package").join("unpacked")
 }
 
-/// Unpacks the packages into a workspace, in which they replace the packages of the registry.
+/// Unpacks the packages into a workspace of their own. Dependencies between the packages use the unpacked packages,
+/// instead of packages from the registry.
 fn unpack() -> Result<()> {
     let folder = unpacked();
     if folder.exists() {
@@ -202,7 +204,8 @@ fn unpack() -> Result<()> {
     Ok(())
 }
 
-/// The profiles of a manifest. With the same profiles, both builds share their compiled crates.
+/// Returns the profiles in the text of a manifest. If both workspaces have the same profiles, their builds share
+/// compiled crates.
 fn profiles(manifest: &str) -> String {
     let mut found = String::new();
     let mut within = false;

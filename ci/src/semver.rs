@@ -1,7 +1,7 @@
 //! `cargo ci semver`: checks that the libraries' public interfaces changed no more than their version numbers allow.
 //!
-//! cargo-semver-checks gives the verdict, but has no lint for types in signatures. So this command also compares both
-//! interfaces item by item. A person decides which of these changes break users.
+//! cargo-semver-checks gives the verdict, but doesn't detect changed types in signatures. So this command also prints
+//! all changes of the interfaces, item by item, and a person decides which of these changes break users.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::command;
 
-/// The file with the revision to compare with, until there is a release.
+/// The file that names the revision to compare with, as long as there is no release.
 const FILE: &str = "ci/baseline.txt";
 const BASELINE: &str = include_str!("../baseline.txt");
 
@@ -22,7 +22,7 @@ const PROMISED: [&str; 3] = ["karat", "karat-gallery", "karat-suite"];
 
 const TOOLS: [&str; 2] = ["cargo-semver-checks", "cargo-public-api"];
 
-/// Compares the interfaces with those of a revision. Without a revision, compares them with the newest release, or with
+/// Compares the interfaces of the working tree with the interfaces of a revision. The default is the newest release, or
 /// the revision in `ci/baseline.txt` if there is no release.
 pub(crate) fn run(revision: Option<String>) -> Result<()> {
     for tool in TOOLS {
@@ -58,7 +58,7 @@ pub(crate) fn run(revision: Option<String>) -> Result<()> {
     judged
 }
 
-/// The tag of the newest release, such as `v0.2.0`.
+/// Returns the tag of the newest release, such as `v0.2.0`.
 fn newest(tags: &[String]) -> Option<String> {
     let version = |tag: &&String| -> Option<[u64; 3]> {
         let parts: Vec<&str> = tag.strip_prefix('v')?.split('.').collect();
@@ -68,13 +68,13 @@ fn newest(tags: &[String]) -> Option<String> {
     tags.iter().filter(|tag| version(tag).is_some()).max_by_key(version).cloned()
 }
 
-/// The first line that isn't a comment.
+/// Returns the first line that isn't empty or a comment: the revision in `ci/baseline.txt`.
 fn baseline(text: &str) -> &str {
     let mut lines = text.lines().map(str::trim);
     lines.find(|line| !line.is_empty() && !line.starts_with('#')).unwrap_or_default()
 }
 
-/// Refuses a revision that this repository doesn't have, and says how to get it.
+/// Returns an error if this repository doesn't have the revision. The error says how to get the revision.
 fn expect_there(revision: &str, origin: &str) -> Result<()> {
     let commit = format!("{revision}^{{commit}}");
     if !git(&["rev-parse", "--verify", "--quiet", "--end-of-options", &commit]).is_empty() {
@@ -93,7 +93,7 @@ fn expect_there(revision: &str, origin: &str) -> Result<()> {
     )
 }
 
-/// The lines that git prints. The result is empty if git fails.
+/// Runs git, and returns the lines that it prints. Returns no lines if git fails.
 fn git(arguments: &[&str]) -> Vec<String> {
     let output = Command::new("git").args(arguments).current_dir(command::root()).output();
     let answer = output.ok().filter(|output| output.status.success());
@@ -101,8 +101,8 @@ fn git(arguments: &[&str]) -> Vec<String> {
     text.unwrap_or_default().lines().map(str::to_owned).collect()
 }
 
-/// The files in which cargo-semver-checks has described a library since the time `since`: first the library of the
-/// baseline, then the library of the working tree.
+/// Returns the two JSON files, newer than `since`, in which cargo-semver-checks describes a library's interface: first
+/// at the revision, then in the working tree.
 fn interfaces(name: &str, since: SystemTime) -> Result<[PathBuf; 2]> {
     let folder = command::root().join("target/semver-checks");
     let crate_name = name.replace('-', "_");
@@ -129,8 +129,8 @@ fn interfaces(name: &str, since: SystemTime) -> Result<[PathBuf; 2]> {
     Ok([old, new])
 }
 
-/// Copies a description without its private items into a file beside it. cargo-semver-checks makes rustdoc describe
-/// private items, too.
+/// Copies the description of an interface into a file beside it, without private items, and returns this file.
+/// cargo-semver-checks makes rustdoc describe private items, too.
 fn published(file: &Path) -> Result<PathBuf> {
     let text = std::fs::read(file).with_context(|| format!("can't read `{}`", file.display()))?;
     let mut described = serde_json::from_slice(&text).context("rustdoc wrote no JSON")?;
@@ -141,8 +141,8 @@ fn published(file: &Path) -> Result<PathBuf> {
     Ok(public)
 }
 
-/// Removes private items from the lists of modules, types and `impl`s. The descriptions of the items stay, because a
-/// module may reexport them.
+/// Removes private items from the lists of items in modules, types and `impl`s. The items' own descriptions stay,
+/// because a module may reexport the items.
 fn leave_public(described: &mut Value) {
     const LISTS: [&str; 3] =
         ["/inner/module/items", "/inner/impl/items", "/inner/struct/kind/plain/fields"];
@@ -161,7 +161,7 @@ fn leave_public(described: &mut Value) {
     }
 }
 
-/// The files below a folder.
+/// Returns the files and folders directly inside a folder.
 fn below(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries.map(|entry| entry.path()).collect()

@@ -17,7 +17,7 @@ pub(crate) enum Source {
     Docs,
     /// Documentation comments
     Comments,
-    /// Texts in the sources, of at least five words
+    /// Texts in the harness's sources that users see
     Messages,
 }
 
@@ -30,32 +30,32 @@ const WRITTEN: [&str; 5] = [
     "docs/translations.md",
 ];
 
-/// The fewest words of a message. A shorter text is a name or a part of a sentence.
+/// The fewest words of a sentence. A shorter text is mostly a name or a part of a sentence.
 const FEWEST_WORDS: usize = 5;
 
-/// If one of these texts stands before a string literal, no user sees the literal.
+/// The code before string literals that no user sees.
 const UNSEEN: [&str; 4] = ["expect(", "expect_err(", "unreachable!(", "reason ="];
 
-/// Beginnings and ends of literals that are generated code, which no user reads as a sentence.
+/// The beginnings of string literals that are generated code. No user reads such a literal as a sentence.
 const CODE_BEGINS: [&str; 10] =
     ["@", "#[", "[", "fn ", "struct ", "import ", "enable ", "var<", "let ", "const "];
 const CODE_ENDS: [&str; 3] = [";", "{{", "}}"];
 
-/// A sentence, with the text before it.
+/// A sentence with its place and context.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 struct Sentence {
     /// The line on which the sentence's paragraph begins.
     line: usize,
-    /// The heading above the sentence, the code before the message, or the code that the comment documents, with the
-    /// first line of the block around that code.
+    /// The context of the sentence. For a page this is the heading above the sentence, for a message the code before
+    /// the string literal, and for a comment the documented code, after the first line of the block around this code.
     about: String,
-    /// The sentence before this one in its paragraph or row.
+    /// The previous sentence of the same paragraph or table row.
     before: String,
     text: String,
 }
 
-/// Prints `count` sentences, each with its file and line and with the sentence before it. With one version of Rust, one
-/// seed always gives the same sentences.
+/// Prints `count` sentences, each with its file and line and with the sentence before it. The same seed gives the same
+/// sentences, as long as the texts and the version of Rust are the same.
 pub(crate) fn run(from: Source, count: usize, seed: u64) -> Result<()> {
     let listed = Command::new("git").arg("ls-files").current_dir(command::root()).output()?;
     let listed = String::from_utf8(listed.stdout).context("git lists files by UTF-8")?;
@@ -105,7 +105,7 @@ fn sentences(from: Source, text: &str) -> Vec<Sentence> {
     paragraphs.into_iter().flat_map(cut).collect()
 }
 
-/// A paragraph: its line, its heading or item, and its text.
+/// A paragraph: the number of its first line, its context (see [`Sentence::about`]), and its text.
 type Paragraph = (usize, String, String);
 
 fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
@@ -163,9 +163,9 @@ fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
     found
 }
 
-/// The string literals of Rust code that people see, without their line breaks. Raw strings are shaders, generated code
-/// isn't prose, and the texts of `expect` and `unreachable!` appear only in a bug report. `ci` compiles before
-/// everything else, so it has no parser.
+/// Returns the string literals in Rust code that users see, without their line breaks. Leaves out raw strings, which
+/// are shaders, generated code, and the texts of `expect` and `unreachable!`, which appear only in bug reports. Reads
+/// the code without a parser of Rust, because `ci` must compile before everything else.
 fn literals(text: &str) -> Vec<Paragraph> {
     let (mut found, mut rest, mut line) = (Vec::new(), text, 1);
     while let Some(first) = rest.chars().next() {

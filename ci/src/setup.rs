@@ -1,7 +1,7 @@
-//! `cargo ci setup`: checks that the execution paths that the tests require can load.
+//! `cargo ci setup`: installs what the tests need, and checks that the required execution paths can load.
 //!
-//! This step only looks at files, so it takes milliseconds and doesn't need the harness. `karat doctor` opens the
-//! paths. The commands of `cargo ci` that build `karat` run `karat doctor` afterwards.
+//! The check of the paths only looks at files, so it takes milliseconds and doesn't need the harness. The commands of
+//! `cargo ci` that build `karat` also run `karat doctor`, which opens the paths.
 
 use anyhow::{Result, bail};
 
@@ -46,8 +46,8 @@ pub(crate) fn install_missing() -> Result<()> {
     )
 }
 
-/// Installs a browser for the tests of the review page, if there is none. [`install_missing`] doesn't do this: the demo
-/// needs no browser, and a browser is a large package.
+/// Installs a browser for the tests of the review page, if there is none. [`install_missing`] doesn't install a
+/// browser, because a browser is a large package, and the demo doesn't need one.
 pub(crate) fn install_browser() -> Result<()> {
     let host = Host::current();
     if browser::find(&host).is_none() {
@@ -60,7 +60,7 @@ pub(crate) fn install_browser() -> Result<()> {
     Ok(())
 }
 
-/// Installs the validators of naga's translations, if one is missing. The demo doesn't need them.
+/// Installs the validators of naga's translations, if one is missing. The demo doesn't need these validators.
 pub(crate) fn install_validators() -> Result<()> {
     let host = Host::current();
     if !validators::missing(&host).is_empty() {
@@ -77,20 +77,21 @@ pub(crate) fn install_validators() -> Result<()> {
     Ok(())
 }
 
-/// Installs Tint, Chrome's WGSL compiler, if it is missing. The demo doesn't need it.
+/// Installs Tint, Chrome's WGSL compiler, if it is missing. The demo doesn't need Tint.
 pub(crate) fn install_tint() -> Result<()> {
     npm::install_tint()
 }
 
-/// The browser that tests drive.
+/// Returns the path of the browser that tests control.
 pub(crate) fn browser() -> Option<std::path::PathBuf> {
     browser::find(&Host::current())
 }
 
-/// Installs the packages that the tests of Karat's npm packages use, if they are missing.
+/// Functions that install and find Node, and the packages that the tests of Karat's npm packages use.
 pub(crate) use npm::{install_web, node_and_modules, version as node_version};
 
-/// Installs nothing. If a driver that the tests need is missing, the error says how to install it.
+/// Checks if all drivers that the tests need are installed, and installs nothing. If a driver is missing, the error
+/// says how to install it.
 pub(crate) fn check() -> Result<()> {
     if came_with_the_system() {
         return Ok(());

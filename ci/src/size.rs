@@ -1,5 +1,5 @@
 //! `cargo ci size`: measures the size of the harness, and the number of files that mention a verb, a path or a
-//! subcommand. The command reads only text, so it also measures older revisions.
+//! subcommand. The command doesn't compile anything, so it can also measure older revisions.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -10,21 +10,24 @@ use anyhow::{Context, Result, ensure};
 
 use crate::command;
 
-/// The folder with the sources to measure: all packages, without their tests.
+/// The folder whose sources the command measures, without their tests.
 const HARNESS: &str = "harness";
 
-/// A verb, a path and a subcommand with unique names. The number of files that mention such a name shows how many files
-/// a new verb, path or subcommand would change.
+/// The texts to search for: of a verb, a path and a subcommand with unique names. The number of files that contain such
+/// a text shows how many files you would change for a new verb, path or subcommand. Each entry is a title, the folder
+/// to search, and the text.
 const SPREAD: [(&str, &str, &str); 3] = [
     ("files of a verb", "harness", "is_unit"),
     ("files of a path", "harness/src", "Api::Dx12"),
     ("files of a subcommand", "harness/cli", "unreferenced::"),
 ];
 
-/// The largest number of lines of a function: about one and a half screens with its documentation.
+/// The number of lines above which a function is too long. With its documentation, a function of 80 lines fills about
+/// one and a half screens.
 const LONG: usize = 80;
 
-/// Methods that examine the text of a message. naga, Tint, OpenEXR and TOML report errors only as text.
+/// The methods of `str` that examine a text. Code should rarely examine the text of a message, but naga, Tint, OpenEXR
+/// and TOML report some errors only as text.
 const READS: [&str; 8] = [
     "contains",
     "starts_with",
@@ -36,7 +39,7 @@ const READS: [&str; 8] = [
     "find",
 ];
 
-/// Prints the numbers of the working tree beside the numbers of a revision.
+/// Prints the measured numbers of the working tree, and beside them the numbers of a revision.
 pub(crate) fn run(revision: Option<&str>) -> Result<()> {
     let now = measure(&command::root())?;
     let before = revision.map(|revision| {
@@ -55,7 +58,7 @@ pub(crate) fn run(revision: Option<&str>) -> Result<()> {
     Ok(())
 }
 
-/// Writes the sources of a revision into a folder.
+/// Copies the harness's sources at a revision into a folder.
 fn extract(revision: &str, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).context("can't make a folder for the revision's sources")?;
     let mut archive = Command::new("git")
@@ -77,9 +80,9 @@ fn extract(revision: &str, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A source without its tests.
+/// A source file without its tests.
 struct Source {
-    /// Relative to the repository: `harness/src/check/plan.rs`.
+    /// The path relative to the repository: `harness/src/check/plan.rs`.
     path: String,
     lines: Vec<String>,
 }
@@ -130,7 +133,7 @@ fn sources(root: &Path, folder: &Path, found: &mut Vec<Source>) -> Result<()> {
     Ok(())
 }
 
-/// The lines before a file's module of tests, which is its last item.
+/// Returns the lines of a file before its module `tests`, which is the last item of the file.
 fn without_tests(text: &str) -> Vec<String> {
     let lines: Vec<&str> = text.lines().collect();
     let begins = |pair: &[&str]| {
@@ -147,7 +150,7 @@ fn is_code(line: &str) -> bool {
     !line.is_empty() && !line.starts_with("//")
 }
 
-/// Lines of examples in comments, with their fences.
+/// Returns the number of lines of examples in doc comments, including the lines with the fences.
 fn examples(lines: &[String]) -> usize {
     let mut inside = false;
     let is_example = |line: &&String| {
@@ -162,13 +165,14 @@ fn examples(lines: &[String]) -> usize {
     lines.iter().filter(is_example).count()
 }
 
-/// The path of a source inside `harness/src`, `harness/core/src` or `harness/inspect/src`.
+/// Returns the path of a source relative to `harness/src`, `harness/core/src` or `harness/inspect/src`, or `None` for
+/// other sources.
 fn in_library(path: &str) -> Option<&str> {
     let folders = ["harness/core/src/", "harness/src/", "harness/inspect/src/"];
     folders.iter().find_map(|folder| path.strip_prefix(folder))
 }
 
-/// The number of public items in the documentation.
+/// Returns the number of public items that the documentation shows.
 fn public_items(lines: &[String]) -> usize {
     let is_shown = |at: usize| at == 0 || lines[at - 1].trim() != "#[doc(hidden)]";
     (0..lines.len()).filter(|at| is_public(lines[*at].trim()) && is_shown(*at)).count()
@@ -189,8 +193,7 @@ fn reads_message(line: &str) -> bool {
     })
 }
 
-/// Groups of modules that use each other in a cycle, such as `check: sample, session`. The modules of a group are in
-/// one room, which is a folder of the sources.
+/// Returns each group of modules in one folder that use each other in a cycle, such as `check: sample, session`.
 fn circles(all: &[Source]) -> Vec<String> {
     // `check/integral/sum.rs` belongs to the module `integral` of the room `check`.
     let mut rooms: BTreeMap<&str, BTreeMap<&str, BTreeSet<String>>> = BTreeMap::new();
@@ -231,7 +234,7 @@ fn circles(all: &[Source]) -> Vec<String> {
     rooms.iter().flat_map(of_room).collect()
 }
 
-/// The names at the beginning of `text`, which is the rest of a path: one name, or the names in braces.
+/// Returns the names with which the rest of a Rust path begins: `a` for `a::b`, or `a` and `b` for `{a, b::c}`.
 fn first_names(text: &str) -> Vec<String> {
     let Some(inner) = text.strip_prefix('{') else { return vec![word(text)] };
     let (mut depth, mut names, mut begins) = (0_usize, Vec::new(), true);
@@ -252,7 +255,7 @@ fn first_names(text: &str) -> Vec<String> {
     names
 }
 
-/// The functions that are too long, with their number of lines: `harness/src/a.rs: f, 81`.
+/// Returns the functions with more than [`LONG`] lines, each with its number of lines: `harness/src/a.rs: f, 81`.
 fn long_functions(all: &[Source]) -> Vec<String> {
     let of = |source: &Source| {
         let lines = &source.lines;
@@ -277,7 +280,7 @@ fn long_functions(all: &[Source]) -> Vec<String> {
     all.iter().flat_map(of).collect()
 }
 
-/// The name at the beginning of a text.
+/// Returns the identifier at the beginning of a text.
 fn word(text: &str) -> String {
     text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
 }
@@ -286,11 +289,12 @@ fn word(text: &str) -> String {
 mod tests {
     use super::*;
 
-    /// The largest number of functions with more than [`LONG`] lines. Split such a function before you write a new one.
+    /// The largest allowed number of functions with more than [`LONG`] lines. If a new function is so long, split it or
+    /// an older one.
     const MOST_LONG: usize = 60;
 
-    /// The number of lines of code in each room. A room is a folder of the library's sources, or a package beside the
-    /// library.
+    /// Returns the number of lines of code in each folder that has a budget: a folder of `harness/src`, or another
+    /// package of the harness.
     fn rooms(all: &[Source]) -> BTreeMap<String, usize> {
         let mut rooms = BTreeMap::new();
         for source in all {
@@ -333,8 +337,8 @@ mod tests {
         assert_eq!(circles(&circle), ["a: b, c, d"]);
     }
 
-    /// ARCHITECTURE.md limits the number of lines of each room. If you need more lines, write the new number and the
-    /// reason in the same commit.
+    /// ARCHITECTURE.md limits the number of lines of code in each folder. If a folder needs more lines, write the new
+    /// limit into ARCHITECTURE.md, and the reason into the commit's message.
     #[test]
     fn no_folder_exceeds_its_line_budget() {
         let page = std::fs::read_to_string(command::root().join("ARCHITECTURE.md")).expect("it is");

@@ -1,6 +1,6 @@
 //! Runs steps: pieces of work, each with a name, a heading, a wall time and a verdict.
 //!
-//! Headings and verdicts go to stderr, so that stdout has only the output of the children.
+//! Headings and verdicts go to stderr, so that stdout has only the output of child processes.
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ use anyhow::Result;
 
 use crate::command;
 
-/// The steps of one `cargo ci` command, in the order they ran.
+/// The steps that a `cargo ci` command has run, in their order.
 pub(crate) struct Steps {
     task: &'static str,
     started: Instant,
@@ -23,13 +23,13 @@ struct Step {
 }
 
 impl Steps {
-    /// An empty list. `task` names the command in the last line.
+    /// Returns an empty list of steps for the command `task`, which the summary names.
     pub(crate) fn new(task: &'static str) -> Self {
         Self { task, started: Instant::now(), done: Vec::new() }
     }
 
-    /// Runs one step, and keeps its verdict. Returns `true` if the step passed. A command that chains its steps with
-    /// `&&` stops at the first failure.
+    /// Runs one step, and stores its verdict. Returns `true` if the step passed, so a command can join steps by `&&` to
+    /// stop at the first failure.
     pub(crate) fn run(&mut self, name: &'static str, work: impl FnOnce() -> Result<()>) -> bool {
         eprintln!("== {name}");
         let started = Instant::now();
@@ -44,7 +44,7 @@ impl Steps {
         passed
     }
 
-    /// Runs two lists of steps at the same time, and keeps all verdicts. Their output is mixed.
+    /// Runs two lists of steps at the same time, and stores all verdicts. The outputs of both lists are mixed.
     pub(crate) fn beside(
         &mut self,
         others: impl FnOnce(&mut Self) + Send,
@@ -72,7 +72,7 @@ impl Steps {
     }
 }
 
-/// The exit code of a command that is a single step. If the step failed, prints its error first.
+/// Returns the exit code of a command with a single step. If the step failed, prints its error.
 pub(crate) fn verdict(outcome: Result<()>) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -83,7 +83,7 @@ pub(crate) fn verdict(outcome: Result<()>) -> ExitCode {
     }
 }
 
-/// The failed steps with their errors, one line each, and a line with the wall times of all steps.
+/// Formats the summary: a line for each failed step with its error, and a last line with the wall times of all steps.
 fn summary(task: &str, steps: &[Step], wall: Duration) -> String {
     let mut lines = Vec::new();
     let mut times = Vec::new();

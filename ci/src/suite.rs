@@ -1,4 +1,4 @@
-//! `cargo ci test`: all of CI.
+//! `cargo ci test`: runs all of CI.
 
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
@@ -11,8 +11,8 @@ use crate::setup::{self, PATHS};
 use crate::step::Steps;
 use crate::{command, lint, once, swiftshader};
 
-/// Runs every step, even after failures. The steps after the tests print to stderr, so that the test runner writes the
-/// last lines of stdout. Only GitHub's annotations must go to stdout.
+/// Runs every step, even after failures. The steps after the tests print to stderr, so that stdout ends with the test
+/// runner's lines. Only GitHub's annotations go to stdout after the tests, because GitHub reads them there.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci test");
     // Installing packages waits for the network. The lints need no packages, so they run at the same time.
@@ -43,9 +43,9 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
-/// The arguments of a build with the features that `cargo test` will need. With `--package karat` some dependencies
-/// would lack features that other members enable, and be compiled twice. The arguments don't include `--bins`, because
-/// this program is running, and Windows can't replace a running program.
+/// The arguments of a build whose output `cargo test` can reuse. With `--package karat` instead of `--workspace`, Cargo
+/// would turn on fewer features of some dependencies, and later compile these dependencies again. The arguments name
+/// the programs, because `--bins` would also build this program, which Windows can't replace while it runs.
 pub(crate) const BUILD: &[&str] =
     &["build", "--workspace", "--locked", "--bin", "karat", "--bin", "planted", "--tests"];
 
@@ -53,30 +53,31 @@ pub(crate) fn build() -> Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// Runs the example project that has no Rust. Other steps run the examples for wgpu and npm. `cargo ci full` runs the
-/// example that fetches Bevy's shaders.
+/// Runs the tests of the example project without Rust code. Other steps run the examples for wgpu and npm, and `cargo
+/// ci full` runs the example for Bevy.
 fn examples() -> Result<()> {
     command::run_aside(&mut command::karat(&["test", "harness/examples/folder/shaders"])?)
 }
 
-/// Runs the example for Bevy. Its test fetches Bevy's shaders.
+/// Runs the example for Bevy, whose test fetches Bevy's shaders.
 pub(crate) fn bevy_example() -> Result<()> {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--test", "toon"]);
     command::run(test.args(["--features", "example-bevy/fetch"]))
 }
 
-/// Opens each path. `setup` has only checked that the libraries exist.
+/// Opens each required path with `karat doctor`. The step `setup` only checks that the drivers' libraries exist.
 pub(crate) fn open_paths() -> Result<()> {
     command::run(&mut command::karat(&["doctor", "--require", PATHS])?)
 }
 
-/// Checks that naga and Tint accept the whole library. Tests use Tint if it is installed; this step requires it.
+/// Checks that naga and Tint accept the whole shader library. The tests use Tint only if Tint is installed, but this
+/// step fails without Tint.
 fn both_compilers() -> Result<()> {
     let mut check = command::karat(&["check", "--shaders", "shaders", "--require", "tint"])?;
     command::run_aside(&mut check)
 }
 
-/// Runs every test. The tests record their verdicts. Later commands of `karat` read these records.
+/// Runs every test, and records the verdicts, which later steps read.
 fn test() -> Result<()> {
     let records = output().join("record");
     let running = Running::begin(&records)
@@ -98,7 +99,7 @@ fn test() -> Result<()> {
 }
 
 /// Runs a sample of `cargo ci full`: the functions of five modules of the shader library on SwiftShader, another Vulkan
-/// driver. The browser of the review's tests includes SwiftShader.
+/// driver. SwiftShader is a part of the browser that setup installs for the tests of the review page.
 fn second_driver() -> Result<()> {
     let manifest = swiftshader::manifest().context("SwiftShader is gone")?;
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
@@ -109,7 +110,7 @@ fn second_driver() -> Result<()> {
     command::run_aside(&mut test)
 }
 
-/// Runs jobs with known results, and tests of the shader library, on the paths of the web.
+/// Runs jobs with known results, and some tests, on the web's paths `dawn` and `chromium`.
 fn web() -> Result<()> {
     for path in ["dawn", "chromium"] {
         command::run_aside(&mut command::karat(&["doctor", "--executor", path])?)?;
@@ -136,11 +137,11 @@ pub(crate) fn npm() -> ExitCode {
     steps.finish()
 }
 
-/// The oldest Node of the current vitest.
+/// The oldest version of Node that can run the current vitest.
 pub(crate) const VITEST_NODE: (u32, u32) = (22, 12);
 
-/// Tests Karat's own npm packages, with the newest vitest that this machine's Node can run. If `all`, uses each vitest
-/// that the Node can run.
+/// Tests Karat's own npm packages, with the newest vitest that this machine's Node can run. If `all` is `true`, tests
+/// them with each vitest that this Node can run.
 pub(crate) fn npm_packages(all: bool) -> Result<()> {
     let root = command::root();
     let folder = root.join("harness/npm/tests");
@@ -170,7 +171,8 @@ pub(crate) fn npm_packages(all: bool) -> Result<()> {
     Ok(())
 }
 
-/// Tries a sample of the mutants of a module of the library. The module's tests kill 97 of 100 mutants.
+/// Tries 40 mutants of the shader library's module `sensor`. The tests of this module kill 97 of 100 mutants, and this
+/// step requires 90 %.
 fn mutants() -> Result<()> {
     let sample = [
         "--tests",
@@ -185,8 +187,8 @@ fn mutants() -> Result<()> {
     command::run_aside(command::karat(&["mutate"])?.args(sample))
 }
 
-/// Runs tests whose jobs run in another process, of which `cargo ci full` runs more: functions of the shader library on
-/// the engine, and resources, passes and frames of every kind on a driver.
+/// Runs tests whose jobs run in another process: functions of the shader library on the engine, and resources, passes
+/// and frames of every kind on a driver. `cargo ci full` runs more functions in this way.
 fn behind_a_pipe() -> Result<()> {
     for (mut test, least) in [(piped(&["fresnel::", "geometry::"]), 10), (strangers(), 50)] {
         let output = test.output().context("can't run `cargo`")?;
@@ -201,7 +203,8 @@ fn behind_a_pipe() -> Result<()> {
     Ok(())
 }
 
-/// The command that tests these modules of the shader library, on Karat's engine in another process.
+/// Returns the command that tests modules of the shader library on Karat's engine in another process. Without modules,
+/// the command tests the whole library.
 pub(crate) fn piped(modules: &[&str]) -> Command {
     let mut test = in_another_process("library", "cpu");
     // Frames need a driver, and so does the test of a fault in a driver's `pow`.
@@ -210,7 +213,7 @@ pub(crate) fn piped(modules: &[&str]) -> Command {
     test
 }
 
-/// The command that tests resources, passes and frames on Vulkan in another process.
+/// Returns the command that tests resources, passes and frames on Vulkan in another process.
 fn strangers() -> Command {
     let mut test = in_another_process("strangers", "vulkan");
     // Derivatives need a quad that a driver draws.
@@ -226,7 +229,7 @@ fn strangers() -> Command {
     test
 }
 
-/// Runs the complete suites. `cargo ci test` runs a sample of them.
+/// Returns the command that runs the complete suites, of which `cargo ci test` runs a sample.
 pub(crate) fn long() -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     test.args(["--test", "mutants", "--test", "second_opinion", "--test", "translations"]);
@@ -238,7 +241,8 @@ pub(crate) fn long() -> Command {
     test
 }
 
-/// The command that runs a test program on a path that runs jobs in another process.
+/// Returns the command that runs the test program `program`. Another process runs the jobs of its tests, on the path
+/// `path`.
 fn in_another_process(program: &str, path: &str) -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     test.args(["--test", program, "--"]);
@@ -250,8 +254,8 @@ fn in_another_process(program: &str, path: &str) -> Command {
     test
 }
 
-/// Writes JUnit and, on GitHub, annotations and the job's summary. Failed checks don't make this step fail: their tests
-/// have already failed, or expect the failure.
+/// Writes JUnit and, on GitHub, annotations and the job's summary. Failed checks don't make this step fail, because the
+/// tests with these checks have already failed, or expect the failure.
 fn report(passed: bool) -> Result<()> {
     let junit = output().join("junit.xml");
     let mut report = command::karat(&["report", "--junit"])?;
@@ -263,19 +267,20 @@ fn report(passed: bool) -> Result<()> {
     }
 }
 
-/// Checks that some test compares each golden. A golden that no test compares is useless, or its test is missing.
+/// Checks that each golden was compared by a test. If a golden wasn't compared, the golden is useless, or its test is
+/// missing.
 fn unreferenced() -> Result<()> {
     command::run_aside(&mut command::karat(&["unreferenced"])?)
 }
 
-/// The folder for output of runs, as in `karat`.
+/// Returns the folder into which `karat` writes the output of runs.
 fn output() -> PathBuf {
     let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
     command::root().join(target).join("karat")
 }
 
-/// The content of `run.json`, which `karat` reads (`karat::unstable::record::Run`). It says that the run left out no
-/// test.
+/// Returns the content of `run.json`, which `karat` reads as a `karat::unstable::record::Run`. The empty list
+/// `selected` means that the run included all tests.
 fn ending(passed: bool) -> String {
     serde_json::json!({ "schema": 5, "selected": [], "passed": passed }).to_string()
 }

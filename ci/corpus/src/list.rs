@@ -21,12 +21,12 @@ pub(crate) struct Wanted {
     krate: Option<String>,
     folder: Option<String>,
     root: Option<String>,
-    /// The text of a `karat.toml` beside the modules, as a user of the crate would write it. If this text is set, the
-    /// program copies the modules, adds the file, and reads the copy.
+    /// The text of the `karat.toml` that a user of the crate would write beside the modules. If this text is set, the
+    /// program copies the modules, adds this `karat.toml`, and reads the copy.
     pub(crate) karat: Option<String>,
     #[serde(default)]
     features: BTreeMap<String, Value>,
-    /// Features that only some modules need, by the names of the modules.
+    /// The features that only some modules need: for the name of a module, the features to turn on.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Vec<String>>,
 }
@@ -39,7 +39,7 @@ enum Value {
 }
 
 impl List {
-    /// Reads the file, or returns an error message.
+    /// Reads a list from a TOML file.
     pub(crate) fn read(file: &str) -> Result<Vec<Wanted>, String> {
         let text = std::fs::read_to_string(file).map_err(|error| format!("`{file}`: {error}"))?;
         let list: Self = toml::from_str(&text).map_err(|error| format!("`{file}`: {error}"))?;
@@ -71,7 +71,7 @@ impl Wanted {
 }
 
 /// Copies modules into a folder below `target`, and adds a `karat.toml` with `text`. In `text`, `{ci}` stands for the
-/// folder of the list.
+/// folder `ci` of this repository.
 fn copied(from: &Path, name: &str, text: &str) -> PathBuf {
     let ci = std::env::current_dir().unwrap_or_default().join("ci");
     let to = Path::new("target/corpus").join(name);

@@ -1,9 +1,9 @@
-//! The reasons why functions of published crates can't be called: a complete list, each reason with an explanation.
+//! The reasons why Karat can't call functions of published crates, each with an explanation. The list must be complete.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-/// The cause if a function can't be called: the shader or Karat.
+/// The side that would have to change so that Karat can call a function: the shader or Karat.
 #[derive(Clone, Copy, PartialEq)]
 enum Whose {
     /// The shader itself is the cause: no harness could call the function without a change to the shader.
@@ -13,7 +13,7 @@ enum Whose {
 
 use Whose::{Karat, Nature};
 
-/// Each reason of the linker or of a probe, with its cause and an explanation.
+/// Each reason why Karat refuses a function, with the side that would have to change, and an explanation.
 const ARGUED: &[(&str, Whose, &str)] = &[
     (
         "names of another file",
@@ -72,13 +72,13 @@ const ARGUED: &[(&str, Whose, &str)] = &[
     ("not probed otherwise", Karat, "an argument has another form that Karat doesn't support"),
 ];
 
-/// Checks if the list contains a reason.
+/// Checks if the list explains a reason.
 pub(crate) fn is_argued(reason: &str) -> bool {
     ARGUED.iter().any(|(known, ..)| *known == reason)
 }
 
-/// Returns a text: the share of functions that Karat can call or that no harness could call, and a table of the reasons
-/// with their explanations.
+/// Returns the end of the report: the share of functions that Karat can call or that no harness could call, and a table
+/// that explains each reason.
 pub(crate) fn told(functions: usize, callable: usize, reasons: &BTreeMap<String, usize>) -> String {
     let of = |whose: Whose| {
         let own = ARGUED.iter().filter(move |(_, known, _)| *known == whose);

@@ -1,10 +1,10 @@
-//! Finds a Chromium for the tests of the review page. The tests search the same folders.
+//! Finds a Chromium for the tests of the review page. The tests search for Chromium in the same folders.
 
 use std::path::PathBuf;
 
 use super::host::Host;
 
-/// Names of Chromium's program, in the order of preference.
+/// The names of programs that are a Chromium, the preferred name first.
 const NAMES: [&str; 7] = [
     "chromium",
     "chromium-browser",

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use super::host::{self, Host};
 use super::manifest;
 
-/// Describes the drivers that GL will use. The error names the missing part.
+/// Returns the drivers that GL will use, as text. If GL can't work, the error names the missing part.
 pub(crate) fn find(host: &Host) -> Result<String> {
     host.library("libEGL.so.1").context("EGL, libEGL.so.1")?;
     // Each of these variables replaces the usual folders.
@@ -46,7 +46,8 @@ pub(crate) fn find(host: &Host) -> Result<String> {
     bail!("llvmpipe, the software driver ({})", unusable.join("; "))
 }
 
-/// Mesa's software rasteriser: `dri/swrast_dri.so`, or part of `libgallium` since Mesa 24.2.
+/// Returns the file of Mesa's software rasteriser: `dri/swrast_dri.so`, or since Mesa 24.2 `libgallium`, which contains
+/// the rasteriser.
 fn software_driver(host: &Host) -> Option<PathBuf> {
     let folders = host.library_folders();
     let listed = host.listed("LIBGL_DRIVERS_PATH").unwrap_or_default();

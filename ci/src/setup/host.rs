@@ -1,6 +1,6 @@
 //! The machine that setup examines: environment variables, folders and shared libraries.
 //!
-//! All paths are below a root folder, so that tests can simulate a machine.
+//! The files of a machine are below a root folder: `/`, or a temporary folder in which a test simulates a machine.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -31,13 +31,13 @@ impl Host {
         }
     }
 
-    /// An absolute path on this machine.
+    /// Returns the place of a file of the machine, below the root folder.
     pub(crate) fn path(&self, absolute: impl AsRef<Path>) -> PathBuf {
         let absolute = absolute.as_ref();
         self.root.join(absolute.strip_prefix("/").unwrap_or(absolute))
     }
 
-    /// The folders or files that a variable lists; `None` if the variable is unset or empty.
+    /// Returns the folders or files that an environment variable lists, or `None` if the variable is unset or empty.
     pub(crate) fn listed(&self, variable: &str) -> Option<Vec<PathBuf>> {
         let value = self.variables.get(&OsString::from(variable))?;
         let paths: Vec<PathBuf> = std::env::split_paths(value)
@@ -47,7 +47,7 @@ impl Host {
         (!paths.is_empty()).then_some(paths)
     }
 
-    /// The paths of `name` below the data folders: first the folders of XDG, then those of the system.
+    /// Returns the path of `name` in each data folder: first in XDG's folders, then in the system's folders.
     pub(crate) fn data_folders(&self, name: &str) -> Vec<PathBuf> {
         let home = self.listed("XDG_DATA_HOME").or_else(|| {
             let homes = self.listed("HOME")?;
@@ -62,7 +62,7 @@ impl Host {
             .collect()
     }
 
-    /// The folders that the dynamic linker is likely to search.
+    /// Returns the folders that the dynamic linker is likely to search.
     pub(crate) fn library_folders(&self) -> Vec<PathBuf> {
         let multiarch = format!("{}-linux-gnu", std::env::consts::ARCH);
         let system = [
@@ -79,15 +79,15 @@ impl Host {
         listed.into_iter().chain(system.iter().map(|folder| self.path(folder))).collect()
     }
 
-    /// Finds a shared library by the name that a program gives to the dynamic linker.
+    /// Finds the file of a shared library by its name, such as `libEGL.so.1`, as the dynamic linker would.
     pub(crate) fn library(&self, name: &str) -> Option<PathBuf> {
         let cached = cached_libraries(&self.ldconfig, name, std::env::consts::ARCH);
         let usual = self.library_folders().into_iter().map(|folder| folder.join(name));
         cached.map(|path| self.path(path)).chain(usual).find(|path| path.is_file())
     }
 
-    /// Checks if there is a GPU that a hardware driver could open. Distributions install the drivers of all makers, so
-    /// an installed driver doesn't prove that there is a GPU.
+    /// Checks if there is a GPU that a hardware driver could open. An installed driver doesn't prove that there is a
+    /// GPU, because distributions install the drivers of all GPU makers.
     pub(crate) fn has_gpu(&self) -> bool {
         let nodes = ["/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
         nodes.iter().any(|node| self.path(node).exists())
@@ -95,7 +95,7 @@ impl Host {
     }
 }
 
-/// The entries of a folder, sorted by name. The result is empty if the folder can't be read.
+/// Returns the entries of a folder, sorted by name, or no entries if the folder can't be read.
 pub(crate) fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
@@ -103,12 +103,12 @@ pub(crate) fn files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// The last part of a path, or an empty text.
+/// Returns the file name in a path, or an empty text.
 pub(crate) fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The paths of a library in the output of `ldconfig -p`, for the given architecture.
+/// Returns the paths that the output of `ldconfig -p` has for a library and an architecture.
 fn cached_libraries<'a>(
     ldconfig: &'a str,
     name: &'a str,
@@ -132,7 +132,7 @@ fn cached_libraries<'a>(
 pub(crate) mod tests {
     use super::*;
 
-    /// A machine in a temporary folder with only the given files.
+    /// A simulated machine in a temporary folder, with only the files that the test adds.
     pub(crate) struct Machine {
         folder: tempfile::TempDir,
         variables: BTreeMap<OsString, OsString>,

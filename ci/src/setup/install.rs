@@ -17,7 +17,7 @@ pub(crate) enum Wanted {
     Browser,
     /// The programs that check and compile naga's translations.
     Validators,
-    /// Node with npm, or the package that provides them.
+    /// Node with npm, or on Debian pip, which then installs Node with npm.
     Node,
 }
 
@@ -32,7 +32,7 @@ pub(crate) enum Family {
 }
 
 impl Family {
-    /// The family of the machine's distribution.
+    /// Returns the family of the machine's distribution.
     pub(crate) fn of(host: &Host) -> Self {
         let places = ["/etc/os-release", "/usr/lib/os-release"];
         let read = |place| std::fs::read_to_string(host.path(place)).ok();
@@ -40,7 +40,8 @@ impl Family {
         Self::from_os_release(&text)
     }
 
-    /// Reads `os-release`: `ID` names the distribution, `ID_LIKE` its ancestors, the closest first.
+    /// Finds the family in the text of `os-release`. There `ID` names the distribution, and `ID_LIKE` lists its
+    /// ancestors, the closest ancestor first.
     fn from_os_release(text: &str) -> Self {
         let value = |key: &str| {
             let mut lines = text.lines().filter_map(|line| line.trim().split_once('='));
@@ -60,7 +61,7 @@ impl Family {
         Self::Other(if own.is_empty() { std::env::consts::OS.to_owned() } else { own })
     }
 
-    /// The commands that install the wanted packages, in the order in which they run.
+    /// Returns the commands that install the wanted packages, in the order in which they must run.
     fn commands(&self, wanted: Wanted) -> Vec<Package> {
         let fatal = |line: String| Package { failing: Failing::Fatal, line };
         let install = |manager: &str| fatal(format!("{manager} {}", self.packages(wanted)));
@@ -76,7 +77,7 @@ impl Family {
         }
     }
 
-    /// The names of the packages.
+    /// Returns the names of the wanted packages in this family of distributions.
     fn packages(&self, wanted: Wanted) -> &'static str {
         match (self, wanted) {
             (Self::Other(_), _) => "",
@@ -101,7 +102,7 @@ impl Family {
     }
 }
 
-/// Waits up to two minutes for another package manager to finish.
+/// The package manager of Debian. With this option it waits up to two minutes for another package manager to finish.
 const APT: &str = "apt-get -o DPkg::Lock::Timeout=120";
 
 /// One run of a package manager.
@@ -115,7 +116,7 @@ enum Failing {
     Tolerated,
 }
 
-/// The privilege for running the package manager.
+/// The way to get the privilege that the package manager needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Privilege {
     Root,
@@ -124,7 +125,7 @@ pub(crate) enum Privilege {
 }
 
 impl Privilege {
-    /// The privilege on this machine.
+    /// Finds out how this process can get the privilege.
     pub(crate) fn current() -> Self {
         let id = Command::new("id").arg("-u").output();
         if id.is_ok_and(|output| output.stdout.trim_ascii() == b"0") {
@@ -136,7 +137,7 @@ impl Privilege {
         }
     }
 
-    /// The command of a package manager, with this privilege.
+    /// Returns a command that runs a line of the package manager with this privilege.
     fn command(self, line: &str) -> Command {
         let mut words = line.split_whitespace();
         // sudo drops most variables, so `env` sets this one.
@@ -183,7 +184,7 @@ pub(crate) fn run(family: &Family, privilege: Privilege, wanted: Wanted) -> Resu
     Ok(())
 }
 
-/// The commands to type by hand.
+/// Returns a message with the commands that install the wanted packages, for users who type them by hand.
 pub(crate) fn advice(family: &Family, wanted: Wanted) -> String {
     if let Family::Other(name) = family {
         let what = match wanted {

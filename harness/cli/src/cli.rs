@@ -1,9 +1,9 @@
 //! `karat`: the commands and their exit codes.
 //!
-//! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced,
-//! an acceptance is refused or a path is missing; 2 when the command couldn't do its work or write
-//! its output; 3 when its input is missing: an image, a golden, a pending frame, the record of a full
-//! run. A closed output pipe doesn't change the code.
+//! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced, an acceptance is
+//! refused or a path is missing; 2 when the command couldn't do its work or write its output; 3 when its input is
+//! missing: an image, a golden, a pending frame, the record of a full run. If the program that reads the output ends
+//! early, the exit code stays the same.
 
 mod artefact;
 mod browser;
@@ -65,7 +65,7 @@ type Outcome = anyhow::Result<Ending>;
 enum Ending {
     Good,
     Bad,
-    /// A file that the command needs doesn't exist: its input, or the golden or record to compare with.
+    /// A file that the command needs doesn't exist, such as its input, a golden or a record.
     Missing,
 }
 
@@ -79,7 +79,7 @@ impl From<Ending> for ExitCode {
     }
 }
 
-/// The error of a command whose child program has already printed the cause.
+/// The error of a command after its child program has already printed the cause, so Karat prints no message.
 #[derive(Debug, thiserror::Error)]
 #[error("see above")]
 struct Reported;
@@ -138,7 +138,7 @@ enum Command {
                             Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without this request."
     )]
     Lsp(lsp::Args),
-    /// Runs the tests of a folder of shaders as `karat test` does, and prints lines
+    /// Runs the tests of a folder of shaders as `karat test` does, and prints a line for each test
     #[command(hide = true)]
     Suite(suite::Args),
     /// Runs the tests in a browser on this machine
@@ -340,7 +340,7 @@ enum Command {
     },
 }
 
-/// The options that name the shaders. The folder may also be a positional argument.
+/// The options that name the shaders, for commands that also accept the folder as a positional argument.
 #[derive(clap::Args)]
 struct PlaceArgs {
     /// Folder of WGSL modules, or one file; the same as `--shaders`
@@ -351,15 +351,15 @@ struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// Returns the options. A positional folder becomes the value of `--shaders`.
+    /// Returns the options, with a positional folder as the value of `--shaders`.
     fn package(&self) -> PackageArgs {
         let mut package = self.package.clone();
         package.package = package.package.or_else(|| self.folder.clone());
         package
     }
 
-    /// Prints the names of the tests outside of the package, because these tests don't run. Prints nothing if an option
-    /// names the package.
+    /// Prints the names of tests that don't run because they are outside of the packages that Karat found. Prints
+    /// nothing if an option names the package.
     fn write_outside(&self, out: &mut dyn Write) -> anyhow::Result<()> {
         let package = self.package();
         match package.package.is_none() && package.krate.is_none() {
@@ -425,7 +425,7 @@ fn feature(text: &str) -> Result<(String, Feature), String> {
     Ok((name.to_owned(), value))
 }
 
-/// Runs the command that the process's arguments name.
+/// Runs the command that the arguments of this process name.
 pub(crate) fn run() -> ExitCode {
     match loader::with_second_driver() {
         None => {}
@@ -507,7 +507,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Prints help, or the error of wrong arguments.
+/// Prints the help that the user requested, or an error about wrong arguments.
 fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> {
     // Arguments in the message may contain escape sequences. The writer makes them visible.
     let words = std::env::args_os().map(|word| visible(&word.to_string_lossy()).into_owned());
@@ -521,14 +521,14 @@ fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> 
     Ok(u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from))
 }
 
-/// Prints an error to standard error.
+/// Prints a message to standard error, after the word `error`.
 fn complain(text: &str) {
     let prefix = if text.starts_with("error") { "" } else { "error: " };
     tell(&format!("{prefix}{text}"));
 }
 
-/// Returns an error if the output file is also an input file, even under another name. The output would replace the
-/// input, which may be the only copy.
+/// Returns an error if the output file is also an input file, even under another name, because the output would replace
+/// the input.
 fn spare<'a>(
     what: &str,
     output: &Path,
@@ -551,7 +551,7 @@ fn spare<'a>(
     Ok(())
 }
 
-/// Returns the absolute path, with links followed and `..` removed. The file needn't exist.
+/// Returns the absolute path of a file, with symbolic links resolved and without `..`. The file needn't exist.
 fn resolved(path: &Path) -> PathBuf {
     let mut whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     // A link may lead to a file that doesn't exist yet.
@@ -578,7 +578,7 @@ fn resolved(path: &Path) -> PathBuf {
     whole
 }
 
-/// Checks if the output lies in the folder of a package, or is the file of a package.
+/// Checks if the output is inside the folder of a package, or is the only file of a package.
 fn is_in_package(output: &Path, package: &karat::Package) -> bool {
     resolved(output).starts_with(resolved(&package.root()))
 }
@@ -615,7 +615,8 @@ fn is_missing(error: &anyhow::Error) -> bool {
         })
 }
 
-/// Writes indented JSON and a line end. serde escapes control characters, so terminals can show the JSON safely.
+/// Writes a value as indented JSON and a line end. Control characters are escaped, so terminals can show the JSON
+/// safely.
 fn write_json(value: &impl serde::Serialize, out: &mut dyn Write) -> anyhow::Result<()> {
     let json = serde_json::to_string_pretty(value).context("the result isn't JSON")?;
     writeln!(out, "{}", visible_json(&json))?;

@@ -1,4 +1,4 @@
-//! Checks shaders of other projects: which modules open, link and validate, and which functions can be called.
+//! Checks shaders of other projects: which modules open, link and validate, and which functions Karat can call.
 //!
 //! `cargo run --bin corpus -- LIST.toml [--json FILE]` reads the crates and folders of a list. Cargo fetches the crates
 //! without compiling them. `cargo ci corpus` runs the program over `ci/corpus.toml`.
@@ -13,11 +13,11 @@
 //! "ssr" = ["DEPTH_PREPASS"]
 //! ```
 //!
-//! `--verbose` prints the reason why a module isn't valid.
+//! With `--verbose` the program prints, for each invalid module, the reason.
 //!
-//! If naga accepts a module unchanged, Karat must also accept the module, and must not change a byte. The line that
-//! Karat reports for a function must be the author's line. Otherwise Karat has a fault. Panics, and files that take too
-//! long, are also faults: see `SLOWEST`.
+//! If naga accepts a module's file as it is, Karat must also accept the module, and must not change a byte of its text.
+//! For each function, Karat must report the line of the file that declares the function. The program prints each
+//! violation as a fault of Karat. Panics, and modules that take longer than `SLOWEST`, are also faults.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -45,20 +45,20 @@ use list::{List, Wanted};
 struct Row {
     name: String,
     modules: usize,
-    /// Modules for which Karat can list the functions.
+    /// The number of modules whose functions Karat can list.
     open: usize,
-    /// Modules that are valid with all their functions and entry points.
+    /// The number of modules that are valid, including all their functions and entry points.
     whole: usize,
     functions: usize,
     callable: usize,
-    /// For each reason, the number of functions that Karat refuses.
+    /// For each reason, the number of functions that Karat can't call for this reason.
     reasons: BTreeMap<String, usize>,
     /// The time that the slowest module took, in milliseconds.
     slowest_ms: u128,
 }
 
-/// The longest time that Karat may take for a module, even on a busy machine. A longer time is a fault. The program
-/// prints the slowest module of each crate.
+/// The longest time that Karat may take for a module, even on a busy machine. A longer time is a fault of Karat. The
+/// JSON file contains the longest time of each crate.
 const SLOWEST: Duration = Duration::from_secs(10);
 
 fn main() -> ExitCode {
@@ -112,7 +112,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// A Markdown table with a row for each crate and a row for the total, and the reasons for all crates.
+/// Returns a Markdown table with a row for each crate and a row for the total, and a second table that explains why
+/// Karat refuses functions.
 fn table(rows: &[Row]) -> String {
     let mut text = String::from(
         "| crate | modules | open | whole | functions | callable | refused because |\n\
@@ -209,8 +210,7 @@ impl Row {
     }
 }
 
-/// Returns the counts of a module, and a message for each contradiction between Karat and naga, or between Karat and
-/// the author's file.
+/// Returns a row with the counts of one module, and a message for each fault of Karat in this module.
 fn of(package: &Package, module: &str, as_it_is: bool, verbose: bool) -> (Row, Vec<String>) {
     let (mut row, mut faults) = (Row { modules: 1, ..Row::default() }, Vec::new());
     let Some(text) = text_of(package, module) else {
@@ -270,15 +270,15 @@ fn of(package: &Package, module: &str, as_it_is: bool, verbose: bool) -> (Row, V
     (row, faults)
 }
 
-/// The author's text of a module.
+/// Returns the text of a module's file, before Karat processes it.
 fn text_of(package: &Package, module: &str) -> Option<String> {
     let stem = package.root().join(module.replace("::", "/"));
     let file = |extension| std::path::PathBuf::from(format!("{}.{extension}", stem.display()));
     ["wgsl", "wesl"].into_iter().find_map(|extension| std::fs::read_to_string(file(extension)).ok())
 }
 
-/// Returns a complaint if the line that Karat reports for the function doesn't declare the function. Reads the line
-/// without Karat's lexer.
+/// Returns a message if the line that Karat reports for a function doesn't declare this function. Doesn't use Karat's
+/// lexer, because the lexer itself may be wrong.
 fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     let (line, column) = item.span.file.line_column(item.span.range.start);
     let name = item.name.rsplit("::").next().unwrap_or_default();
@@ -300,7 +300,8 @@ fn seeming_functions(text: &str) -> usize {
     text.lines().filter(|line| line.trim_start().starts_with("fn ")).count()
 }
 
-/// Pairs of a part of Karat's message and a short reason, for valid functions that Karat can't call.
+/// The reasons why Karat can't call a valid function. Each entry is a piece of Karat's message, and the reason that the
+/// table gives for such a message.
 const BY_NATURE: &[(&str, &str)] = &[
     ("a pointer", "pointer"),
     ("returns nothing", "no result"),
@@ -311,7 +312,7 @@ const BY_NATURE: &[(&str, &str)] = &[
     ("", "not probed otherwise"),
 ];
 
-/// Pairs of a part of Karat's message and a short reason, for modules and functions that don't link or aren't valid.
+/// The reasons why a module or function doesn't link or isn't valid, in the form of [`BY_NATURE`].
 const INVALID: &[(&str, &str)] = &[
     ("template's placeholder", "template"),
     ("isn't WGSL: a preprocessor", "unknown preprocessor"),
@@ -328,8 +329,7 @@ const INVALID: &[(&str, &str)] = &[
     ("", "invalid for naga"),
 ];
 
-/// Each entry of `reasons` is a part of a message, and a reason. Returns the reason of the first entry whose part
-/// occurs in `message`.
+/// Returns the reason of the first entry of `reasons` whose piece of text occurs in `message`.
 fn reason(message: &str, reasons: &[(&str, &'static str)]) -> &'static str {
     let found = reasons.iter().find(|(part, _)| message.contains(part));
     found.map_or("", |(_, reason)| reason)

@@ -20,11 +20,12 @@ use list::{List, Wanted};
 struct Sum {
     modules: usize,
     both: usize,
-    /// Modules that naga accepts and Tint rejects. Some use features that only wgpu has.
+    /// The number of modules that naga accepts and Tint rejects because they use features that only wgpu has.
     native: usize,
     naga_alone: usize,
     tint_alone: usize,
-    /// Modules that neither compiler accepts, for example because the crate's own program must process them first.
+    /// The number of modules that neither compiler accepts, for example because the crate's own program must process
+    /// them first.
     neither: usize,
 }
 
@@ -52,7 +53,7 @@ struct Difference {
     reason: &'static str,
     /// The first line of Tint's message.
     message: String,
-    /// The author's file, with line and column.
+    /// The place of the error in the author's file: `fog.wgsl:12:5`.
     place: String,
     native: Vec<String>,
 }
@@ -119,7 +120,8 @@ fn tables(wanted: &[Wanted]) -> Result<String, String> {
     Ok(text)
 }
 
-/// Compiles all modules of a crate with naga and with Tint. Returns the counts and the modules with different verdicts.
+/// Compiles all modules of a crate with naga and with Tint. Returns the counts, and the modules that naga accepts and
+/// Tint rejects.
 fn read(wanted: &Wanted) -> Result<(Sum, Vec<Difference>), String> {
     let name = wanted.name();
     let package = wanted.open().map_err(|error| format!("{name}: {error}"))?;

@@ -1,11 +1,11 @@
-//! Runs shaders of other projects on each route, and reports the last status that their functions and entry points
-//! reach.
+//! Translates and runs shaders of other projects on each route, and reports for each function and entry point how far
+//! it gets: translated, valid, executed, or with the same results as on another route.
 //!
 //! `cargo run --bin corpus_matrix -- LIST.toml [--json FOLDER]` computes the matrix of each crate and folder of a list
 //! (see `corpus.rs`), and prints a table. `cargo ci corpus --routes` runs the program over `ci/corpus.toml`. The
 //! program computes the matrix of each crate in a separate process. If a function or entry point hangs or crashes a
 //! driver, the process starts again, and leaves out this function or entry point. If a process ends without a result,
-//! the program fails. The table lists all other problems.
+//! the program fails. The table counts all other problems.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -25,10 +25,11 @@ use list::{List, Wanted};
 /// The number of inputs for each function. 64 inputs are enough to show that a translation is wrong.
 const CASES: usize = 64;
 
-/// The names of problems. The printed table has a column for each problem, and a column for each status.
+/// The problems that a cell of the matrix can report. The printed table has a column for each problem and for each
+/// status.
 const WRONG: [&str; 5] = ["DIFFERS", "INVALID", "NO VERDICT", "PANICS", "unsupported"];
 
-/// The counts of a crate, or of all crates together.
+/// The counts for one crate, or for all crates together.
 #[derive(Default, Serialize, Deserialize)]
 struct Sum {
     rows: usize,
@@ -39,12 +40,12 @@ struct Sum {
     /// For each text that [`reason`] returns, the number of rows with this problem, and the name of the first of these
     /// rows.
     reasons: BTreeMap<String, (usize, String)>,
-    /// The reason why the matrix of the crate is missing.
+    /// The error, if Karat couldn't compute the matrix of the crate.
     error: Option<String>,
 }
 
-/// The command-line arguments of a process that computes the matrix of one crate. They follow the name of the list of
-/// crates.
+/// The command-line arguments of a process that computes the matrix of one crate. These arguments follow the file name
+/// of the list of crates.
 struct One {
     index: usize,
     journal: PathBuf,
@@ -82,7 +83,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Prints the table. Returns `true` if no process ended without a result, and at least one row was judged.
+/// Starts a process for each crate, and prints the table. Returns `true` if every process wrote its counts, and at
+/// least one row was judged.
 fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let this = std::env::current_exe().map_err(|error| error.to_string())?;
@@ -235,7 +237,7 @@ impl Sum {
     }
 }
 
-/// Removes the folder in which cargo keeps crates. This folder differs between machines.
+/// Shortens the paths of crates in a line of text: removes cargo's folder, which differs between machines.
 fn without_registry(line: &str) -> String {
     let Some((before, after)) = line.split_once("/registry/src/") else { return line.to_owned() };
     let begin = before.rfind(['(', '`', ' ']).map_or(0, |at| at + 1);
@@ -243,8 +245,8 @@ fn without_registry(line: &str) -> String {
     format!("{}{file}", &before[..begin])
 }
 
-/// Returns the column, and one line of the problem's message. Numbers become `#`, so that equal problems of several
-/// rows have the same text.
+/// Returns a short text for a problem: the column's name, and one line of the problem's message. A `#` replaces each
+/// number, so that the same problem in several rows has the same text.
 fn reason(column: &str, stop: &Stop) -> String {
     let text = stop.text();
     let line = match stop {

@@ -1,9 +1,9 @@
-//! Lists the expressions for which drivers, and naga's translations, violate WGSL.
+//! Lists the expressions for which a driver, or a translation of naga, violates WGSL.
 //!
 //! `cargo run --bin divergences -- docs/divergences` tests each operator and builtin function on each path of
-//! `KARAT_PATHS`, and writes a page for each path and driver. `cargo ci divergences` runs the program. The program
-//! doesn't change the pages of drivers that this machine lacks. Paths such as `vulkan:glsl` use one of naga's
-//! translations.
+//! `KARAT_PATHS`, and writes a page for each path and driver. The pages of drivers that this machine lacks stay
+//! unchanged. On a path such as `vulkan:glsl` the driver runs one of naga's translations. `cargo ci divergences` runs
+//! the program.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -20,14 +20,14 @@ use karat::unstable::path::Adapter;
 use karat::unstable::tolerance::SpecTolerance;
 use karat::unstable::value::Scalar;
 
-/// An operator or a builtin function with its arguments and its expected results.
+/// A WGSL expression to test, such as `x + y` or `sin(x)`, and the check that tests it.
 struct Question {
     expression: &'static str,
     source: &'static str,
     ask: fn(&Package) -> Result<Agreement, Failure>,
 }
 
-/// The result of a [`Question`]'s expression on a path.
+/// The result of testing a [`Question`] on a path.
 enum Answer {
     Agrees,
     Differs(Box<PathDisagreement>),
@@ -35,7 +35,8 @@ enum Answer {
     Stopped(String),
 }
 
-/// Accepts each result within WGSL's bounds (section 15.7.4), where WGSL bounds the error by 1 or less.
+/// Returns a tolerance that accepts each result within WGSL's bounds (section 15.7.4), if these bounds allow an error
+/// of at most 1.
 fn within() -> SpecTolerance {
     Spec.needing(Abs(1.0))
 }
@@ -82,9 +83,9 @@ macro_rules! questions {
     };
 }
 
-/// The tested expressions. WGSL bounds the results for all arguments in their domains. For `sin` and `cos` the domain
-/// is -pi to pi. The bounds of `asin` and `acos` follow from `atan2`, so their domains leave out arguments for which
-/// `atan2` is near 0.
+/// The tested expressions. The domain of each expression has only arguments for which WGSL bounds the error of the
+/// result. For example, the domain of `sin` and `cos` is -pi to pi. WGSL takes the bounds of `asin` and `acos` from
+/// `atan2`, so their domains leave out arguments for which `atan2` is near 0.
 const QUESTIONS: &[Question] = questions! {
     "x + y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x + y, within();
     "x - y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x - y, within();
@@ -178,7 +179,8 @@ const QUESTIONS: &[Question] = questions! {
         |v: DVec2| v, EXACTLY;
 };
 
-/// Computes `extractBits`, section 17.5: the bits from `offset` on. The highest extracted bit is the sign.
+/// Computes `extractBits` (section 17.5 of WGSL): `count` bits of `a`, from bit `offset` on. The highest extracted bit
+/// is the sign of the result.
 fn extracted(a: i32, offset: u32, count: u32) -> i32 {
     let offset = offset.min(32);
     match count.min(32 - offset) {
@@ -187,7 +189,8 @@ fn extracted(a: i32, offset: u32, count: u32) -> i32 {
     }
 }
 
-/// Computes `insertBits`, section 17.5: replaces the bits of `a` from `offset` on by the lowest bits of `b`.
+/// Computes `insertBits` (section 17.5 of WGSL): replaces `count` bits of `a`, from bit `offset` on, by the lowest bits
+/// of `b`.
 fn inserted(a: u32, b: u32, offset: u32, count: u32) -> u32 {
     let offset = offset.min(32);
     match count.min(32 - offset) {
@@ -219,7 +222,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// For each path, its adapter and its answers to all questions.
+/// For each path, its adapter and its answers, in the order of [`QUESTIONS`].
 type Answers = BTreeMap<String, (Adapter, Vec<Answer>)>;
 
 fn write_all(folder: &Path) -> Result<(), String> {
@@ -259,8 +262,8 @@ fn write_all(folder: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Converts the result of a check into an answer for each path. Returns an error if the check failed for a reason that
-/// isn't a fault of a path.
+/// Converts the result of a check into an answer for each path. Returns an error if the check failed for another reason
+/// than wrong results or an error on a path.
 fn answers(
     asked: Result<Agreement, Failure>,
     question: &Question,
@@ -324,8 +327,8 @@ fn page(adapter: &Adapter, answers: &[Answer]) -> String {
     page
 }
 
-/// The table cells for a path: the share of wrong cases, and the arguments, the result and the allowed values of the
-/// simplest wrong case.
+/// Returns the table cells for an expression that a path computes wrongly: the share of wrong cases, and the arguments,
+/// the result and the allowed values of the simplest wrong case.
 fn row(path: &PathDisagreement) -> String {
     let case = path.simplest.as_ref().map_or(&path.worst, |simplest| &simplest.failure);
     let share = 100.0 * path.census.failures as f64 / path.census.cases as f64;
@@ -334,7 +337,7 @@ fn row(path: &PathDisagreement) -> String {
     format!("{share:.1} % | {} | {} | {} ", arguments.join(", "), case.result, wanted(case))
 }
 
-/// The values that WGSL allows for a case.
+/// Returns the values that WGSL allows for a case, as text.
 fn wanted(case: &CaseFailure) -> String {
     let allowed = case.explanation.iter().find(|(name, _)| *name == "WGSL");
     match (allowed, case.scalar, case.expected) {

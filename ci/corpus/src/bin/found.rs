@@ -1,8 +1,9 @@
-//! Finds faults in released shaders with ordinary checks. Each shader fails as released, and passes with one change.
+//! Finds faults in released shaders with ordinary checks. Each check fails on the released shader, and passes after one
+//! change of the shader.
 //!
-//! `cargo run --bin found -- docs/found` runs all checks over crates that cargo fetches, and writes a page for each.
-//! `cargo ci found` runs the program. If a check passes on the released shader, or fails after the change, this is an
-//! error.
+//! `cargo run --bin found -- docs/found` runs all checks over crates that cargo fetches, and writes a page for each
+//! fault. If a check passes on the released shader, or fails after the change, the program fails. `cargo ci found` runs
+//! the program.
 
 use std::f32::consts::{PI, TAU};
 use std::f64::consts::FRAC_PI_2;
@@ -19,7 +20,7 @@ use karat::fixture::{Buffer, Texture};
 use karat::prelude::*;
 
 karat::shareable! {
-    /// The tiles that vello allocates for a path.
+    /// The tiles of the image that vello allocates for one vector path.
     pub struct TilePath mirrors TilePathMirror {
         /// The rectangle of tiles: column and row of the first tile, then column and row one beyond the last tile.
         bbox: UVec4,
@@ -62,15 +63,15 @@ impl From<Result<ComputeAgreement, ComputeError>> for Verdict {
 /// A fault in a crate's shader.
 struct Found {
     name: &'static str,
-    /// The crate with its version.
+    /// The crate with its version: `bevy_render@0.20.1`.
     krate: &'static str,
     function: &'static str,
-    /// The fault, and its effect on users.
+    /// A description of the fault, and of its effect on users of the crate.
     says: &'static str,
     check: Check,
     /// The text to replace in the function's module, and the new text.
     change: [&'static str; 2],
-    /// Another check, for the repaired function.
+    /// Another check, which the repaired function also passes.
     mended: Option<Check>,
 }
 
@@ -410,8 +411,8 @@ fn open(found: &Found) -> Result<Package, String> {
     Package::open_crate(Path::new("."), found.krate, None).map_err(|error| error.to_string())
 }
 
-/// Runs a check in this process. `KARAT_OVERLAY` may replace the released shader by the repaired shader. The exit code
-/// is 0 if the check passes, 1 if a case fails, and 2 if the check has an error.
+/// Runs a check in this process. If `KARAT_OVERLAY` names a folder, the repaired shader in this folder replaces the
+/// released shader. The exit code is 0 if the check passes, 1 if a case fails, and 2 if the check has an error.
 fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     let found = FOUND.iter().find(|found| found.name == name);
     let Some((found, check)) = found.and_then(|found| Some((found, which(found)?))) else {
@@ -435,7 +436,7 @@ fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// Checks if a case fails on some path.
+/// Checks if the check failed because of a wrong result on some path, and not because of another error.
 fn is_found(failure: &Failure) -> bool {
     match failure {
         Failure::Disagreement(_) | Failure::Rejection(_) => true,
@@ -480,7 +481,7 @@ fn all(folder: &Path) -> Result<(), String> {
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
 }
 
-/// The part of the page about compute passes of other repositories. People checked these passes once, by hand.
+/// The section of `docs/found/README.md` about compute passes that people checked once, by hand.
 const DISPATCHED: &str = "
 ## Passes with the sizes of their host
 
@@ -570,7 +571,7 @@ fn page(found: &Found) -> Result<String, String> {
     Ok(page)
 }
 
-/// The lines of this file between the comment `// marker: name` and the next comment `// end`.
+/// Returns the lines of this file between the comment `// marker: name` and the next comment `// end`.
 fn own_text(marker: &str, name: &str) -> String {
     let own = include_str!("found.rs");
     let text = own.split(&format!("// {marker}: {name}\n")).nth(1);
@@ -578,7 +579,7 @@ fn own_text(marker: &str, name: &str) -> String {
     text.lines().map(|line| format!("{}\n", line.strip_prefix("    ").unwrap_or(line))).collect()
 }
 
-/// The message, with paths of files relative to the crate.
+/// Returns the message without replay commands, and with file paths relative to the crate.
 fn shortened(message: &str, name: &str, version: &str) -> String {
     let folder = format!("{name}-{version}/");
     let short = |line: &str| match line.find(&folder) {

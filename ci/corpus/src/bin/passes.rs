@@ -1,5 +1,5 @@
-//! Compares compute passes of a released crate with a reference in Rust. The passes belong to vello 0.11. They compute
-//! prefix sums of the path tags in a scene of 4,096 `u32`s.
+//! Compares two compute passes of vello 0.11 with a reference in Rust. The passes compute prefix sums over the path
+//! tags of a scene with 4,096 `u32`s.
 //!
 //! `cargo run --bin passes` fetches the crate through cargo, and compares the passes. Then the program plants two
 //! faults in the shader, and checks that Karat finds them. `cargo ci found` runs the program.
@@ -13,7 +13,7 @@ use karat::fixture::Buffer;
 use karat::prelude::*;
 
 karat::shareable! {
-    /// The counts that vello computes over all tags before a `u32`. Each `u32` contains four tags.
+    /// The sums that vello computes for a `u32` of the scene, over all tags before it. Each `u32` contains four tags.
     pub struct TagMonoid mirrors TagMonoidMirror {
         /// The number of transforms.
         trans_ix: u32,
@@ -28,11 +28,10 @@ karat::shareable! {
     }
 }
 
-/// The number of `u32`s in the scene. Each `u32` has four tags. A workgroup reads 256 of them, so there are 16
-/// workgroups.
+/// The number of `u32`s in the scene. A workgroup reads 256 `u32`s, so there are 16 workgroups.
 const WORDS: u32 = 4096;
 
-/// Tags with random bits, from the generator of Park and Miller.
+/// Returns tags with random bits, from the generator of Park and Miller.
 fn scene() -> Vec<u32> {
     let mut state = 1_u64;
     let mut byte = || {
@@ -42,9 +41,9 @@ fn scene() -> Vec<u32> {
     (0..WORDS).map(|_| (0..4).fold(0, |word, _| word << 8 | byte())).collect()
 }
 
-/// The counts that one tag adds, in the order of [`TagMonoid`]'s members. `vello_encoding::PathTag` documents the bits
-/// of a tag: two bits for the number of points of a segment, and one bit each for a path, a subpath's end (which adds a
-/// point), 32-bit instead of 16-bit coordinates, a transform and a style.
+/// Returns the counts that one tag adds to the sums, in the order of [`TagMonoid`]'s members. `vello_encoding::PathTag`
+/// documents the bits of a tag: two bits for the number of points of a segment, and one bit each for a path, a
+/// subpath's end (which adds a point), 32-bit instead of 16-bit coordinates, a transform and a style.
 fn of_tag(tag: u32) -> [u32; 5] {
     let segment = tag & 3;
     let points = segment + (tag >> 2 & 1);
@@ -52,7 +51,7 @@ fn of_tag(tag: u32) -> [u32; 5] {
     [tag >> 5 & 1, u32::from(segment != 0), words, 2 * (tag >> 6 & 1), tag >> 4 & 1]
 }
 
-/// For each `u32` of the scene, the sums of the counts of all earlier tags.
+/// Returns, for each `u32` of the scene, the sums over all tags before it.
 fn sums(scene: &[u32]) -> Vec<TagMonoidMirror> {
     let mut sum = [0; 5];
     let mut before = Vec::new();
@@ -92,13 +91,14 @@ fn open() -> Result<Package, String> {
 
 const CRATE: &str = "vello_shaders@0.11.0";
 
-/// Planted faults. Each has a module, the text to replace, and the new text.
+/// The faults that the program plants: the module, the text to replace, and the new text.
 const FAULTS: [[&str; 3]; 2] = [
     ["pathtag_scan", "if local_id.x >= 1u << i {", "if local_id.x > 1u << i {"],
     ["shared/pathtag", "n_points & (((tag_word >> 3u)", "n_points & (((tag_word >> 2u)"],
 ];
 
-/// Runs the comparison in another process, with the overlay if there is one. Returns the exit code and the output.
+/// Runs the comparison in another process, and returns the exit code and the output. Modules in the folder `overlay`
+/// replace modules of the crate.
 fn run(overlay: Option<&Path>) -> Result<(Option<i32>, String), String> {
     let mut command = Command::new(std::env::current_exe().map_err(|error| error.to_string())?);
     command.arg("--check").env_remove("KARAT_OVERLAY").env_remove("KARAT_REQUIRE");

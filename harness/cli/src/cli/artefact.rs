@@ -1,7 +1,7 @@
-//! The downloaded artefact of a CI run: a folder, or a zip of the folder.
+//! Opens the downloaded artefact of a CI run: a folder, or a zip of the folder.
 //!
-//! A zip may be damaged or hostile. Karat unpacks only its pending frames, into a temporary folder, within limits far
-//! above the needs of a real run.
+//! A zip may be damaged or hostile, so Karat unpacks only the pending frames and values, into a temporary folder. The
+//! limits on their number and size are far above the needs of a real run.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
@@ -17,22 +17,23 @@ use super::NotThere;
 const MOST_ENTRIES: usize = 20_000;
 /// The largest number of frames that Karat unpacks.
 const MOST_FRAMES: usize = 2_000;
-/// The largest size of a frame, in bytes. A golden has at most 1 MiB, but a frame with NaN is stored as floats.
+/// The largest size of a frame, in bytes. A golden has at most 1 MiB, but a frame with NaN takes more space, because it
+/// is stored as floats.
 const LARGEST_FRAME: u64 = 64 << 20;
 /// The largest size of all frames together, in bytes.
 const LARGEST: u64 = 1 << 30;
 
-/// The pending frames of a CI run.
+/// The artefact of a CI run, with its pending frames.
 #[derive(Debug)]
 pub(super) struct Artefact {
     folder: PathBuf,
-    /// The temporary folder of an unpacked zip. The folder is deleted when this value is dropped.
+    /// The temporary folder into which Karat unpacked a zip. Dropping this value deletes the folder.
     unpacked: Option<TempDir>,
 }
 
 impl Artefact {
-    /// Opens a folder, or unpacks a zip. Returns an error if the folder or zip contains neither a pending frame nor the
-    /// record of a run: then it isn't the artefact of a run.
+    /// Opens a folder, or unpacks a zip. Returns an error if the folder or zip contains no pending frames or values and
+    /// no record, because then it isn't the artefact of a run.
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
         let shown = path.display();
         if path.is_dir() {
@@ -49,12 +50,13 @@ impl Artefact {
         Ok(Self { folder: unpacked.path().to_owned(), unpacked: Some(unpacked) })
     }
 
-    /// Checks if the frames are copies from a zip. Deleting a copy doesn't change the artefact.
+    /// Checks if the frames are copies that Karat unpacked from a zip. If a command deletes a copy, the zip stays
+    /// unchanged.
     pub(super) fn is_zip(&self) -> bool {
         self.unpacked.is_some()
     }
 
-    /// The folder in which commands look for frames.
+    /// Returns the folder in which commands look for pending frames.
     pub(super) fn frames(&self) -> Goldens {
         Goldens::open(&self.folder)
     }
@@ -64,20 +66,20 @@ impl Artefact {
     }
 }
 
-/// The endings of the names of pending frames and values.
+/// The endings of the file names of pending frames and pending values.
 const WAITING: [&str; 2] = [".new.exr", ".new.csv"];
 
-/// Checks if a file name belongs to a pending frame or to pending values.
+/// Checks if a file name is the name of a pending frame or of pending values.
 fn waits(name: &str) -> bool {
     WAITING.iter().any(|ending| name.ends_with(ending))
 }
 
-/// The signs that a folder or zip is the artefact of a run.
+/// The facts that show if a folder or zip is the artefact of a run.
 #[derive(Debug, Default)]
 struct Contents {
-    /// `true` if the folder or zip contains a pending frame or a record.
+    /// `true` if the folder or zip contains a pending frame, pending values or a record.
     of_run: bool,
-    /// The name of another zip, if the folder or zip contains one.
+    /// The name of a zip inside the folder or zip, which the user may have meant.
     zip: Option<String>,
 }
 

@@ -1,8 +1,8 @@
 //! `karat browser`: serves a page, and runs the tests in the browser that opens this page.
 //!
 //! `karat test` and the test programs start `karat` again as an executor (`KARAT_EXECUTORS`). The executor passes each
-//! job to the process that serves the page. A file, which only the current user can read, tells the executor the port
-//! and the secret of that process.
+//! job to the `karat browser` that serves the page. The executor reads the port and the secret of this process from a
+//! file that only the current user can read.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -19,15 +19,16 @@ use serde::Deserialize;
 
 use super::{Ending, Outcome, child};
 
-/// The largest size of a page's reply, in bytes. A frame of 4096 by 4096 pixels fits into this size. Other executors
-/// have the same limit.
+/// The largest size of a page's reply, in bytes. A frame of 4096 by 4096 pixels fits into this size. The replies of
+/// other executors have the same limit.
 const LONGEST: u64 = 1 << 30;
 
-/// The time after which the server tells a page that there is no job. The page then asks again. Proxies and browsers
-/// give up after 30 seconds.
+/// The longest time that a page's request for a job waits. If there is no job by then, the server replies that there is
+/// no job, and the page asks again. Proxies and browsers would give up after 30 seconds.
 const POLL: Duration = Duration::from_secs(5);
 
-/// The time after which a page that didn't ask for a job counts as closed. Background tabs ask late.
+/// If a page doesn't ask for a job for this time, Karat treats the page as closed. A page in a background tab may ask
+/// late.
 const GONE: Duration = Duration::from_secs(30);
 
 #[derive(clap::Args)]
@@ -116,7 +117,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Runs as a program of `KARAT_EXECUTORS`: passes each job on, and prints the reply.
+/// Runs as an executor from `KARAT_EXECUTORS`: passes each job from standard input to `karat browser`, and prints the
+/// reply.
 fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     let told = std::fs::read_to_string(file).context("`karat browser` has ended")?;
     let (port, token) =
@@ -138,8 +140,8 @@ fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// A message from the page. The first message has the page's `greeting`. A later message has the reply to the job with
-/// this `number`.
+/// A message from the page. The first message has the page's `greeting`. Each later message has in `answer` the page's
+/// reply to the job `number`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Said {
@@ -152,7 +154,7 @@ struct Said {
     answer: Option<String>,
     #[serde(default)]
     closed: bool,
-    /// The reason why the page can't run jobs.
+    /// The reason why this page can't run jobs, for example because the browser lacks WebGPU.
     #[serde(default)]
     failed: Option<String>,
 }
@@ -161,15 +163,15 @@ struct Said {
 struct State {
     page: Option<(String, Instant)>,
     greeting: String,
-    /// The number of jobs so far. The last job has this number.
+    /// The number of jobs so far, which is also the number of the last job.
     jobs: u64,
-    /// The job that the page hasn't fetched yet.
+    /// The last job, until the page fetches it.
     waiting: Option<String>,
     /// The page's reply to the last job.
     answer: Option<String>,
-    /// `true` while a page runs the last job.
+    /// `true` while the page runs the last job.
     is_taken: bool,
-    /// The reason why a page can't run jobs.
+    /// The reason why the opened page can't run jobs.
     failed: Option<String>,
 }
 
@@ -185,7 +187,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Checks if the program at the other end of the stream keeps the stream open.
+/// Checks if the program at the other end hasn't closed the stream.
 fn is_open(stream: &TcpStream) -> bool {
     let peeked = stream.set_nonblocking(true).and_then(|()| stream.peek(&mut [0]));
     let is_blocking = stream.set_nonblocking(false).is_ok();
@@ -225,7 +227,7 @@ impl Desk {
         }
     }
 
-    /// Stores the page's reply. Then waits for the next job, and returns it.
+    /// Stores the reply in the page's message, and then answers with the next job. Waits for this job at most [`POLL`].
     fn next(&self, said: Said) -> Answer {
         let mut state = locked(&self.state);
         if let (None, Some(failed)) = (&state.page, said.failed) {
@@ -298,8 +300,8 @@ impl Desk {
         Ok(())
     }
 
-    /// Returns the page's reply to a job. The program that sent the job has a deadline: if the job hangs, the program
-    /// closes its stream.
+    /// Sends a job to the page, and returns the page's reply. The program that sent the job has a deadline. If the job
+    /// hangs, the program closes the stream `asking`, and this function stops waiting.
     fn ask(&self, job: String, asking: &TcpStream) -> Result<String, &'static str> {
         let _turn = locked(&self.turn);
         let mut state = locked(&self.state);

@@ -226,7 +226,8 @@ impl Args {
     }
 }
 
-/// Returns the paths that `--path` names. Without `--path`, returns every driver that opens, and the engine.
+/// Returns the paths that `--path` and `KARAT_REQUIRE` name. Without `--path`, also returns the engine and every driver
+/// that opens, except paths that lack an ability that the function needs.
 fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Result<Vec<Path>> {
     // An empty environment variable counts as unset.
     let names: Vec<&str> =
@@ -266,7 +267,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     Ok(able)
 }
 
-/// Prints the generated values, and the ranges from which Karat chose these values.
+/// Prints the values that Karat generated, and the ranges from which Karat chose these values.
 fn write_made_up(
     function: &Function,
     made_up: &MadeUp,
@@ -285,12 +286,12 @@ fn write_made_up(
     Ok(())
 }
 
-/// The largest number of scalars in a result that Karat also prints in hexadecimal. A matrix has 16. If a buffer has
-/// more scalars, hexadecimal numbers would make its values hard to find.
+/// The largest number of floats in a result that Karat also prints in hexadecimal. A 4 x 4 matrix has 16 floats. If a
+/// result had more floats, their hexadecimal numbers would make the values hard to find.
 const MOST_HEXADECIMAL: usize = 16;
 
 impl Args {
-    /// Shows the steps of a call, if an option requests steps.
+    /// Shows the intermediate values of a call, if `--trace` or `--html` is given.
     fn show_steps(
         &self,
         name: &str,
@@ -307,7 +308,7 @@ impl Args {
     }
 }
 
-/// Prints a call's result on each path.
+/// Calls a function once, and prints the result of each path.
 fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write) -> Outcome {
     let Request { probed, fixtures, .. } = *request;
     let function = probed.function();
@@ -342,7 +343,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     given.ending()
 }
 
-/// Evaluates a sweep, and prints the results as a table or as a curve.
+/// Calls a function for each value of a sweep, and prints the results as a table or as a curve.
 fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write) -> Outcome {
     ensure!(!args.trace && args.html.is_none(), "a trace can't show a sweep: write one value");
     let Some(sweep) = &given.sweep else { return Ok(Ending::Good) };

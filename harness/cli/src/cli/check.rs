@@ -24,7 +24,7 @@ pub(super) struct Args {
     place: PlaceArgs,
 }
 
-/// A compiler of WGSL besides naga.
+/// A WGSL compiler, besides naga, that can check modules.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Compiler {
     Tint,
@@ -60,7 +60,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the packages with the features that the tests of the last run used, or none if there was no run.
+/// Returns the packages that the tests of the last run used, with the features that these tests set. Returns no
+/// packages if there was no run.
 pub(super) fn recorded_uses(project: &Project) -> anyhow::Result<Vec<Package>> {
     match Recorded::read(&project.record())? {
         Some(last) => uses(&last.folder),
@@ -79,8 +80,9 @@ pub(super) fn validate(
     Ok(validate_found(&found, &[], all, out)?.0)
 }
 
-/// Does the work of [`validate`], and also returns the opinions of other compilers than naga. If no manifest or option
-/// declares a package, Karat validates the package with the features that its tests use.
+/// Does the work of [`validate`], and also returns the verdicts of compilers other than naga. If neither a manifest nor
+/// an option names a package, a module also counts as valid if it is valid with the features that a test in `uses`
+/// sets.
 fn validate_found(
     found: &[Found],
     uses: &[Package],
@@ -128,8 +130,8 @@ fn validate_found(
     Ok((valid, opinion))
 }
 
-/// Formats the remarks of other compilers on modules that naga accepts: first a summary line, then each remark. Returns
-/// `None` if there are no remarks.
+/// Formats the remarks that other compilers make on modules that naga accepts: first a summary line, then each remark.
+/// Returns `None` if there are no remarks.
 pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     let mut text = opinion.remark()?;
     for remark in opinion.remarks() {
@@ -138,7 +140,7 @@ pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     Some(text)
 }
 
-/// Writes each remark of Tint once, and the modules for which Tint has no verdict.
+/// Prints each remark of Tint once, and the modules for which Tint has no verdict.
 pub(super) fn write_remarks(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
     write_each(&opinion.remarks(), out)?;
     write_broke(opinion, out)
@@ -159,13 +161,14 @@ fn write_broke(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Prints the invalid packages with their names.
+/// Prints the name of each invalid package, and its errors.
 pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::io::Result<()> {
     let mut each = invalid.iter();
     each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
 }
 
-/// Returns the invalid modules of packages, and the names of invalid packages without an invalid module.
+/// Returns two lists of names: of the invalid modules, and of the packages that are invalid for another reason than an
+/// invalid module.
 pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>) {
     let (mut modules, mut packages) = (Vec::new(), Vec::new());
     for (package, invalid) in invalid {
@@ -180,9 +183,9 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>)
     (modules, packages)
 }
 
-/// Returns the invalid packages, and the opinions of other compilers than naga about all packages. Karat validates a
-/// package with the settings of its folder. If no manifest or option declares the package, Karat also validates the
-/// package with the features and dependencies that the run's tests used.
+/// Returns the invalid packages, and the verdicts of compilers other than naga on all packages. Karat validates a
+/// package with the settings in its `karat.toml`. If neither a manifest nor an option names the package, a module also
+/// counts as valid if it is valid with the features and dependencies that a test of the run used.
 pub(super) fn invalid(
     found: &[Found],
     run: &Path,
@@ -209,7 +212,7 @@ pub(super) fn invalid(
     Ok((all, opinion))
 }
 
-/// Returns the folders and files of shaders that the tests of a run linked.
+/// Returns the folders and files of the packages that the tests of a run used.
 pub(super) fn linked(run: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let all = Dependence::all(run).with_context(|| unread(run))?;
     Ok(all.iter().filter_map(|one| Some(one.place()?.to_owned())).collect())
@@ -219,14 +222,14 @@ fn unread(run: &Path) -> String {
     format!("can't read from the record `{}` which packages the tests used", run.display())
 }
 
-/// Returns the packages with the features that the tests of a run used.
+/// Returns the packages that the tests of a run used, with the features that these tests set.
 pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
     let all = Dependence::all(run).with_context(|| unread(run))?;
     Ok(all.iter().filter_map(Dependence::package).collect())
 }
 
-/// Keeps only the modules that are invalid both with the settings of their folder and with the features and
-/// dependencies of every test. Returns `None` if no module remains.
+/// Removes from `invalid` the modules that are valid with the features and dependencies of a test in `uses`. Returns
+/// `None` if no invalid module remains.
 pub(super) fn as_used(
     mut invalid: Invalid,
     package: &Package,

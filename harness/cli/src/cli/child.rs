@@ -1,4 +1,5 @@
-//! Functions that run other programs. A closed output pipe doesn't change the exit codes of these programs.
+//! Runs other programs. If the reader of Karat's output ends early, such as `head`, the exit codes of these programs
+//! don't change.
 
 use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
 use std::process::{ChildStderr, Command, ExitStatus, Stdio};
@@ -9,7 +10,7 @@ use anyhow::Context;
 use karat::unstable::output::{Output, with_colours};
 use tempfile::TempDir;
 
-/// Runs a program, and copies its output at once. On a terminal the output keeps its colours.
+/// Runs a program, and prints each line of its output at once. On a terminal the output keeps its colours.
 pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Result<ExitStatus> {
     if std::io::stdout().is_terminal() && std::io::stderr().is_terminal() {
         let name = command.get_program().display().to_string();
@@ -21,7 +22,8 @@ pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Res
     })
 }
 
-/// Parses a line of Rust's test runner, such as `test fresnel::is_reciprocal ... ok`. Returns the test and the verdict.
+/// Parses a line of Rust's test runner, such as `test fresnel::is_reciprocal ... ok`. Returns the name of the test and
+/// the verdict.
 pub(super) fn verdict(line: &str) -> Option<(&str, &str)> {
     let (name, word) = line.strip_prefix("test ")?.rsplit_once(" ... ")?;
     Some((name.strip_suffix(" - should panic").unwrap_or(name), word))
@@ -29,8 +31,8 @@ pub(super) fn verdict(line: &str) -> Option<(&str, &str)> {
 
 /// Runs a program, and calls `line` with each line of its standard output.
 ///
-/// Without a terminal, standard error passes through this process, too. Otherwise a closed pipe would end the program
-/// before it prints its verdict.
+/// If standard error isn't a terminal, this process copies the program's standard error, too. If the program wrote
+/// directly to a closed pipe, the program would end before it prints its verdict.
 pub(super) fn run(
     command: &mut Command,
     line: impl FnMut(&str) -> anyhow::Result<()>,
@@ -42,7 +44,8 @@ pub(super) fn run(
     listen(command, |text| Ok(writeln!(err, "{text}")?), line)
 }
 
-/// Runs a program, and calls `error` with each line of its standard error and `line` with each line of its output.
+/// Runs a program. Calls `error` with each line of its standard error, and `line` with each line of its standard
+/// output.
 pub(super) fn run_heard(
     command: &mut Command,
     error: impl FnMut(&str) -> anyhow::Result<()> + Send,
@@ -69,7 +72,7 @@ fn listen(
     child.wait().with_context(|| format!("`{name}` vanished"))
 }
 
-/// The standard error of a program. A thread reads it while another thread reads the output.
+/// The standard error of a program. A separate thread reads this text, while the caller reads the standard output.
 pub(super) struct LastWords(JoinHandle<Vec<u8>>);
 
 impl LastWords {
@@ -81,14 +84,14 @@ impl LastWords {
         }))
     }
 
-    /// Waits for the end of the program, and returns the whole text.
+    /// Waits until the program ends, and returns its whole standard error.
     pub(super) fn heard(self) -> String {
         let text = self.0.join().unwrap_or_default();
         String::from_utf8_lossy(&text).trim().to_owned()
     }
 }
 
-/// Calls `line` with each line. A line may contain any bytes.
+/// Calls `line` with each line of `from`. Bytes that aren't UTF-8 are replaced.
 fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> anyhow::Result<()> {
     for bytes in BufReader::new(from).split(b'\n') {
         let text = bytes.context("can't read the whole output of a program")?;
@@ -98,7 +101,8 @@ fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> a
     Ok(())
 }
 
-/// Runs a child process that uses a temporary folder. Ctrl-C ends only the child. Karat then deletes the folder.
+/// Runs a child process that uses a temporary folder. After Ctrl-C, which ends the child, Karat first deletes the
+/// folder and then ends, too.
 pub(super) fn status_over(
     command: &mut Command,
     folder: TempDir,

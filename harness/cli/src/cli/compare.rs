@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Prints the verdict on one function, and a count such as `(3 of 40)`.
+/// Prints the verdict on one function, with its position in the list of functions, such as `(3 of 40)`.
 fn write_one(
     one: &Compared,
     untouched: bool,
@@ -262,13 +262,14 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The largest number of arguments and buffer members that Karat prints: a camera may have forty members.
+/// The largest number of arguments and buffer members that Karat prints for a change. For example, a buffer with a
+/// camera may have forty members.
 const INPUTS: usize = 12;
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after, words, .. } = change;
-    /// The smallest distance in ULP that Karat doesn't print. This distance is about an eighth of the value, so Karat
-    /// prints only the relative difference.
+    /// Karat prints a distance in ULP only if it is smaller than this. A distance of 2^20 ULP is about an eighth of the
+    /// value, so the relative difference is easier to understand.
     const NEAR: u64 = 1 << 20;
     let by = match (ulp, relative) {
         (Some(0), _) => ", only in the sign of a zero".to_owned(),

@@ -136,8 +136,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the parts of the last line: the coverage, and the code that the coverage leaves out. `short` is the required
-/// percentage of lines, or `None` if the tests reach this percentage or no option sets it.
+/// Returns the phrases of the last line of output: the coverage, and the code that isn't counted or checked. `short` is
+/// the percentage of lines that an option requires and the tests don't reach, or otherwise `None`.
 fn parts(
     sum: &Sum,
     tests: usize,
@@ -166,8 +166,8 @@ fn parts(
     parts
 }
 
-/// Runs the tests, and checks if they passed. Their output goes to standard error, so that standard output has only the
-/// results of this command.
+/// Runs the tests, and checks if they passed. The tests' output goes to standard error, so that standard output has
+/// only the coverage.
 fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(bool, TempDir)> {
     let program = std::env::current_exe().context("can't find karat's executable file")?;
     let mut command = Command::new(program);
@@ -193,7 +193,8 @@ fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(boo
     }
 }
 
-/// Adds the statements of a package to `union`. Returns the names of the invalid modules.
+/// Adds the statements of a package to `union`. Returns the names of the package's invalid modules, whose statements
+/// Karat can't count.
 fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<Vec<String>> {
     let suite = Suite::of(package.clone())?;
     let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
@@ -242,7 +243,8 @@ fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out)
 }
 
-/// Prints the number of lines that ran in each variant, if there are several variants. A variant is a set of features.
+/// Prints the number of lines that ran in each variant, if there are several variants. A variant is the shaders with
+/// one set of features.
 fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     let variants = union.variants();
     if variants.len() < 2 {

@@ -1,4 +1,4 @@
-//! `karat diff`: measures the difference of two images.
+//! `karat diff`: measures the difference between two images.
 
 mod comparison;
 mod message;
@@ -75,7 +75,7 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// Parses a bound. A negative number gets its own error message. Otherwise clap would report an unknown option.
+/// Parses a bound. Reports a negative number as an invalid bound, because clap would report it as an unknown option.
 fn bound(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         // Adding 0 turns -0 into 0.
@@ -84,7 +84,7 @@ fn bound(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses a relative bound. Values are compared as `f32`, so the bound must be an `f32`.
+/// Parses a relative bound. Karat compares values as `f32`, so a bound that would become 0 as an `f32` is an error.
 fn relative(text: &str) -> Result<f64, String> {
     let bound = bound(text)?;
     #[expect(clippy::cast_possible_truncation, reason = "a bound is no larger than a float can be")]
@@ -150,7 +150,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }
 
-/// Reads the mask in a file: the part `mask`, as goldens have it, or otherwise the image.
+/// Reads a mask from a file. If the file has a part `mask`, as goldens have, this part is the mask. Otherwise the image
+/// itself is the mask.
 fn mask(file: &Path) -> anyhow::Result<Mask> {
     // A file that isn't OpenEXR may be a PNG.
     match ExrFile::read(file).ok().and_then(|file| file.mask()) {
@@ -162,13 +163,13 @@ fn mask(file: &Path) -> anyhow::Result<Mask> {
 /// An image to compare, and the other data in its file.
 struct File {
     image: Image,
-    /// The exposures that the file stores, if it is a golden.
+    /// The exposures for HDR-FLIP, if the file is a golden that stores them.
     exposures: Option<ExposureRange>,
     /// The names of the parts with colours. Karat compares the first part.
     parts: Vec<String>,
     mask: Option<Mask>,
     chromaticities: [f32; 8],
-    /// `true` for a PNG. Its values are made for a display.
+    /// `true` if the file is a PNG, whose values are made for a display.
     is_png: bool,
 }
 

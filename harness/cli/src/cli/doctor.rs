@@ -39,7 +39,7 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// The libraries whose versions affect results. A test compares them with Cargo.lock.
+/// The libraries whose versions affect results. A test compares these versions with Cargo.lock.
 pub(super) const LIBRARIES: [(&str, &str); 2] = [("wgpu", "30.0.1"), ("naga", "30.0.1")];
 
 #[derive(Serialize)]
@@ -48,11 +48,11 @@ struct Report {
     libraries: Vec<(&'static str, &'static str)>,
     system: String,
     paths: Vec<PathReport>,
-    /// The paths that checks run on.
+    /// The paths on which checks run with the current settings.
     selected: Vec<&'static str>,
-    /// The reason why no path can be used.
+    /// The error, if no path can run checks with the current settings.
     unusable: Option<String>,
-    /// Compilers of WGSL besides naga.
+    /// The WGSL compilers besides naga.
     compilers: Vec<CompilerReport>,
     tools: Vec<ToolReport>,
     settings: Vec<SettingReport>,
@@ -91,7 +91,7 @@ fn tools() -> Vec<ToolReport> {
     Tool::all().iter().map(report).collect()
 }
 
-/// A WGSL compiler that reads the author's files.
+/// A WGSL compiler besides naga, which checks the author's files.
 #[derive(Serialize)]
 struct CompilerReport {
     name: &'static str,
@@ -134,9 +134,9 @@ struct SettingReport {
 #[derive(Serialize)]
 struct PathReport {
     path: &'static str,
-    /// The profile that has the goldens of this path and driver.
+    /// The profile of this path and driver, such as `gl-llvmpipe`.
     profile: Option<String>,
-    /// The driver's name after the `@` in a path's name.
+    /// The driver's name, as it appears after the `@` in a path's name: `vulkan@lavapipe`.
     family: Option<String>,
     adapter: Option<Adapter>,
     missing: Option<String>,
@@ -301,7 +301,7 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Returns instructions for making a path available on this platform.
+/// Returns instructions to make a path available on this platform.
 fn remedy(path: Path) -> &'static str {
     match path.via() {
         _ if path.api() == Api::Cpu => {
@@ -337,7 +337,7 @@ fn remedy(path: Path) -> &'static str {
     }
 }
 
-/// Reads a file of the repository, or its copy in a published package.
+/// Reads a file of the repository's root, or the copy of this file in a published package.
 #[cfg(test)]
 fn beside(file: &str) -> String {
     let package = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));

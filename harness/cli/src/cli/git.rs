@@ -1,4 +1,4 @@
-//! Commands of git.
+//! Runs commands of git.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -9,8 +9,8 @@ use anyhow::{Context, bail, ensure};
 use karat::unstable::output::visible;
 use karat::unstable::process;
 
-/// Runs git in a folder, and returns its output. git prints complete file names without quotes, whatever the user has
-/// configured.
+/// Runs git in a folder, and returns its output. With these arguments git prints file names without quotes and relative
+/// to the root of the repository, whatever the user has configured.
 pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> {
     let mut command = Command::new("git");
     command.current_dir(folder);
@@ -27,8 +27,8 @@ pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> 
     Ok(output.stdout)
 }
 
-/// Returns the lines that changed since this branch left a revision, for each file of a folder. All lines of untracked
-/// files count as changed.
+/// Returns, for each file of a folder, the lines that changed since the current branch left `revision`. All lines of an
+/// untracked file count as changed.
 pub(super) fn lines_since(
     revision: &str,
     folder: &Path,
@@ -80,7 +80,8 @@ pub(super) fn lines_since(
     Ok(all)
 }
 
-/// Copies the shaders that a folder or file had at a revision into another folder. Returns the path of the copy.
+/// Copies shaders of a revision into `folder`: the modules and `karat.toml` files that were then below `root`. Returns
+/// the path that corresponds to `root` in the copy.
 pub(super) fn shaders_at(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
     let root = root.canonicalize().with_context(|| format!("`{}`", root.display()))?;
     let (base, file) = match root.is_file() {

@@ -1,4 +1,4 @@
-//! `karat pending`, `accept` and `reject`
+//! Runs `karat pending`, `karat accept` and `karat reject`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -31,7 +31,8 @@ impl FolderArgs {
         self.goldens.as_deref()
     }
 
-    /// Returns the folder that the option names, or otherwise the project's folder. A missing folder is an error.
+    /// Returns the folder that `--goldens` names, or otherwise the project's folder of goldens. Returns an error if
+    /// this folder doesn't exist.
     pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
         if let Some(folder) = &self.goldens {
             anyhow::ensure!(folder.is_dir(), "{}", absent(folder, &[]));
@@ -51,8 +52,8 @@ impl FolderArgs {
         Ok(folder)
     }
 
-    /// Opens the goldens that a review changes. If the frames come from a CI run, these are the goldens that the run
-    /// compared its frames with. Their folder needn't exist.
+    /// Opens the folder of goldens that a review changes. If the frames come from a CI run, this is the folder of the
+    /// goldens with which the run compared its frames. Then the folder needn't exist.
     pub(super) fn open(&self, from: Option<&Artefact>) -> anyhow::Result<Goldens> {
         let (None, Some(artefact)) = (&self.goldens, from) else {
             return Ok(Goldens::open(&self.path()?));
@@ -94,7 +95,7 @@ fn has_pending(folder: &str) -> bool {
     !frames.is_empty() || !unusable.is_empty()
 }
 
-/// The permission to write into sources in CI.
+/// The option that permits a command to write into your sources in CI.
 #[derive(clap::Args)]
 pub(super) struct CiArgs {
     /// Allows writing into your sources although `CI` is set
@@ -103,7 +104,7 @@ pub(super) struct CiArgs {
 }
 
 impl CiArgs {
-    /// Refuses a command that writes into sources in CI, unless `--ci-may-write` allows it.
+    /// Returns an error in CI, because the command writes into your sources. With `--ci-may-write` there is no error.
     pub(super) fn check(&self, what: &str) -> anyhow::Result<()> {
         anyhow::ensure!(
             self.ci_may_write || !karat::unstable::golden::in_ci(),
@@ -126,8 +127,8 @@ impl FromArgs {
         self.from.as_deref()
     }
 
-    /// Opens the artefact that `--from` names. Returns `None` without `--from`: the command then uses the project's
-    /// pending frames.
+    /// Opens the artefact that `--from` names. Returns `None` without `--from`, and then the command uses the project's
+    /// own pending frames.
     pub(super) fn open(&self) -> anyhow::Result<Option<Artefact>> {
         self.from.as_deref().map(Artefact::open).transpose()
     }
@@ -190,7 +191,8 @@ pub(super) struct RejectArgs {
     folder: FolderArgs,
 }
 
-/// A pending frame in JSON. Fields may be added, and existing fields don't change.
+/// A pending frame or an unusable file in the output of `karat pending --json`. You may add fields, but you can't
+/// change existing fields.
 #[derive(Serialize)]
 struct PendingEntry<'a> {
     status: Status,
@@ -263,7 +265,8 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     })
 }
 
-/// Prints unusable files. Returns an error if there are any, because the command couldn't handle these files.
+/// Prints the reason why each file is unusable. Returns an error if there is an unusable file, because the command
+/// couldn't handle this file.
 pub(super) fn report(unusable: &[Unusable]) -> anyhow::Result<()> {
     for Unusable { reason, .. } in unusable {
         complain(&reason.to_string());
@@ -294,10 +297,10 @@ fn write_table(frames: &[Frame], out: &mut dyn Write) -> std::io::Result<()> {
 /// The pending frames and values of one folder of goldens, or of all crates of a project.
 struct Waiting {
     places: Vec<Goldens>,
-    /// The goldens that the option names. Without the option, each frame belongs to the goldens that it was compared
-    /// with.
+    /// The folder that `--goldens` names. Without this option, each frame belongs to the folder of the golden with
+    /// which the frame was compared.
     named: Option<Goldens>,
-    /// The project whose goldens the frames of a CI run replace.
+    /// With `--from` but without `--goldens`, the project whose goldens the frames of the CI run replace.
     project: Option<Project>,
 }
 
@@ -305,7 +308,7 @@ struct Frame {
     pending: Pending,
     /// The folder of goldens that the frame belongs to.
     goldens: Goldens,
-    /// The frame's name. It includes the crate if several crates have frames of that name: `lamp::dusk`.
+    /// The frame's name. If several crates have a frame of this name, it begins with the crate: `lamp::dusk`.
     name: String,
 }
 
@@ -340,7 +343,7 @@ impl Waiting {
         }
     }
 
-    /// Returns all pending frames and values, by name.
+    /// Returns all pending frames and values, in the order of their names, and the unusable files.
     fn all(&self) -> anyhow::Result<(Vec<Frame>, Vec<Unusable>)> {
         let (mut frames, mut unusable) = (Vec::new(), Vec::new());
         for place in &self.places {
@@ -359,7 +362,8 @@ impl Waiting {
         Ok((frames, unusable))
     }
 
-    /// Selects pending frames and values by names and globs. Each frame is selected once.
+    /// Returns the pending frames and values, and the unusable files, whose names match one of the names or globs in
+    /// `names`. A frame that matches several of them is returned once.
     fn select(&self, names: &[String]) -> anyhow::Result<(Vec<Frame>, Vec<Unusable>)> {
         let (all, broken) = self.all()?;
         let (mut chosen, mut told) = (vec![false; all.len()], vec![false; broken.len()]);
@@ -399,7 +403,7 @@ impl Waiting {
     }
 }
 
-/// A name or glob from the command line. A crate may stand before the name: `lamp::dusk`.
+/// A name or glob of frames from the command line, after the name of a crate if the user typed one: `lamp::dusk`.
 struct Wanted {
     krate: Option<Option<glob::Pattern>>,
     name: String,
@@ -441,7 +445,7 @@ impl Frame {
     }
 }
 
-/// Returns the folder of a frame's goldens, relative to the project.
+/// Returns the folder of goldens that a frame belongs to, relative to the project's folder.
 fn folder_of(frame: &Frame) -> String {
     match &*frame.pending.provenance.folder {
         "" => below_project(&frame.goldens),
@@ -449,7 +453,7 @@ fn folder_of(frame: &Frame) -> String {
     }
 }
 
-/// Adds the crate to a frame's name if several folders of goldens have frames of that name.
+/// Adds the crate to the name of each frame whose name also occurs in another folder of goldens.
 fn name_crates(frames: &mut [Frame]) {
     let mut homes: BTreeMap<String, BTreeMap<PathBuf, Home>> = BTreeMap::new();
     for frame in &*frames {
@@ -467,7 +471,7 @@ fn name_crates(frames: &mut [Frame]) {
     }
 }
 
-/// Returns the name of the frame or values that an unusable file belongs to.
+/// Returns the name of the frame or values that an unusable file would contain.
 fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     match reason {
         AcceptError::Twice { case, .. } | AcceptError::Nowhere { case, .. } => case.clone(),
@@ -475,7 +479,8 @@ fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     }
 }
 
-/// The result of accepting a frame, in JSON. Fields may be added, and existing fields don't change.
+/// The result of accepting a frame, in the output of `karat accept --json`. You may add fields, but you can't change
+/// existing fields.
 #[derive(Default, Serialize)]
 struct AcceptEntry {
     case: String,
@@ -483,7 +488,7 @@ struct AcceptEntry {
     golden: Option<PathBuf>,
     written: bool,
     warnings: Vec<String>,
-    /// The reason why Karat refuses the frame.
+    /// The reason why Karat refuses to accept the frame.
     error: Option<String>,
 }
 

@@ -18,10 +18,11 @@ use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PlaceArgs, call, terminal, write_json};
 
-/// The largest number of reasons that Karat prints for unchecked functions.
+/// The largest number of reasons for not checking functions that Karat prints without `--all`.
 const REASONS: usize = 4;
 
-/// The average number of lines that Karat prints for a finding.
+/// The number of lines that Karat prints for an average finding. Karat computes from this number how many findings fit
+/// on the screen.
 const LINES: usize = 4;
 
 #[derive(clap::Args)]
@@ -62,7 +63,8 @@ pub(super) struct Args {
 
 type Input = (String, RangeInclusive<f64>);
 
-/// Parses the name of a kind, as JSON and `no_hazards` in a `*.test.toml` have it.
+/// Parses the name of a kind of hazard: `by_zero`, or `by-zero`. JSON and `no_hazards` in a `*.test.toml` use the same
+/// names.
 fn kind(text: &str) -> Result<Kind, String> {
     let name = serde_json::Value::String(text.replace('-', "_"));
     serde_json::from_value(name).map_err(|error| error.to_string())
@@ -139,7 +141,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Warns of a `karat.toml` beside a folder of modules. Karat doesn't read such a file.
+/// Prints a note if there is a `karat.toml` beside the package's folder and none inside it, because Karat reads only a
+/// file inside.
 fn tell_beside(package: &Package) {
     let root = package.root();
     let beside = root.parent().map(|around| around.join(project::MANIFEST));
@@ -152,7 +155,8 @@ fn tell_beside(package: &Package) {
     }
 }
 
-/// Keeps only hazards of the given kinds, or all hazards if `kinds` is empty. Returns the number of removed hazards.
+/// Removes the hazards of kinds that aren't in `kinds`. If `kinds` is empty, removes nothing. Returns the number of
+/// removed findings.
 fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
     let Hazards { found, others, .. } = hazards;
     let is_asked = |hazard: &Hazard| {
@@ -264,10 +268,10 @@ fn write_text(
     Ok(())
 }
 
-/// The largest number of names in a line about the ranges of arguments.
+/// The largest number of arguments that Karat lists in a line about their ranges without `--all`.
 const NAMES: usize = 12;
 
-/// Prints the ranges from which Karat generated arguments.
+/// Prints the ranges from which Karat generated the arguments.
 fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     for line in drawn.lines(if all { usize::MAX } else { NAMES }) {
         writeln!(out, "{DIM}generated {line}{DIM:#}")?;
@@ -275,7 +279,7 @@ fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<
     Ok(())
 }
 
-/// Prints the reasons why functions weren't checked, each reason once.
+/// Prints each reason why functions weren't checked, with the first such function and the number of others.
 fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::Result<()> {
     let mut reasons: Vec<(&str, &str, usize)> = Vec::new();
     for (name, why) in skipped {
@@ -296,9 +300,9 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-/// Groups the requirements of each function: a group has the requirements that other values of the same inputs prevent.
-/// Requirements that no single input prevents are grouped by kind. A fault is a group of its own. Groups are in the
-/// order of their first finding.
+/// Groups similar findings. Requirements of a function form a group if callers can prevent them with other values of
+/// the same inputs, or if Karat knows no such inputs and the requirements have the same kind. Each fault is a separate
+/// group. The groups are in the order of their first findings.
 fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     let mut groups: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();
@@ -314,7 +318,8 @@ fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     groups
 }
 
-/// Prints the first finding of each group, and the number of the group's other findings. Stops when the screen is full.
+/// Prints the first finding of each group, and the number of other findings in the group. Prints only as many groups as
+/// fit on the screen.
 fn write_groups(found: &[Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
     let groups = groups(found);
     let shown = groups.len().min(terminal::size().rows / LINES);

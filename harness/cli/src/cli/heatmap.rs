@@ -1,4 +1,4 @@
-//! An image that shows HDR-FLIP for each pixel.
+//! Writes an image that shows the HDR-FLIP error of each pixel.
 
 mod canvas;
 mod legend;
@@ -16,7 +16,7 @@ use karat::unstable::metric::{FlipFailure, Pair};
 use self::canvas::Canvas;
 use self::legend::Legend;
 
-/// An error for each pixel of an image, 0 to 1.
+/// The errors of an image's pixels, each from 0 to 1.
 #[derive(Debug)]
 pub(super) struct Heatmap {
     width: u32,
@@ -26,7 +26,8 @@ pub(super) struct Heatmap {
 
 impl Heatmap {
     /// Computes HDR-FLIP of all pixels at the exposures that the published method chooses, and at darker exposures if
-    /// the chosen exposures are too bright to show the error. Verdicts use the same exposures as this image.
+    /// the chosen exposures are too bright to show the error. The verdict uses the same exposures, so the heatmap shows
+    /// the errors that decide the verdict.
     pub(super) fn flip(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let judged = Flip::LARGEST_TILE.map(pair).ok();
@@ -42,8 +43,9 @@ impl Heatmap {
         Ok(Self { width, height, errors })
     }
 
-    /// Writes an EXR image with the errors, or a PNG image with their colours and a legend below. For a PNG, returns
-    /// the error that the last colour of the legend shows. Replaces an existing file completely or not at all.
+    /// Writes an EXR image with the errors as numbers, or a PNG image with the errors as colours and a legend below.
+    /// For a PNG, returns the error that the last colour of the legend stands for. If writing fails, an existing file
+    /// stays unchanged.
     pub(super) fn write(&self, path: &Path) -> anyhow::Result<Option<f32>> {
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
             let pixels = self.errors.iter().map(|error| [*error, *error, *error, 1.0]).collect();
@@ -62,7 +64,7 @@ impl Heatmap {
         Ok(Some(full))
     }
 
-    /// Draws the colours of all pixels, and the legend below them.
+    /// Draws the errors of all pixels as colours, and the legend below them. The error `full` has the last colour.
     fn picture(&self, full: f32) -> Canvas {
         let legend = Legend::of(self.width, full);
         let mut canvas = Canvas::new(self.width.max(legend.width()), self.height + legend.height());
@@ -75,7 +77,7 @@ impl Heatmap {
     }
 }
 
-/// Parses the name of a heatmap file.
+/// Parses the file name of a heatmap, which must end in `.png` or `.exr`.
 pub(super) fn file(name: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(name);
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();

@@ -1,4 +1,4 @@
-//! The arguments that a call gets from the command line: numbers, derivatives, and one range to sweep.
+//! Reads the arguments of a call from the command line: numbers, JSON, derivatives, and at most one sweep.
 
 use anyhow::{Context, anyhow, bail, ensure};
 use karat::unstable::diagnostic::nearest;
@@ -10,15 +10,15 @@ use karat_suite::hexadecimal;
 const MOST_POINTS: u32 = 1 << 22;
 
 pub(super) struct Given {
-    /// The lanes of all arguments in order. A lane is a `u32` with the bits of one scalar. The derivatives of an
-    /// argument follow its value.
+    /// The lanes of all arguments, in the order of the parameters. A lane is a `u32` with the bits of one scalar. The
+    /// derivatives of an argument follow its value.
     pub(super) lanes: Vec<u32>,
     /// For each argument, `true` if it has derivatives.
     pub(super) varying: Vec<bool>,
     pub(super) sweep: Option<Sweep>,
 }
 
-/// A component that gets several values, one after the other.
+/// The component of an argument that a call sweeps, and the values that this component gets in turn.
 pub(super) struct Sweep {
     /// The index of the component's lane.
     pub(super) lane: usize,
@@ -28,7 +28,7 @@ pub(super) struct Sweep {
 impl Given {
     /// Reads the arguments of a function. An argument is `0.5`, `1,0,0`, `0..1:100` (a sweep) or JSON. If the function
     /// uses derivatives, an argument may be `0.5@0.1@0`: the value, its change to the right, and its change downwards.
-    /// The name of the parameter may stand in front: `x=0.5`.
+    /// An argument may begin with the name of its parameter: `x=0.5`.
     pub(super) fn read(function: &Function, arguments: &[String]) -> anyhow::Result<Self> {
         let ordered = ordered(function, arguments)?;
         let mut given = Self { lanes: Vec::new(), varying: Vec::new(), sweep: None };
@@ -204,9 +204,8 @@ fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     Ok((0..count).map(value).collect())
 }
 
-/// Parses a scalar, and returns its lane. A decimal number is rounded to the nearest f32. The shortest decimal that
-/// denotes an f32 exactly is read back as that f32. A hexadecimal float (`0x1.8p-3`) that isn't exactly an f32 is an
-/// error.
+/// Parses a scalar, and returns its lane. Rounds a decimal float to the nearest f32, so a printed f32 gives the same
+/// f32 again. Returns an error if a hexadecimal float (`0x1.8p-3`) isn't exactly an f32.
 pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
     let word = word.trim();
     let bad = || format!("`{word}` isn't a value of type {}", scalar.wgsl());

@@ -1,4 +1,4 @@
-//! The bindings of a call: `--bind name=...` and `--override name=...`.
+//! Reads the values of a call's variables and overrides: `--bind NAME=VALUE` and `--override NAME=VALUE`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,7 +13,7 @@ use karat::unstable::value::Scalar;
 use karat_inspect::made_up::MadeUp;
 use toml::Value;
 
-/// Parses values of overrides: `GAIN=2`.
+/// Parses the arguments of `--override`, such as `GAIN=2`.
 pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<String, f64>> {
     let one = |text: &String| {
         let (name, value) = parted("override", text)?;
@@ -37,8 +37,8 @@ pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<Str
     Ok(all)
 }
 
-/// Parses values of overrides. Returns an error if no package has an override with a given name: the name may be
-/// misspelt.
+/// Parses the arguments of `--override`. Returns an error if no package has an override with a given name, because the
+/// name may be misspelt.
 pub(in crate::cli) fn overrides_in(
     packages: &[Package],
     given: &[String],
@@ -50,7 +50,7 @@ pub(in crate::cli) fn overrides_in(
     }
 }
 
-/// Returns the values of the overrides that a package has.
+/// Returns, of the given values, only the values of overrides that this package has.
 pub(in crate::cli) fn overrides_of(
     package: &Package,
     given: &BTreeMap<String, f64>,
@@ -62,7 +62,7 @@ pub(in crate::cli) fn overrides_of(
     own
 }
 
-/// Refuses `true` and `false` as values of numeric overrides.
+/// Returns an error if `true` or `false` is given for a numeric override.
 pub(super) fn expect_types(probed: &Probed, given: &[String]) -> anyhow::Result<()> {
     for text in given {
         let (name, value) = parted("override", text)?;
@@ -78,7 +78,7 @@ fn parted<'a>(option: &str, text: &'a str) -> anyhow::Result<(&'a str, &'a str)>
     text.split_once('=').with_context(|| format!("--{option} {text}: write NAME=VALUE"))
 }
 
-/// Returns the fixtures of a function's variables.
+/// Returns a fixture for each variable that a function uses: from `--bind`, or otherwise a generated fixture.
 pub(super) fn fixtures(
     probed: &Probed,
     given: &[String],
@@ -132,7 +132,8 @@ fn example(kind: BindingKind) -> &'static str {
     }
 }
 
-/// Parses a value: JSON, numbers joined by commas, or otherwise text, such as the name of a file.
+/// Parses the value in an argument of `--bind`: JSON, numbers joined by commas, or any other text, such as the name of
+/// a file.
 fn parsed(text: &str) -> anyhow::Result<Value> {
     let json = |text: &str| {
         let value = karat_suite::json(text)?;

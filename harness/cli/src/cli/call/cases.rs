@@ -1,4 +1,5 @@
-//! `karat call --table`: evaluates a table of cases, and compares the results with one of its columns.
+//! `karat call --table`: calls a function for each row of a table, and with `--expect` compares the results with a
+//! column of the table.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -20,9 +21,10 @@ use karat_suite::{Places, Wanted, begins_with_mark, head_of, line_of};
 use super::arguments::parse;
 use super::{BAD, Ending, Outcome};
 
-/// The number of rows between two updates of the progress bar.
+/// The number of rows that Karat runs between two updates of the progress bar.
 const STEP: usize = 65_536;
-/// The largest size of a table, in bytes. The table and all results stay in memory until Karat writes the output.
+/// The largest size of a table, in bytes. The size is limited because the table and all results stay in memory until
+/// Karat writes the output.
 const LONGEST: u64 = 256 << 20;
 const MOST_CASES: usize = 1 << 22;
 /// The largest number of failing rows that Karat prints.
@@ -36,7 +38,7 @@ pub(super) struct Request<'a> {
     pub(super) output: Option<&'a FilePath>,
     /// `true` if floats are written in hexadecimal.
     pub(super) exact: bool,
-    /// The column of the expected results, and the tolerance.
+    /// The name of the column with the expected results, and the tolerance.
     pub(super) expect: Option<(&'a str, Tolerance)>,
 }
 
@@ -48,7 +50,7 @@ struct Table {
     starts: Vec<usize>,
     /// The expected results of each row.
     expected: Vec<Vec<f64>>,
-    /// The columns that aren't arguments: the name, and the cell of each row.
+    /// The columns that aren't arguments. Each entry has the column's name, and the column's cell in each row.
     others: Vec<(String, Vec<String>)>,
 }
 
@@ -80,7 +82,7 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
     }
 }
 
-/// The results on a path, with one row per case.
+/// A path with its results: for each case, the lanes of the result.
 pub(super) type OfPath = (Path, Vec<Vec<u32>>);
 
 /// The results of all paths.
@@ -90,13 +92,13 @@ pub(super) struct Given {
     stopped: Vec<(Path, ProbeError)>,
     /// The output of the shader's `karat: print` lines.
     pub(super) printed: String,
-    /// The error of the first assertion in the shader that fails for a row.
+    /// An error with the first assertion in the shader that fails for a row, or `Ok` if no assertion fails.
     asserted: Result<(), ProbeError>,
 }
 
 impl Given {
-    /// Returns an error that names the paths without results. Call this function after writing the results of the other
-    /// paths.
+    /// Returns an error if a path returned no results, and prints a failed assertion of the shader. Call this function
+    /// after you have printed the results of the other paths.
     pub(super) fn ending(&self) -> Outcome {
         let told = |(path, error): &(Path, ProbeError)| {
             let error = error.to_string();
@@ -115,7 +117,8 @@ impl Given {
     }
 }
 
-/// Returns the results of each path. If a path fails, the other paths still run. If all paths fail, returns an error.
+/// Calls the function for each row on each path. If a path fails, the other paths still run. If all paths fail, returns
+/// an error.
 pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Result<Given> {
     let steps = (rows.len() * request.paths.len()) as u64;
     let bar = ProgressBar::new(steps).with_style(
@@ -151,7 +154,8 @@ pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Resul
     Ok(Given { results, stopped, printed, asserted })
 }
 
-/// Formats a lane: in hexadecimal, or as the shortest decimal that reads back as the same bits.
+/// Formats a lane: if `exact`, as a hexadecimal float, and otherwise as the shortest decimal that gives the same bits
+/// again when it is parsed.
 fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
     match exact && scalar.is_float() {
         true => hexfloat(f32::from_bits(lane)),
@@ -159,7 +163,7 @@ fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
     }
 }
 
-/// Formats an expected value. If an `f32` has exactly this value, formats it with as few digits as an `f32` needs.
+/// Formats an expected value. If the value is exactly an `f32`, writes only as many digits as identify this `f32`.
 fn wanted(scalar: Scalar, value: f64) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "it is compared")]
     let single = value as f32;
@@ -169,7 +173,7 @@ fn wanted(scalar: Scalar, value: f64) -> String {
     }
 }
 
-/// Writes arguments and results as a table.
+/// Writes the arguments and the results as a table (CSV), with a column for each scalar of each path's result.
 pub(super) fn write_table(
     request: &Request<'_>,
     rows: &[Vec<u32>],
@@ -214,7 +218,7 @@ pub(super) fn write_table(
     Ok(())
 }
 
-/// Compares the results with the expected values, and prints the first rows that differ.
+/// Compares the results of each path with the expected values, and prints the first rows that differ.
 fn compare(
     request: &Request<'_>,
     columns: &[(String, Scalar)],
@@ -270,7 +274,7 @@ fn compare(
     Ok(ending)
 }
 
-/// Returns the name and type of each scalar of a case.
+/// Returns the columns that a table of cases needs: the name and the type of each scalar of the function's arguments.
 pub(super) fn columns(function: &Function) -> Vec<(String, Scalar)> {
     let of = |(name, shape): &(String, Shape)| {
         let lanes = shape.lane_names().into_iter().map(|lane| format!("{name}{lane}"));
@@ -283,8 +287,8 @@ fn names(columns: &[(String, Scalar)]) -> String {
     columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",")
 }
 
-/// Returns a flag for each argument: `true` if the table's first row names columns for its derivatives (`x.value`,
-/// `x.dx`, `x.dy`).
+/// Returns, for each argument, `true` if the table has columns for the argument's derivatives: for the argument `x`
+/// these are `x.value`, `x.dx` and `x.dy`.
 pub(super) fn varying(input: &FilePath, function: &Function) -> anyhow::Result<Vec<bool>> {
     let text = text(input)?;
     let mut reader = csv::ReaderBuilder::new()
@@ -396,7 +400,7 @@ fn read(
     Ok(table)
 }
 
-/// Reads a table as text, up to the size limit.
+/// Reads the text of a table, or returns an error if the table is larger than [`LONGEST`].
 fn text(input: &FilePath) -> anyhow::Result<String> {
     let shown = input.display();
     let failed = || format!("can't read `{shown}`");
@@ -426,7 +430,7 @@ mod tests {
     use super::*;
     use karat::{Abs, Package};
 
-    /// Karat compares the rows of every path with the expected values.
+    /// Karat must compare the results of every path with the expected values, and not only those of the first path.
     // Lesson 172
     #[test]
     fn rows_that_differ_only_on_the_second_path_fail() {

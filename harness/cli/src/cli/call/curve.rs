@@ -1,4 +1,4 @@
-//! The results of a sweep as a curve, in a file or in the terminal.
+//! Draws the results of a sweep as curves, in a file or in the terminal.
 
 use std::io::Write;
 use std::path::Path as FilePath;
@@ -10,25 +10,26 @@ use plotters::prelude::*;
 
 use crate::cli::terminal::{self, Size};
 
-/// The values of one component of the results, on one path.
+/// A curve with the values of one component of the results, on one path.
 pub(super) struct Curve {
     pub(super) name: String,
     pub(super) points: Vec<(f64, f64)>,
 }
 
-/// The number of terminal columns that a plot needs beside its curve.
+/// The number of terminal columns that a plot needs for the numbers beside its curve.
 const BESIDE: usize = 15;
 const BELOW: usize = 6;
-/// The width of a curve in characters, if there is no terminal.
+/// The width of a curve in characters, if the output doesn't go to a terminal.
 const COLUMNS: usize = 65;
 const ROWS: usize = 18;
 /// The smallest number of columns or rows that can show a curve.
 const LEAST: usize = 8;
 
-/// The marks of the first curve, the second curve, and so on.
+/// The characters that draw the points of the first curve, of the second curve, and so on.
 const MARKS: [char; 6] = ['*', 'o', '+', 'x', '#', '@'];
 
-/// Returns the smallest and the largest value of both axes, or `None` if no value is finite.
+/// Returns the smallest and the largest value on the horizontal axis and on the vertical axis, or `None` if no point is
+/// finite.
 fn ends(curves: &[Curve]) -> Option<[(f64, f64); 2]> {
     let points = || {
         let all = curves.iter().flat_map(|curve| &curve.points);
@@ -109,7 +110,7 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
     Ok(())
 }
 
-/// Draws curves into an SVG.
+/// Draws curves into an SVG file.
 pub(super) fn write_svg(curves: &[Curve], axis: &str, file: &FilePath) -> anyhow::Result<()> {
     let ends = ends(curves);
     ensure!(ends.is_some(), "no result of the sweep is finite, so Karat can't draw a curve");

@@ -1,4 +1,4 @@
-//! `karat call --dispatch`: the results of a compute pass.
+//! `karat call --dispatch`: dispatches a compute entry point, and prints the results.
 
 use std::io::Write;
 
@@ -13,7 +13,7 @@ use super::super::{Ending, Outcome};
 /// The largest number of elements of an array that Karat prints.
 const SHOWN: usize = 16;
 
-/// Parses `4`, `4,2` or `4,2,1`.
+/// Parses numbers of workgroups: `4`, `4,2` or `4,2,1`. Missing numbers are 1.
 pub(super) fn workgroups(text: &str) -> Result<[u32; 3], String> {
     let groups = numbers(text, 1);
     // The largest number is WebGPU's `maxComputeWorkgroupsPerDimension` (section 3.6.2).
@@ -21,13 +21,13 @@ pub(super) fn workgroups(text: &str) -> Result<[u32; 3], String> {
     groups.ok_or_else(|| "write the workgroups as 4 or 4,2,1, each from 1 to 65535".to_owned())
 }
 
-/// Parses `3`, `3,0` or `3,0,0`.
+/// Parses the `global_invocation_id` of an invocation: `3`, `3,0` or `3,0,0`. Missing numbers are 0.
 pub(super) fn invocation(text: &str) -> Result<[u32; 3], String> {
     let wrong = "write the `global_invocation_id` of an invocation as 3 or 3,0,0";
     numbers(text, 0).ok_or_else(|| wrong.to_owned())
 }
 
-/// Parses up to three numbers, and fills the missing ones with `others`.
+/// Parses one to three numbers. Missing numbers become `others`.
 fn numbers(text: &str, others: u32) -> Option<[u32; 3]> {
     let all: Result<Vec<u32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     match all.as_deref() {
@@ -38,7 +38,7 @@ fn numbers(text: &str, others: u32) -> Option<[u32; 3]> {
     }
 }
 
-/// Checks the passes for hazards, dispatches them on each path, and prints their results.
+/// Checks the pass with the sanitizer, dispatches the pass on each path, and prints the results.
 pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) -> Outcome {
     let (found, watched) = violations(compute)?;
     let mut first: Vec<Content> = Vec::new();
@@ -90,14 +90,15 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     Ok(if fails { Ending::Bad } else { Ending::Good })
 }
 
-/// Checks if two contents differ in an integer or a boolean. Drivers never round integers and booleans.
+/// Checks if the contents of a resource on two paths differ in an integer or a boolean. Floats may differ, because
+/// drivers round them differently.
 fn differ(one: &Content, other: &Content) -> bool {
     let scalars = one.shape.lanes();
     let mut lanes = one.lanes.iter().zip(&other.lanes).zip(&scalars);
     lanes.any(|((one, other), scalar)| one != other && !scalar.is_float())
 }
 
-/// Formats the content of a resource. A long array shows only its first elements.
+/// Formats the content of a resource. For a long array, formats only the first elements.
 fn shown(content: &Content) -> String {
     let width = content.element().lanes().len().max(1);
     let count = content.lanes.len() / width;

@@ -1,4 +1,4 @@
-//! `karat call --trace`: prints each intermediate value beside its line.
+//! `karat call --trace`: prints each intermediate value of a call, beside the line that computes it.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -37,7 +37,7 @@ pub(in crate::cli) fn write_rows(rows: &[Row], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-/// Writes the steps as a page, each below its line of the source.
+/// Writes an HTML page with the source, and below each line the steps that this line computes.
 pub(super) fn write_html(name: &str, steps: &[Step], file: &Path) -> anyhow::Result<()> {
     let rows = rows(steps);
     let mut page = String::from(HEAD);

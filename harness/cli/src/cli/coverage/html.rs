@@ -1,4 +1,4 @@
-//! An HTML page of all files. A click on a line shows the tests that run it.
+//! Writes an HTML page with the coverage of all files. A click on a line shows the tests that run this line.
 
 use std::path::Path;
 
@@ -102,7 +102,8 @@ fn class(line: &Line<'_>) -> &'static str {
     }
 }
 
-/// Shows each side of a line's branches with its count, and each test that runs the line with the test's first input.
+/// Lists the sides of a line's branches, each with its count, and the tests that run the line, each with its first
+/// input.
 fn who(line: &Line<'_>) -> Markup {
     let came = line.seen.iter().max_by_key(|seen| seen.tests.len());
     let tests = came.map(|seen| &seen.tests);

@@ -1,4 +1,4 @@
-//! LCOV's tracefile, as `geninfo(1)` describes it.
+//! Writes the coverage in the format of LCOV's tracefiles, which `geninfo(1)` describes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -6,8 +6,8 @@ use std::path::Path;
 
 use super::union::{File, Seen, Union};
 
-/// Formats two kinds of records: for each file a record that lists all lines, and for each file and test a record with
-/// the test's counts.
+/// Formats a tracefile with two kinds of records: for each file a record that lists all lines with the count 0, and for
+/// each test of a file a record with the test's counts.
 pub(super) fn written(union: &Union) -> String {
     let mut text = String::new();
     for (file, own) in union.files() {
@@ -21,7 +21,7 @@ pub(super) fn written(union: &Union) -> String {
     text
 }
 
-/// Adds the record of one file, with the counts of one test. If the test is `None`, all counts are 0.
+/// Adds a record of one file to `text`, with the counts of one test, or with counts of 0 if `test` is `None`.
 fn record(text: &mut String, file: &Path, own: &File, test: Option<&String>) {
     let count = |seen: &Seen| test.and_then(|test| seen.tests.get(test)).map_or(0, |own| own.count);
     // LCOV allows only letters, digits and `_` in the name of a test.

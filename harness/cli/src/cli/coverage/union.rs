@@ -1,4 +1,4 @@
-//! The coverage of all tests together, for each file.
+//! Sums up the coverage of all tests, for each file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -9,11 +9,11 @@ use karat::unstable::interpret::{Counted, CountedKind, Ran};
 
 type Key = ([usize; 2], usize, CountedKind);
 
-/// The files, with the statements that tests ran.
+/// The files of the packages, each with its statements and the tests that ran them.
 #[derive(Debug, Default)]
 pub(super) struct Union {
     files: BTreeMap<PathBuf, File>,
-    /// The names of test functions.
+    /// The names of test functions, which aren't counted.
     tests: BTreeSet<String>,
 }
 
@@ -25,15 +25,15 @@ pub(super) struct File {
 #[derive(Debug)]
 pub(super) struct Seen {
     pub(super) sum: Counted,
-    /// `true` if a path that doesn't count statements ran the statement.
+    /// `true` if the statement ran in a frame or on a driver, where Karat can't count statements.
     unmeasured: bool,
-    /// The tests that ran the statement. For each test: the number of times that the test ran the statement, the first
-    /// input, and the number of times that the test took each side of a branch.
+    /// The tests that ran the statement, by name, each with its counts.
     pub(super) tests: BTreeMap<String, Came>,
     variants: BTreeSet<String>,
 }
 
-/// The runs of a statement by one test.
+/// The counts of one test for one statement: how often the test ran the statement, the first input, and how often the
+/// test took each side of a branch.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Came {
     pub(super) count: u64,
@@ -44,16 +44,16 @@ pub(super) struct Came {
 /// A line with statements.
 #[derive(Clone, Debug)]
 pub(super) struct Line<'u> {
-    /// The number of times that the line ran.
+    /// The largest count of a statement on this line.
     pub(super) count: u64,
     /// `false` if only frames and drivers run the line.
     pub(super) measured: bool,
-    /// `true` if the line runs, but no checked value depends on it.
+    /// `true` if a test runs the line, but no test checks a value that depends on the line.
     pub(super) weak: bool,
     pub(super) seen: Vec<&'u Seen>,
 }
 
-/// The numbers of lines, of branch sides and of functions, and how many of these the tests ran.
+/// The numbers of lines, of sides of branches (`ways`) and of functions, and for each the number that the tests ran.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub(super) struct Sum {
     pub(super) lines: usize,
@@ -67,7 +67,7 @@ pub(super) struct Sum {
 }
 
 impl Union {
-    /// Adds the statements of a package, with counts of 0.
+    /// Adds the statements of a package, which no test has run so far.
     pub(super) fn add(&mut self, root: &Path, all: impl Iterator<Item = Counted>) {
         let root = root.canonicalize().unwrap_or_else(|_| root.to_owned());
         for one in all {
@@ -79,12 +79,12 @@ impl Union {
         }
     }
 
-    /// Excludes test functions from the counts.
+    /// Adds test functions, whose statements aren't counted.
     pub(super) fn leave_out(&mut self, tests: impl Iterator<Item = String>) {
         self.tests.extend(tests);
     }
 
-    /// Adds the counts of a test, for the known files.
+    /// Adds the counts of a test. Ignores files that [`Union::add`] didn't add.
     pub(super) fn run(&mut self, ran: &Ran) {
         for one in &ran.statements {
             let Some(file) = self.files.get_mut(&canonical(&one.file)) else { continue };
@@ -121,7 +121,7 @@ impl Union {
         }
     }
 
-    /// Keeps only the statements on the given lines.
+    /// Removes the statements that aren't on one of the given lines.
     pub(super) fn keep_lines(&mut self, lines: &BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>) {
         for (file, own) in &mut self.files {
             let kept = lines.get(file);
@@ -144,8 +144,8 @@ impl Union {
         self.files.values().fold(Sum::default(), |sum, file| sum.and(file.sum()))
     }
 
-    /// Returns each variant with two numbers: the lines that ran in this variant, and the lines that ran in no other
-    /// variant.
+    /// Returns each variant with two numbers: of the lines that ran in this variant, and of the lines that ran only in
+    /// this variant. A variant is the shaders with one set of features.
     pub(super) fn variants(&self) -> Vec<(&str, usize, usize)> {
         let mut known: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
         for line in self.files.values().flat_map(|file| file.lines().into_values()) {
@@ -212,8 +212,8 @@ impl File {
         lines
     }
 
-    /// Returns the measured branches, without each `select` with an unused value: Karat doesn't know which side was
-    /// used.
+    /// Returns the measured branches. Leaves out each `select` whose result no test used, because Karat can't know
+    /// which side a test would have used.
     pub(super) fn branches(&self) -> impl Iterator<Item = &Seen> {
         self.statements.values().filter(|seen| {
             let is_idle = seen.sum.kind == CountedKind::Select && !seen.sum.needed;
@@ -221,7 +221,8 @@ impl File {
         })
     }
 
-    /// Returns the functions, each with its first line and its number of calls.
+    /// Returns the functions, each with its first line, and with the largest count of its statements, which is 0 if no
+    /// test called the function.
     pub(super) fn functions(&self) -> BTreeMap<&str, (usize, u64)> {
         let mut functions: BTreeMap<&str, (usize, u64)> = BTreeMap::new();
         for seen in self.statements.values().filter(|seen| seen.is_measured()) {
@@ -248,8 +249,9 @@ impl File {
         }
     }
 
-    /// Returns the gaps, in the order of their lines. Each gap has its first and last line, a description, and a flag
-    /// that is `true` if a test could run this code.
+    /// Returns the gaps in the coverage, in the order of lines. A gap is code or a side of a branch that no test ran,
+    /// code whose value no test checks, or code that isn't measured. Each gap has its first and last line, a
+    /// description, and `true` if no test ran it.
     pub(super) fn missing(&self) -> Vec<([usize; 2], String, bool)> {
         let mut all: Vec<([usize; 2], String, bool)> = Vec::new();
         let mut add = |line: usize, why: String, is_gap: bool| match all.last_mut() {
@@ -291,7 +293,7 @@ impl File {
     }
 }
 
-/// Returns the WGSL keyword or operator of a branch.
+/// Returns the WGSL keyword or operator that makes a branch.
 pub(super) fn word(kind: CountedKind) -> &'static str {
     match kind {
         CountedKind::Plain => "statement",
@@ -328,7 +330,7 @@ impl Sum {
         }
     }
 
-    /// Returns the percentage of the measured lines that ran, or `None` if no line is measured.
+    /// Returns the percentage of measured lines that tests ran, or `None` if no line is measured.
     pub(super) fn percent(&self) -> Option<f64> {
         per_cent(self.ran, self.lines - self.unmeasured)
     }
@@ -339,7 +341,7 @@ impl Sum {
     }
 }
 
-/// Returns a percentage, rounded down, so that 100 means all lines.
+/// Returns the percentage of `some` in `all`, rounded down to a tenth, so that only complete coverage gives 100.
 #[expect(clippy::cast_precision_loss, reason = "a share to a tenth of a per cent")]
 fn per_cent(some: usize, all: usize) -> Option<f64> {
     (all > 0).then(|| (1000 * some / all) as f64 / 10.0)

@@ -1,5 +1,5 @@
-//! The measured difference of two images. Other programs read its JSON: fields may be added, and existing fields don't
-//! change.
+//! The measured difference between two images. Other programs read it as JSON, so you may add fields, but you can't
+//! change existing fields.
 
 use std::path::Path;
 
@@ -11,8 +11,8 @@ use karat::unstable::metric::{
 };
 use serde::{Serialize, Serializer};
 
-/// The largest distance at which primaries count as equal. Programs round differently: D65 is 0.3127 or 0.31271.
-/// Different sets of primaries are further apart.
+/// The largest difference between the coordinates of equal primaries. Programs round coordinates differently: D65 is
+/// 0.3127 or 0.31271. The coordinates of different primaries differ by more.
 const SAME_PRIMARY: f32 = 5e-4;
 
 /// The largest differences that `karat diff` accepts.
@@ -25,8 +25,8 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Returns the bounds that the options set. Without options, returns the default bounds of frames. If only a
-    /// relative bound is given, FLIP has no bounds.
+    /// Returns the bounds that the options set. Without options, returns the default bounds of frames. If `--rel` is
+    /// the only option, no bounds apply to FLIP.
     pub(super) fn new(rel: Option<f64>, flip_tile: Option<f64>, flip_mean: Option<f64>) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "checked when it was parsed")]
         let relative = rel.map_or(DEFAULT_RELATIVE, |rel| rel as f32);
@@ -54,19 +54,20 @@ pub(super) struct Comparison {
     pub(super) b: Side,
     pub(super) verdict: Ending,
     pub(super) reason: Option<Reason>,
-    /// The tolerance, as a sentence for people.
+    /// The tolerance in words, for users.
     pub(super) tolerance: String,
     /// The number of compared pixels.
     pub(super) compared: usize,
-    /// `true` if the second file has a mask that selected the pixels.
+    /// `true` if the mask in the second file selected the compared pixels.
     pub(super) own_mask: bool,
-    /// The result of the gate, or `None` if nothing can be measured.
+    /// The result of the gate, or `None` if the images can't be compared, for example because their sizes differ.
     pub(super) gate: Option<GateResult>,
     pub(super) flip: Option<FlipResult>,
-    /// LDR-FLIP of two PNGs. It has no bound.
+    /// LDR-FLIP, if both files are PNGs. No bound applies to LDR-FLIP.
     pub(super) ldr_flip: Option<LdrResult>,
     pub(super) heatmap: Option<String>,
-    /// The error that has the heatmap's last colour. `None` if the heatmap contains the errors as numbers.
+    /// The error that has the last colour of the heatmap's scale, or `None` if the heatmap is an EXR image, which
+    /// contains the errors as numbers.
     pub(super) heatmap_full: Option<f32>,
 }
 
@@ -77,20 +78,20 @@ pub(super) struct Side {
     pub(super) height: u32,
     /// The number of pixels with a NaN.
     pub(super) nan: usize,
-    /// The number of pixels with an infinity and no NaN.
+    /// The number of pixels that have an infinity, but no NaN.
     pub(super) infinite: usize,
     /// The column and row of the first pixel with a NaN or an infinity.
     pub(super) first_non_finite: Option<(u32, u32)>,
-    /// The names of the parts with colours, if there are several. Karat compares the first part.
+    /// The names of the file's parts with colours, if the file has several. Karat compares the first part.
     pub(super) parts: Vec<String>,
-    /// CIE x and y of red, green, blue and white, from the file.
+    /// The CIE coordinates x and y of red, green, blue and white, in this order, from the file.
     pub(super) chromaticities: [f32; 8],
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Ending {
-    /// All compared bits are equal.
+    /// All compared pixels have equal bits in both images.
     Equal,
     Within,
     Differs,
@@ -107,12 +108,12 @@ pub(super) enum Reason {
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct GateResult {
     pub(super) relative: f32,
-    /// The number of pixels with a difference above the bound.
+    /// The number of pixels whose relative difference is above the bound.
     pub(super) off: usize,
     #[serde(serialize_with = "rect")]
     pub(super) bounds: Option<Rect>,
     pub(super) worst: Option<Worst>,
-    /// The percentages of pixels with a difference above 1, 10, 100 and 1000 times the bound.
+    /// The percentages of pixels whose difference is above 1, 10, 100 and 1000 times the bound.
     pub(super) sweep: [f32; 4],
 }
 
@@ -123,25 +124,25 @@ pub(super) struct Worst {
     pub(super) channel: &'static str,
     pub(super) a: f32,
     pub(super) b: f32,
-    /// The difference divided by the bound. It is `null` in JSON if the bound is 0.
+    /// The difference divided by the bound. This ratio is infinite if the bound is 0, and then it is `null` in JSON.
     pub(super) ratio: f32,
 }
 
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct FlipResult {
-    /// The mean error of the worst tile. It is `null` in JSON if FLIP can't measure the difference.
+    /// The largest mean error of a tile. It is NaN, and `null` in JSON, if FLIP can't measure the difference.
     pub(super) largest_tile: f64,
     #[serde(serialize_with = "rect")]
     pub(super) tile: Option<Rect>,
     pub(super) mean: f64,
-    /// `None` if FLIP has no bound.
+    /// The bound for the mean error of each tile, or `None` if there is no such bound.
     pub(super) tile_bound: Option<f64>,
     pub(super) mean_bound: Option<f64>,
     pub(super) exposures: ExposureRange,
     pub(super) note: Option<String>,
 }
 
-/// LDR-FLIP, which other tools compute for display images.
+/// The result of LDR-FLIP, the metric that other tools compute for images made for a display.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct LdrResult {
     pub(super) largest_tile: f64,
@@ -181,7 +182,7 @@ impl Side {
 }
 
 impl Comparison {
-    /// Returns the comparison of images whose difference can't be measured.
+    /// Returns the comparison of two images whose difference Karat can't measure.
     pub(super) fn impossible([a, b]: [Side; 2], bounds: &Bounds, reason: Reason) -> Self {
         let (verdict, reason) = (Ending::Differs, Some(reason));
         let tolerance = bounds.tolerance.to_string();
@@ -227,7 +228,7 @@ impl Comparison {
         }
     }
 
-    /// Checks if the files name different primaries. With different primaries, equal values are different colours.
+    /// Checks if the files have different primaries. Then equal values in the two files are different colours.
     pub(super) fn of_other_primaries(&self) -> bool {
         let mut pairs = self.a.chromaticities.iter().zip(&self.b.chromaticities);
         !pairs.all(|(a, b)| (a - b).abs() <= SAME_PRIMARY)
@@ -273,7 +274,7 @@ impl FlipResult {
         }
     }
 
-    /// Checks if FLIP has bounds and both are met. NaN is above any bound.
+    /// Checks if at least one bound applies to FLIP, and FLIP exceeds no bound. NaN exceeds any bound.
     fn passes(&self) -> bool {
         let within = |value: f64, bound: Option<f64>| bound.is_none_or(|bound| value <= bound);
         (self.tile_bound.is_some() || self.mean_bound.is_some())

@@ -1,4 +1,4 @@
-//! The text that describes a comparison.
+//! Writes a comparison as text.
 
 use std::io::{self, Write};
 
@@ -55,7 +55,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     }
 }
 
-/// Formats primaries: `(0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329)`.
+/// Formats the coordinates of red, green, blue and white: `(0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329)`.
 fn primaries(side: &Side) -> String {
     let points: Vec<_> = side
         .chromaticities
@@ -65,7 +65,7 @@ fn primaries(side: &Side) -> String {
     points.join(", ")
 }
 
-/// Names the parts of the file that Karat doesn't compare.
+/// Prints which part of the file Karat compares, and which parts it ignores.
 fn write_parts(side: &Side, out: &mut dyn Write) -> io::Result<()> {
     let [compared, others @ ..] = side.parts.as_slice() else { return Ok(()) };
     write!(out, ", of which Karat compares part `{compared}` and ignores `{}`", others.join("`, `"))
@@ -128,7 +128,7 @@ fn write_flip(flip: &FlipResult, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "; mean {mean}{}; exposures {}", of(flip.mean_bound), flip.exposures)
 }
 
-/// Writes LDR-FLIP, the number that other FLIP tools give for PNGs.
+/// Prints LDR-FLIP, the number that other FLIP tools give for PNGs.
 fn write_ldr(flip: &LdrResult, out: &mut dyn Write) -> io::Result<()> {
     let (mean, tile) = (short(flip.mean), short(flip.largest_tile));
     writeln!(out, "LDR-FLIP: largest tile {tile}; mean {mean}; no bound applies to LDR-FLIP")

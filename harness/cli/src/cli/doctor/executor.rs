@@ -1,4 +1,4 @@
-//! `karat doctor --executor NAME`: sends jobs with known results.
+//! `karat doctor --executor NAME`: sends jobs with known results to an executor, and checks the replies.
 
 use std::io::Write;
 
@@ -12,7 +12,8 @@ use karat_inspect::conform::{Answer, Answered, conform};
 use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::super::{Ending, Outcome, write_json};
 
-/// Returns the path of a program that KARAT_EXECUTORS names, or otherwise the path that has this name.
+/// Returns the path for a name: of the program in KARAT_EXECUTORS with this name, or otherwise the path itself, such as
+/// `vulkan`.
 fn path(name: &str) -> Result<Path, PathError> {
     if let Some(own) = programs()?.into_iter().find(|path| path.driver() == Some(name)) {
         return Ok(own);

@@ -1,5 +1,5 @@
-//! `karat doctor PACKAGE`: finds the lines that `karat.toml` needs so that modules become whole, and lists the modules
-//! that stay incomplete. A module is whole if it links and is valid.
+//! `karat doctor PACKAGE`: finds lines for `karat.toml` that make modules whole, and lists the modules that aren't
+//! whole even with these lines. A module is whole if it links and is valid.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -18,34 +18,35 @@ use super::super::project::Project;
 use super::super::table::{BAD, DIM, GOOD, HEAD};
 use super::super::{Ending, Outcome, write_json};
 
-/// The largest number of times that Karat validates the modules and adds lines. Once isn't enough, because the first
-/// error of a module hides its other errors.
+/// The largest number of rounds. In each round Karat validates the modules, and adds the lines that the errors ask for.
+/// One round isn't enough, because the first error of a module hides its other errors.
 const ROUNDS: usize = 32;
 
 /// The largest number of modules that the output lists. More lines wouldn't fit on a screen.
 const TOLD: usize = 12;
 
-/// The remark on a value that only the user's game engine knows.
+/// The comment that Karat writes after an invented value, if only the user's game engine knows the real value.
 const MADE_UP: &str = "invented value: write the value that your game engine sets";
 
-/// The value of a feature that needs a number, if Karat doesn't know the number. The number may be the length of an
-/// array, and an array of 4 elements is small.
+/// The number that Karat invents for a feature that needs a number. The number may be the length of an array, so it is
+/// small.
 const FEATURE: &str = "4";
 
-/// The value for a placeholder. Most placeholders are sizes of workgroups.
+/// The value that Karat invents for a placeholder. Most placeholders are sizes of workgroups, and 64 is a usual size.
 const VALUE: &str = "64";
 
-/// The remark on an undeclared name in capitals.
+/// The comment that Karat writes after an invented value for an undeclared name in capitals.
 const UNDECLARED: &str =
     "invented value: no module declares this name; is the name a macro, or misspelt?";
 
-/// The remark on a feature that switches declarations on or off.
+/// The comment that Karat writes after a feature that Karat turns on because a declaration exists only with this
+/// feature.
 const VARIANT: &str = "a declaration needs this feature: your game engine may set other features";
 
-/// The remark on a text that only the user's game engine knows.
+/// The comment that Karat writes after an empty text, if only the user's game engine knows the real text.
 const TEXT: &str = "empty: write the text that your game engine inserts";
 
-/// Returns advice on an error that only the author can correct.
+/// Returns advice to the author on an error that Karat can't correct by a line.
 fn advice(mend: &Mend) -> Option<String> {
     match mend {
         Mend::Elsewhere(sentence) => Some(sentence.clone()),
@@ -80,7 +81,7 @@ struct Left {
     module: String,
     location: Option<String>,
     message: String,
-    /// The advice on a line that only the author can write.
+    /// The advice on the error, if only the author can correct it.
     advice: Option<String>,
 }
 
@@ -88,21 +89,21 @@ struct Left {
 struct Report {
     package: String,
     modules: usize,
-    /// The number of modules that are whole without new lines.
+    /// The number of modules that are whole without the new lines.
     whole: usize,
     lines: Vec<Line>,
     /// The number of modules that are whole with the new lines.
     then_whole: usize,
-    /// Lines that errors ask for, but that don't fit into the file, or don't make any module whole without further
-    /// changes.
+    /// The lines that errors ask for, but that Karat doesn't write: they don't fit into the file, or no module becomes
+    /// whole with them.
     not_enough: Vec<Line>,
     left: Vec<Left>,
-    /// The reason why `karat check` refuses the file.
+    /// The error with which `karat check` refuses the whole package, if there is such an error.
     refused: Option<String>,
     written: bool,
 }
 
-/// A package with the lines that Karat found for it.
+/// A package, its `karat.toml`, and the lines that Karat found for this file.
 struct Trial<'p> {
     package: &'p Package,
     file: PathBuf,
@@ -167,8 +168,8 @@ impl<'p> Trial<'p> {
         Ok(Self { package, file, text, table, modules, lines: Vec::new() })
     }
 
-    /// Returns the file's text with these lines added. The added lines have the same line ends (LF or CRLF) as the
-    /// file.
+    /// Returns the text of `karat.toml` with the given lines added. The added lines have the same line ends (LF or
+    /// CRLF) as the file.
     fn with(&self, lines: &[Line]) -> String {
         let is_windows = self.text.contains("\r\n");
         let mut text = self.text.replace("\r\n", "\n");
@@ -196,8 +197,8 @@ impl<'p> Trial<'p> {
         if is_windows { text.replace('\n', "\r\n") } else { text }
     }
 
-    /// Checks if a line fits into the file. A line doesn't fit if the file has its section in another form: the section
-    /// would be declared twice.
+    /// Checks if `karat.toml` can be parsed with a line added. For example, it can't be parsed if the file already sets
+    /// the line's key.
     fn fits(&self, line: &Line) -> bool {
         self.with(std::slice::from_ref(line))
             .trim_start_matches('\u{feff}')
@@ -205,7 +206,7 @@ impl<'p> Trial<'p> {
             .is_ok()
     }
 
-    /// Removes the lines that make no module whole, and returns these lines.
+    /// Removes each line that doesn't increase the number of whole modules, and returns the removed lines.
     fn sift(&mut self) -> Vec<Line> {
         let all = self.errors(&self.lines).len();
         let without = |at: usize| {
@@ -222,8 +223,8 @@ impl<'p> Trial<'p> {
         others
     }
 
-    /// Returns the error with which `karat check` refuses the package with these lines. Returns `None` if only single
-    /// modules have errors, or if there is no error.
+    /// Returns the error with which `karat check` refuses the whole package, with the found lines. Returns `None` if
+    /// there is no error, or if only single modules have errors.
     fn refused(&self) -> Option<String> {
         let package = self.package.unsaved(&self.file, &self.with(&self.lines));
         match package.try_is_valid() {
@@ -260,7 +261,7 @@ impl<'p> Trial<'p> {
             .collect()
     }
 
-    /// Adds the lines that errors ask for, until errors ask for no further lines. Returns the lines that don't fit into
+    /// Adds the lines that errors ask for, until the errors ask for no new lines. Returns the lines that don't fit into
     /// the file.
     fn mend(&mut self) -> Vec<Line> {
         let mut tried: BTreeSet<String> = BTreeSet::new();
@@ -333,8 +334,8 @@ impl<'p> Trial<'p> {
         }
     }
 
-    /// Returns the location of a package that modules import from: beside this package, or in a crate that the project
-    /// builds.
+    /// Returns the location of an imported package for `[dependencies]`: a folder beside this package, or a crate that
+    /// the project builds.
     fn dependency(&self, name: &str) -> Option<String> {
         let root = self.package.root();
         let beside = root.parent().map(|above| above.join(name));
@@ -393,7 +394,7 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
     writeln!(out, "\n{} not valid{with}{rest}{first}", counted(left.len(), "module"))
 }
 
-/// Prints lines under the headers of their sections.
+/// Prints lines of `karat.toml`, below the headers of their sections.
 fn write_lines(lines: &[Line], out: &mut dyn Write) -> std::io::Result<()> {
     let mut sections: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for line in lines {

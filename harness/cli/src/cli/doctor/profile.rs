@@ -1,10 +1,11 @@
-//! The optimisation of the crates whose speed tests depend on.
+//! Checks if Cargo optimises the crates that make tests fast.
 
 use std::path::Path;
 
 use serde::Serialize;
 
-/// The crates that need optimisation. Each has the level that README recommends, and the effect of a lower level.
+/// The crates that need optimisation. Each entry has the crate's name, the level that the README recommends, and the
+/// effect of a lower level.
 const CRATES: [(&str, i64, &str); 3] = [
     ("karat-core", 2, "sampling arguments and comparing frames are slow"),
     ("karat-engine", 3, "the path `cpu`, the tolerance `Spec` and `karat hazards` are slow"),
@@ -14,14 +15,14 @@ const CRATES: [(&str, i64, &str); 3] = [
 #[derive(Debug, PartialEq, Eq, Serialize)]
 pub(in crate::cli) struct Unoptimised {
     pub(in crate::cli) name: &'static str,
-    /// The optimisation level that the project's profile sets.
+    /// The level of optimisation (`opt-level`) that the project's profile `dev` sets for the crate.
     pub(in crate::cli) level: i64,
     pub(in crate::cli) recommended: i64,
     pub(in crate::cli) about: &'static str,
 }
 
-/// Returns the crates that the project in a folder compiles with less optimisation than recommended. Returns none if
-/// the project doesn't use the crate `karat`.
+/// Returns the crates that the project in the folder `root` compiles with less optimisation than recommended, or no
+/// crates if the project doesn't use the crate `karat`.
 pub(in crate::cli) fn unoptimised(root: &Path) -> Vec<Unoptimised> {
     let read = |file: &str| std::fs::read_to_string(root.join(file)).ok();
     let uses_karat =

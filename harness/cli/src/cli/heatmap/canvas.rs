@@ -1,20 +1,21 @@
 //! An image of 8-bit colours, into which Karat draws pixels, rectangles and numbers.
 
-/// The colour of the background. It differs from both ends of the colour scale of errors.
+/// The colour of the background. This grey differs from the first and the last colour of the scale for errors.
 const GROUND: [u8; 3] = [56, 56, 56];
 
-/// The rows of an image in 8-bit sRGB colours. The top row is the first.
+/// An image in 8-bit sRGB colours. Its bytes begin with the top row.
 #[derive(Debug)]
 pub(super) struct Canvas {
     pub(super) width: u32,
     bytes: Vec<u8>,
 }
 
-/// The columns and rows of a glyph.
+/// The numbers of columns and rows of a glyph.
 pub(super) const GLYPH: (u32, u32) = (3, 5);
 
-/// The glyphs of the digits and the point. The rows begin at the top, and the highest bit of a row is the leftmost
-/// pixel. Crates with fonts depend on a drawing library, and numbers need only these glyphs.
+/// The glyphs of the digits and the decimal point. The first row is the top row, and the highest of a row's three bits
+/// is the leftmost pixel. Numbers need only these glyphs, so Karat doesn't use a crate with fonts, which would bring a
+/// drawing library.
 const GLYPHS: [(char, [u8; 5]); 11] = [
     ('0', [0b111, 0b101, 0b101, 0b101, 0b111]),
     ('1', [0b010, 0b110, 0b010, 0b010, 0b111]),
@@ -61,7 +62,7 @@ impl Canvas {
         }
     }
 
-    /// Returns the width of a number in pixels, if a glyph's pixel is `size` wide.
+    /// Returns the width of a number in pixels of the image, if each pixel of a glyph is `size` pixels wide.
     pub(super) fn measure(number: &str, size: u32) -> u32 {
         let glyphs = u32::try_from(number.len()).unwrap_or(u32::MAX);
         (glyphs * (GLYPH.0 + 1)).saturating_sub(1) * size
