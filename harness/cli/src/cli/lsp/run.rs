@@ -25,7 +25,8 @@ pub(super) struct Ended {
 }
 
 impl Runs {
-    /// Starts `karat test` for some tests. `whole` is `true` if no other tests can exist.
+    /// Starts `karat test` for some tests. `whole` is `true` if Karat knows all tests of the project: then empty
+    /// `names` mean that the function has no test.
     pub(super) fn start(
         &mut self,
         function: &str,
