@@ -68,7 +68,7 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Counts the elements that passes read although neither the test nor a pass has written them.
+/// Counts the lines of shaders that read elements which neither the test nor a pass has written.
 fn unwritten(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let all: BTreeSet<&String> = watched.flat_map(|watched| &watched.unwritten).collect();
@@ -230,7 +230,8 @@ mod tests {
         names.iter().map(ToString::to_string).collect()
     }
 
-    /// The remark after the line counts the checks that the sanitizer didn't check, and gives the first reason.
+    /// The remark after the line counts the checks that the sanitizer didn't examine completely, and gives the first
+    /// reason.
     #[test]
     fn unchecked_checks_are_counted() {
         let with = |reason: &str| {
