@@ -22,7 +22,7 @@ const LEAST: (usize, usize) = (20, 4);
 
 static SIZE: OnceLock<Size> = OnceLock::new();
 
-/// Measures the terminal, if the output is a terminal. `COLUMNS` takes precedence for the width.
+/// Measures the terminal, if the output is a terminal. The environment variable `COLUMNS` overrides the measured width.
 pub(super) fn measure() {
     let size = match std::io::stdout().is_terminal() {
         true => {

@@ -1,4 +1,5 @@
-//! The records of the last run of each test. A report may ask for them at any time.
+//! The records of the last run of each test. The process keeps these records, because a request for a report may come
+//! at any time.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ffi::OsStr;
@@ -52,7 +53,8 @@ impl Latest {
     }
 
     /// Returns the present state of the files that the records depend on. If all `changed` paths are files, considers
-    /// only files with the same names. If `changed` is empty or contains a folder, considers all files.
+    /// only the files whose names are among these files' names. If `changed` is empty or contains a folder, considers
+    /// all files.
     pub(super) fn files(&self, changed: &[PathBuf]) -> HashMap<PathBuf, FileRead> {
         let names: BTreeSet<&OsStr> = changed.iter().filter_map(|file| file.file_name()).collect();
         // A new or removed folder may contain any file.
