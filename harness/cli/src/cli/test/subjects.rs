@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use karat::unstable::record::{Record, Subject};
 use serde::{Deserialize, Serialize};
 
-/// The subjects of each test in its last run. A missing or unreadable file counts as empty.
+/// The subjects of each test: the functions and goldens that the test checked in its last run. A missing or unreadable
+/// file counts as empty.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::cli) struct Subjects {
     tests: BTreeMap<String, BTreeSet<String>>,
@@ -31,7 +32,7 @@ impl Subjects {
         serde_json::from_str(&text).unwrap_or_default()
     }
 
-    /// Returns the number of tests, if it is known.
+    /// Returns the number of tests in the last complete run, if there was one.
     pub(super) fn count(&self) -> Option<u64> {
         self.count
     }
@@ -52,7 +53,8 @@ impl Subjects {
         self.packages.extend(used);
     }
 
-    /// Adds the subjects of a run. `whole` is the number of tests of a complete run, which removes all other tests.
+    /// Adds the subjects of a run. If the run was complete, `whole` is the number of its tests, and the subjects of all
+    /// other tests are removed.
     pub(super) fn add(&mut self, records: &[Record], whole: Option<u64>, failed: &[String]) {
         self.failed = failed.to_vec();
         self.count = whole.or(self.count);
@@ -77,7 +79,7 @@ impl Subjects {
         self.tests.values().flatten().any(|name| name.contains(words))
     }
 
-    /// Returns the tests that checked a subject whose name contains `words`, although their own names don't contain
+    /// Returns the tests that checked a subject whose name contains `words`, without the tests whose own names contain
     /// `words`.
     pub(super) fn about(&self, words: &str) -> Vec<String> {
         let tests = self.tests.iter().filter(|(test, names)| {

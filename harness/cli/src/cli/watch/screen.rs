@@ -122,7 +122,8 @@ impl Screen {
         out.flush()
     }
 
-    /// Checks if a file contains the last printed line. In `karat watch | tee log.txt`, this is true of `log.txt`.
+    /// Checks if a file contains the last printed line. For example, `tee log.txt` may write the output of `karat
+    /// watch` into `log.txt`.
     pub(super) fn is_printed_in(&self, file: &Path) -> bool {
         let last = self.last.borrow();
         let Some(length) = file.metadata().ok().filter(std::fs::Metadata::is_file) else {
