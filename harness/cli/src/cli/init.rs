@@ -191,9 +191,8 @@ fn this() -> anyhow::Result<Command> {
     Ok(Command::new(std::env::current_exe().context("can't find karat's executable file")?))
 }
 
-/// Writes a first test beside a module: a test of a function, preferably with arguments and a float in its result, or
-/// otherwise a test of a compute pass. Returns `None` if the folder already has tests, or if a Rust test checks each
-/// function.
+/// Writes a first test beside a module: of a function, preferably with arguments and a float in its result, or
+/// otherwise of a compute pass. Returns `None` if the folder already has tests, or if Rust tests check all functions.
 fn first_test(
     package: &Package,
     folder: &Path,

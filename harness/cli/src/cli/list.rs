@@ -289,8 +289,7 @@ fn last_selection(project: &Project) -> anyhow::Result<Option<String>> {
     Ok(run.map(|run| run.selected.join(" ")).filter(|selected| !selected.is_empty()))
 }
 
-/// Returns the names of the functions that the last run checked, and of the tests that drew frames. Without a run, the
-/// set is empty.
+/// Returns the functions that the last run checked, and the tests that drew frames: none if there was no run.
 pub(super) fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let folder = project.output().join("record");
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };

@@ -2,8 +2,7 @@
 //! `karat lsp`: a language server. It shows invalid modules, failing tests, and a lens beside each function.
 //!
 //! A verdict depends on the files that its test read. When one of these files changes, the server hides the verdict.
-//! Standard output contains only messages of the protocol. The server refuses an invalid message, and continues the
-//! session.
+//! Standard output contains only messages of the protocol. After an invalid message, the session continues.
 
 mod documents;
 mod findings;

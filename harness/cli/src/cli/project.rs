@@ -167,8 +167,7 @@ impl Project {
     }
 
     /// Finds the Cargo workspace around a folder, or otherwise the nearest Cargo package. Without Cargo, the project is
-    /// the folder `shaders` in `folder`, or otherwise the innermost folder that contains all modules and tests below
-    /// `folder`.
+    /// the folder `shaders` in `folder`, or otherwise the innermost folder with all modules and tests below `folder`.
     pub(super) fn at(folder: &Path) -> anyhow::Result<Self> {
         let own = Self::around(folder)?;
         let shaders = folder.join(SHADERS);
@@ -285,8 +284,7 @@ impl Project {
     }
 
     /// Returns the folder of goldens that the project or a member declares. Without a declaration, returns the folder
-    /// `golden`. If that folder doesn't exist, and the last run used exactly one folder of goldens, returns the used
-    /// folder.
+    /// `golden`, or if it doesn't exist, the only folder of goldens that the last run used.
     pub(super) fn golden(&self) -> PathBuf {
         let declared =
             |(above, said): &(PathBuf, Settings)| Some(above.join(said.golden.as_ref()?));

@@ -363,8 +363,7 @@ fn facts(details: &PathDetails) -> Vec<String> {
     lines
 }
 
-/// Returns lines for the worst, the first and the simplest failing case of a path: one line with the arguments and
-/// results, and one line for each failing expectation.
+/// Returns lines with the worst, first and simplest failing case of a path, and with the failing expectations.
 fn values(details: &PathDetails) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for case in [&details.worst, &details.first, &details.simplest].into_iter().flatten() {

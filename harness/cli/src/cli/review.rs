@@ -213,8 +213,7 @@ fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
     Some(review_of(&records))
 }
 
-/// Returns the arguments `--from` and `--goldens` of this command, so that the commands on the page use the same
-/// folders as the page.
+/// Returns the arguments `--from` and `--goldens`, so that the commands on the page use the page's folders.
 fn arguments(args: &Args) -> String {
     let named = [("--from", args.from.named()), ("--goldens", args.folder.named())];
     let given = named.into_iter().filter_map(|(name, path)| Some((name, path?)));

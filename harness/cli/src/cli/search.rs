@@ -7,8 +7,8 @@
 //! - Without such a list, the packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
 //!   members, and the folders that recorded tests used.
 //! - Without Cargo and without a named folder, the package is the folder `shaders`, or otherwise the innermost folder
-//! that contains all modules and tests. If a named folder contains a `shaders` with a karat.toml and all modules, this
-//! `shaders` is the package.
+//!   with all modules and tests. If a named folder contains a `shaders` with a karat.toml and all modules, this
+//!   `shaders` is the package.
 
 use std::collections::BTreeSet;
 use std::io::Write;

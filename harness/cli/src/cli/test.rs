@@ -303,8 +303,7 @@ impl<'a> Asked<'a> {
         }
     }
 
-    /// Sets the names of the tests to run: with `--failed`, the tests that failed in the last run, and with `--named`,
-    /// the given names.
+    /// With `--failed` or `--named`, sets the exact names of the tests to run.
     fn with_failed(self, project: &Project) -> anyhow::Result<Self> {
         if !self.args.failed {
             let names = (!self.args.named.is_empty()).then(|| self.args.named.clone());

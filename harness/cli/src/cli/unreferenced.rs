@@ -156,8 +156,7 @@ impl Report {
     }
 }
 
-/// Returns the files that `--delete` deletes: unreferenced goldens with their provenance, and stray files that Karat
-/// wrote.
+/// Returns the files to delete: unreferenced goldens with their provenance, and stray files that Karat wrote.
 fn deletable(report: &Report) -> Vec<PathBuf> {
     let of = |golden: &Golden| match golden.is_table() {
         true => vec![golden.file.clone()],

@@ -13,7 +13,7 @@ const TICK: u32 = 3;
 /// The width and height of a glyph's dot, in units. A glyph has 3 by 5 dots, and would be hard to read with dots of one
 /// unit.
 const DOT: u32 = 2;
-/// The image width for each pixel of a unit: the unit is 2 pixels for an image of 1,920 pixels. People view wide images
+/// The image width per pixel of a unit: in an image 1,920 pixels wide, a unit has 2 pixels. People view wide images
 /// scaled down, so a wide image needs a larger legend.
 const UNIT: u32 = 960;
 /// The smallest width, in units, of a bar with room for the numbers of [`PARTS`] parts.

@@ -1,5 +1,4 @@
-//! Changes to a project for the web: a script in its `package.json`, and a setting in its `karat.toml` that requires
-//! Tint to accept the shaders.
+//! Changes to a project for the web: a script in `package.json`, and a setting in `karat.toml` that requires Tint.
 
 use std::io::Write;
 use std::path::Path;

@@ -48,8 +48,7 @@ impl Live {
         self.lanes.iter()
     }
 
-    /// Runs the tests that an edit in a package affects. If the package has tests but no processes, starts its
-    /// processes.
+    /// Runs the tests that an edit in a package affects. If necessary, starts the package's processes.
     pub(super) fn ask(&mut self, package: &karat::Package) -> anyhow::Result<()> {
         let folder = resolved(&package.root());
         if !self.lanes.iter().any(|lane| lane.package == folder) {

@@ -92,8 +92,7 @@ impl<'t> Lines<'t> {
         Self { text, marks }
     }
 
-    /// Returns a range of bytes as lines and columns. An offset beyond the end of the text gives the position of the
-    /// end.
+    /// Returns a range of bytes as lines and columns. An offset beyond the end of the text counts as the end.
     pub(super) fn range(&self, bytes: &Bytes<usize>) -> Range {
         let place = |offset: usize| {
             let (mut at, read) = self.before(offset);

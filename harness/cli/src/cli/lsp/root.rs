@@ -72,8 +72,7 @@ impl Root {
         self.packages.iter().find_map(|package| Some((package, module_in(package, file)?)))
     }
 
-    /// Reads the record of the last run, if a run has ended since the previous call. Returns `true` if the records may
-    /// have changed.
+    /// If a run has ended since the previous call, reads its record. Returns `true` if the records may have changed.
     pub(super) fn read_record(&mut self) -> anyhow::Result<bool> {
         let folder = self.project.record();
         let name = std::fs::read_to_string(folder.join("last")).unwrap_or_default();

@@ -25,8 +25,7 @@ pub(super) struct Ended {
 }
 
 impl Runs {
-    /// Starts `karat test` for some tests. `whole` is `true` if Karat knows all tests of the project: then empty
-    /// `names` mean that the function has no test.
+    /// Starts `karat test` for some tests. `whole` is `true` if Karat knows all tests of the project.
     pub(super) fn start(
         &mut self,
         function: &str,

@@ -21,8 +21,7 @@ use super::super::suite::cargo::programs::{Programs, TestProgram};
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
 
-/// The time of a test's checks above which the test is slow. For comparison: a test program starts in some hundredths
-/// of a second.
+/// The time of a test's checks above which the test is slow. A test program starts in some hundredths of a second.
 const QUICK: Duration = Duration::from_millis(200);
 
 pub(super) struct RustTests {
@@ -236,8 +235,7 @@ impl RustTests {
 }
 
 impl RustTests {
-    /// Returns a test whose checks measure different errors with the mutant and without it, or `None` if there is no
-    /// such test.
+    /// Returns a test whose checks measure different errors with and without the mutant, or `None` if there is none.
     fn hidden(&self, program: &TestProgram, records: &[Record]) -> Option<Hidden> {
         let mut own: BTreeMap<&str, Vec<&PathRecord>> = BTreeMap::new();
         for one in records {
@@ -278,8 +276,7 @@ impl RustTests {
     }
 }
 
-/// Writes the text of a module into an overlay. The path of the file contains the package's name, so that modules of
-/// several packages don't collide.
+/// Writes the text of a module into an overlay, in which each package has its own folder.
 fn write_overlay(
     overlay: &Path,
     package: &Package,

@@ -100,8 +100,7 @@ fn append_summary(text: impl FnOnce() -> anyhow::Result<String>) -> anyhow::Resu
         .with_context(|| format!("can't append to the summary `{shown}`"))
 }
 
-/// Returns a line for each annotation: invalid modules, failures, and other reasons. If there are too many failures,
-/// one line counts the failures that have no line of their own.
+/// Returns a line for each annotation. If there are too many failures, one line counts the failures without a line.
 fn annotations(
     failures: &[&Record],
     (sum, errors): (&Sum, &[ModuleError]),
@@ -284,8 +283,7 @@ fn rows(record: &Record, names: &Names, text: &mut String) -> std::fmt::Result {
     Ok(())
 }
 
-/// Returns a folded section of the summary: the message of a failure, the replay command, and the names of the pictures
-/// in the artefact.
+/// Returns a folded section of the summary: a failure's message, its replay command and the names of its pictures.
 fn section(record: &Record, names: &Names, project: &Project) -> anyhow::Result<String> {
     let subject = markdown(&names.subject(record));
     let mut text = format!("<details><summary>{subject}</summary>\n\n");

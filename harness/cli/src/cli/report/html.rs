@@ -227,8 +227,7 @@ fn nth(at: usize) -> String {
     }
 }
 
-/// Returns the table cell of a path: its worst error, this error in per cent of the bound, and the distribution of
-/// errors.
+/// Returns the table cell of a path: its worst error, the share of the bound, and the distribution of errors.
 fn cell(path: &PathRecord) -> Markup {
     let class = match (&path.known_issue, path.failures == 0 && path.cases > 0) {
         (None, true) => "pass",
@@ -250,8 +249,7 @@ fn cell(path: &PathRecord) -> Markup {
     }
 }
 
-/// Returns a bar chart of the errors. Each bar counts the cases whose error is between two neighbouring powers of two,
-/// times the bound.
+/// Returns a bar chart of the errors, divided by the bound. Each bar covers the range between two powers of two.
 fn distribution(errors: &Errors) -> Markup {
     const LEAST: i32 = -12;
     const MOST: i32 = 4;

@@ -170,8 +170,7 @@ fn line(path: &PathRecord) -> String {
     )
 }
 
-/// Returns the pictures of a failing frame. The frame precedes the golden and the difference, because GitLab shows only
-/// one picture.
+/// Returns the pictures of a failing frame. The drawn frame is first, because GitLab shows only one picture.
 fn attached(
     record: &Record,
     names: &Names,

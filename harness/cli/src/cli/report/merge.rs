@@ -119,8 +119,7 @@ fn rank(record: &Record) -> (u8, Reverse<Option<&str>>) {
     (severity(record.verdict), Reverse(started))
 }
 
-/// Returns the key of a record's check. The key contains the overlay, so two checks with different overlays have
-/// different keys.
+/// Returns a key that is the same for records of the same check, in the same test, with the same overlay.
 fn key(record: &Record) -> String {
     let subject = serde_json::to_string(&record.subject).expect("a subject is plain data");
     format!("{subject} {} {:?}", record.test, record.overlay)

@@ -66,8 +66,7 @@ pub(in crate::cli) fn errors(invalid: &[(String, Invalid)]) -> Vec<ModuleError> 
     invalid.iter().flat_map(of).collect()
 }
 
-/// Returns the lines of a failure: each failing expectation of a WGSL test, or each hazard that the sanitizer found, or
-/// otherwise the headline.
+/// Returns the lines of a failure: its failing expectations, or the hazards that the sanitizer found, or its headline.
 pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     let expectations = expectations(record, root);
     if !expectations.is_empty() {

@@ -230,8 +230,7 @@ mod tests {
         names.iter().map(ToString::to_string).collect()
     }
 
-    /// The remark after the line counts the checks that the sanitizer didn't examine completely, and gives the first
-    /// reason.
+    /// The remark counts the checks that the sanitizer didn't examine completely, and gives the first reason.
     #[test]
     fn unchecked_checks_are_counted() {
         let with = |reason: &str| {

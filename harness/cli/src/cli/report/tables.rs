@@ -193,7 +193,7 @@ pub(in crate::cli) fn is_failure(record: &Record) -> bool {
     !matches!(record.verdict, Verdict::Pass | Verdict::KnownIssue)
 }
 
-/// Adds a row for each path of a record, or one row if the check ran on no path. `allowance` describes the errors that
+/// Adds a row for each path of a record, or one row if the check ran on no path. `allowance` formats the errors that
 /// WGSL allows.
 fn add_rows(
     table: &mut Table,
@@ -241,8 +241,8 @@ fn add_rows(
 }
 
 /// Formats the largest error that WGSL allows, in per cent of the tolerance, and the share of cases in which WGSL
-/// allows an error above the tolerance: `40%`, `300% in 12%`, `anything in 3%`. If the tolerance is 0, the text is
-/// `more in 12%`.
+/// allows more than the tolerance: `40%`, `300% in 12%`, `anything in 3%`. If the tolerance is 0, the text is `more in
+/// 12%`.
 fn allowance(allowance: &Allowance) -> String {
     let worst = match allowance.worst {
         Some(worst) => percentage(worst),

@@ -18,8 +18,7 @@ use super::super::{Ending, Outcome, PackageArgs, check, resolved};
 use super::latest::Latest;
 use super::{each, host};
 
-/// For each test, the text of the shader programs that it linked and of the files that it read in its last run, or
-/// `None` if this text is unknown.
+/// The text of the shaders that each test linked and of the files that it read, or `None` if the text is unknown.
 type Known = HashMap<String, Option<String>>;
 
 pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {

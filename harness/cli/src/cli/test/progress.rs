@@ -46,8 +46,7 @@ impl Line {
 }
 
 impl Progress {
-    /// Makes the progress line. `expected` is the number of tests in the last complete run. It is `None` if this run
-    /// leaves tests out.
+    /// Makes the progress line. `expected` is the number of all tests, or `None` if this run leaves tests out.
     pub(super) fn of(expected: Option<u64>) -> Self {
         let hidden = !std::io::stderr().is_terminal();
         let bar = match expected {

@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 use karat::unstable::record::{Record, Subject};
 use serde::{Deserialize, Serialize};
 
-/// The subjects of each test: the functions and goldens that the test checked in its last run. A missing or unreadable
-/// file counts as empty.
+/// The functions and goldens that each test checked in its last run. A missing or unreadable file counts as empty.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::cli) struct Subjects {
     tests: BTreeMap<String, BTreeSet<String>>,

@@ -1,5 +1,4 @@
-//! Watches files and folders for changes. Editors write in several steps and rename files, so one save causes a burst
-//! of events.
+//! Watches files. Editors write in several steps and rename files, so one save causes a burst of events.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -30,9 +29,8 @@ pub(in crate::cli) struct Watching {
     _ends: Sender<()>,
 }
 
-/// Watches a file or a folder, and calls `tell` with the changed paths of each burst, until `tell` returns `false`. The
-/// removal or replacement of the watched folder counts as a change, too. After a replacement, Karat watches the new
-/// folder.
+/// Watches a file or folder, and calls `tell` with the changed paths of each burst, until `tell` returns `false`. The
+/// removal or replacement of the folder is a change, too. After a replacement, Karat watches the new folder.
 pub(in crate::cli) fn watch(
     folder: &Path,
     tell: impl Fn(Vec<PathBuf>) -> bool + Send + 'static,

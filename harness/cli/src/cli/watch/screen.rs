@@ -122,8 +122,7 @@ impl Screen {
         out.flush()
     }
 
-    /// Checks if a file contains the last printed line. For example, `tee log.txt` may write the output of `karat
-    /// watch` into `log.txt`.
+    /// Checks if a file contains the last printed line. An example is the file that `tee` writes.
     pub(super) fn is_printed_in(&self, file: &Path) -> bool {
         let last = self.last.borrow();
         let Some(length) = file.metadata().ok().filter(std::fs::Metadata::is_file) else {

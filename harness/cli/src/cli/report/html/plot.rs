@@ -10,8 +10,7 @@ const MOST: usize = 6;
 /// The number of fields along each side of a map. With this number, a field has one or two cases.
 const FIELDS: usize = 12;
 
-/// The number of groups of cases, in the order of an argument, that show the share of the errors' variance that the
-/// argument explains.
+/// The number of groups into which Karat splits the cases, to find the variance that an argument explains.
 const PARTS: usize = 8;
 
 /// The share of the errors' variance that each of two arguments must exceed to get a map.
@@ -27,8 +26,7 @@ const GOOD: RGBColor = RGBColor(64, 120, 190);
 const LEAST: f64 = 1e-3;
 const TOP: f64 = 1e6;
 
-/// Returns the plots of one path. If a plot can't be drawn, leaves the plot out, because the failure's message has the
-/// errors, too.
+/// Returns the plots of one path, without plots that can't be drawn: the failure's message has the errors, too.
 pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
     let arguments = by_weight(plot);
     let drawn = arguments.iter().take(MOST).filter_map(|(at, _)| scatter(plot, *at));
