@@ -147,7 +147,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Refuses a folder inside a package with a karat.toml.
+/// Returns an error if the folder is inside a package with a karat.toml.
 fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     let (whole, here) = (folder.canonicalize()?, Path::new(".").canonicalize()?);
     let around = whole.ancestors().skip(1).take_while(|around| around.starts_with(&here));

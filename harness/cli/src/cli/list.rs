@@ -54,7 +54,7 @@ struct TestEntry {
     package: PathBuf,
     name: String,
     file: PathBuf,
-    /// The line and the column, which count from 1.
+    /// The line of the test. Lines and columns count from 1.
     line: u32,
     column: u32,
     /// The reason why the test isn't valid.

@@ -179,7 +179,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     Ok(ending)
 }
 
-/// Refuses outputs that would overwrite shaders or each other, before the work starts.
+/// Returns an error if an output would overwrite shaders or another output, before the work starts.
 fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()> {
     let files = [&args.markdown, &args.html, &args.junit].into_iter().flatten();
     for file in files.clone() {

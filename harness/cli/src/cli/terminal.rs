@@ -11,13 +11,13 @@ pub(super) struct Size {
     pub(super) rows: usize,
 }
 
-/// The size of an output that isn't a terminal.
+/// The assumed size of an output that isn't a terminal.
 const UNKNOWN: Size = Size { columns: None, rows: 32 };
 
-/// The size of a terminal that doesn't report its size.
+/// The assumed size of a terminal that doesn't report its size.
 const SMALL: (u16, u16) = (80, 24);
 
-/// The smallest size that Karat uses.
+/// The smallest numbers of columns and rows that Karat assumes.
 const LEAST: (usize, usize) = (20, 4);
 
 static SIZE: OnceLock<Size> = OnceLock::new();

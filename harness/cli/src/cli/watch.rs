@@ -148,7 +148,7 @@ pub(super) struct Verdicts {
     pub(super) ran: usize,
     pub(super) took: Duration,
     pub(super) idle: usize,
-    /// The reason why there is no verdict.
+    /// The errors of unreadable tests, or the reason why the process ended.
     pub(super) broken: Option<String>,
     pub(super) invalid: Option<String>,
     /// The remarks of other compilers on the modules: a summary line, and then each remark.
@@ -165,7 +165,7 @@ pub(super) struct Lane {
     pub(super) alone: bool,
     /// `true` for the first path, which validates the modules.
     validates: bool,
-    /// The files whose edits may change a verdict, besides shaders and files of tests.
+    /// The files that the tests read, except for modules and for files that declare tests.
     reads: Reads,
     began: Instant,
 }
@@ -231,7 +231,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     ending
 }
 
-/// The watched sources, and their state.
+/// The watched sources of tests, and the state of the command.
 struct Watch {
     folder: PathBuf,
     project: Project,

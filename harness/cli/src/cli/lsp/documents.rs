@@ -52,7 +52,7 @@ impl Documents {
         }
     }
 
-    /// Returns a package with the unsaved texts. If there are none, the package keeps its cached programs.
+    /// Returns a package with the unsaved texts. Without unsaved texts, the package keeps its cached programs.
     pub(super) fn applied(&self, package: &Package) -> Package {
         let mut package = package.clone();
         for (file, document) in self.unsaved() {

@@ -29,7 +29,7 @@ fn error(range: Range, message: String) -> Diagnostic {
     }
 }
 
-/// Adds the errors of invalid modules. Returns the errors without a location in a file, for the log.
+/// Adds the errors of invalid modules. Returns the errors without a location in a file, as messages.
 pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<String> {
     let Invalid::Modules { errors, .. } = invalid else { return vec![invalid.to_string()] };
     let mut placeless = Vec::new();
@@ -113,7 +113,7 @@ pub(super) fn of_records(
     }
 }
 
-/// Adds a finding that has a location. Other findings appear in a lens or in the log.
+/// Adds a finding that has a location. Lenses count the other failures, too.
 pub(super) fn add(
     finding: Finding,
     name: Option<String>,

@@ -1,5 +1,6 @@
-//! The names of records. All tables, pages and files use the same names, and `karat accept` takes these names as
-//! arguments. If several crates have frames of the same name, the name includes the crate.
+//! The displayed names of the functions and frames in records. All tables, pages and files use the same names, and
+//! `karat accept` takes these names as arguments. If several crates have frames of the same name, the name includes the
+//! crate.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -23,7 +23,7 @@ pub(in crate::cli) struct Sum {
     cases: u64,
     /// The names of the tests that failed although all their checks passed.
     outside: Vec<String>,
-    /// The other reasons to fail: invalid modules, tests that didn't run.
+    /// The other reasons why the run failed: invalid modules, tests that didn't run.
     others: Vec<String>,
     /// Remarks that don't make the run fail.
     remarks: Vec<String>,
@@ -162,12 +162,12 @@ impl Sum {
         &self.outside
     }
 
-    /// Returns the reasons other than failing checks and tests.
+    /// Returns the reasons why the run failed, other than failing checks and tests.
     pub(in crate::cli) fn others(&self) -> &[String] {
         &self.others
     }
 
-    /// Returns the reasons other than failing checks, as sentences.
+    /// Returns the reasons why the run failed, other than failing checks, as sentences.
     pub(in crate::cli) fn reasons(&self) -> Vec<String> {
         let mut all = self.others.clone();
         if !self.outside.is_empty() {

@@ -21,7 +21,7 @@ pub(in crate::cli) struct Subjects {
     packages: BTreeSet<PathBuf>,
 }
 
-/// The name of the file beside the record of the last run.
+/// The name of the file with these subjects, beside the record of the last run.
 const FILE: &str = "subjects.json";
 
 impl Subjects {

@@ -221,7 +221,7 @@ impl Drop for Screen {
     }
 }
 
-/// Returns the failures to show. Paths without a verdict or with an invalid module come first. Each failing test
+/// Returns the failures to show. Ended processes, unreadable tests and invalid modules come first. Each failing test
 /// follows once, with the message of the first path on which it fails.
 fn failures(lanes: &[Lane]) -> Vec<Failure> {
     let broken = lanes.iter().filter_map(|lane| {
