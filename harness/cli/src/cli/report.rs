@@ -389,7 +389,7 @@ fn in_a_line(case: &CaseDetails) -> String {
     parts.collect::<Vec<_>>().join("; ")
 }
 
-/// The location of a failure, relative to the project.
+/// The location of a failure. The file is relative to the project or to the repository.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     pub(super) file: String,

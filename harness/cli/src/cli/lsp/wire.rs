@@ -8,7 +8,7 @@ use lsp_types::{LogMessageParams, MessageType, ShowMessageParams};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// The largest size of a message, in bytes. A message may contain the whole text of a file, but such messages are far
+/// The largest size of a message, in bytes. A message may contain the whole text of a file, but source files are far
 /// smaller.
 const LONGEST: u64 = 64 << 20;
 

@@ -22,7 +22,7 @@ const LONGEST_LOG: usize = LONGEST / 5;
 const LONGEST_MESSAGE: usize = 4 << 10;
 /// The largest number of errors per step that GitHub's runner annotates. The runner only logs further errors.
 const MOST_ANNOTATIONS: usize = 10;
-/// The largest number of UTF-16 units in the message of an annotation, and below it in the title.
+/// The largest number of UTF-16 units in the message of an annotation.
 const LONGEST_ANNOTATION: usize = 4096;
 const LONGEST_TITLE: usize = 255;
 

@@ -7,7 +7,7 @@ use plotters::prelude::*;
 /// The largest number of arguments with a plot. Arguments with more influence come first.
 const MOST: usize = 6;
 
-/// The number of fields along each side of a map. With this number, a field has one or two cases.
+/// The number of fields along each side of a map. A plot has up to about 500 cases, so a field has 3 or 4.
 const FIELDS: usize = 12;
 
 /// The number of groups into which Karat splits the cases, to find the variance that an argument explains.
@@ -56,7 +56,7 @@ fn ratio(row: &[f64]) -> f64 {
 }
 
 /// Returns the arguments, each with the share of the errors' variance that it explains. The largest share comes first.
-/// This is the variance of the errors' logarithms.
+/// The variance is computed from the errors' logarithms.
 fn by_weight(plot: &Plot) -> Vec<(usize, f64)> {
     let errors: Vec<f64> = plot.rows.iter().map(|row| ratio(row).ln()).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;

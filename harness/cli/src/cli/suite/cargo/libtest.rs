@@ -1,4 +1,4 @@
-//! Running the tests of a program, and parsing the output of Rust's test runner.
+//! Runs the tests of a program, and parses the output of Rust's test runner.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
