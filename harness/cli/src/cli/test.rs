@@ -337,7 +337,7 @@ impl<'a> Asked<'a> {
         Self { about: Subjects::read(&project.record()).about(filter), ..self }
     }
 
-    /// If the filter may be the name of a function, prints that it finds a new Rust test only by the name of the test.
+    /// If the filter may be the name of a function, prints that it finds new Rust tests only by their own names.
     fn write_unknown(
         &self,
         project: &Project,

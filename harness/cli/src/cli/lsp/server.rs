@@ -199,8 +199,8 @@ impl Server {
         serde_json::to_value(result).unwrap_or_default()
     }
 
-    /// Opens the project of a folder, and the folder below it that was tested last without Cargo. If that folder is
-    /// inside the project, opens only that folder.
+    /// Opens the project of a folder, and the folder that was tested last. If the tested folder is inside the project,
+    /// opens only the tested folder.
     fn open_root(&mut self, folder: &Path) {
         let (own, last) = (Project::at(folder), Project::last_tested_at(folder));
         let is_within = match (&own, &last) {
