@@ -1,4 +1,4 @@
-//! `karat init`: writes a first test, passing or failing, and the settings around it.
+//! `karat init`: writes a first test, runs it, and adds settings, such as lines of `.gitignore`.
 
 mod npm;
 mod pass;
@@ -47,7 +47,7 @@ const GITHUB: &str = include_str!("init/github.yml");
 const GITLAB: &str = include_str!("init/gitlab.yml");
 const GITLAB_FILE: &str = ".gitlab-ci.karat.yml";
 
-/// The CI steps that install and run Karat, and their replacements if `package.json` has Karat.
+/// The CI steps that install and run Karat, each with its replacement if `package.json` depends on Karat.
 const BY_NPM: [(&str, &str); 4] = [
     ("      # Karat isn't on crates.io yet: write the address of your copy of Karat.\n", ""),
     ("    # Karat isn't on crates.io yet: write the address of your copy of Karat.\n", ""),
@@ -147,7 +147,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Refuses a folder inside a package with a karat.toml.
+/// Returns an error if the folder is inside a package with a karat.toml.
 fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     let (whole, here) = (folder.canonicalize()?, Path::new(".").canonicalize()?);
     let around = whole.ancestors().skip(1).take_while(|around| around.starts_with(&here));
@@ -163,15 +163,15 @@ fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Returns the folder whose tests `karat test` runs here, or otherwise the working directory.
+/// Returns the folder of the first package that `karat test` finds, or otherwise the working directory.
 fn usual_folder() -> anyhow::Result<PathBuf> {
     let packages = Project::find()?.packages(&PackageArgs::default()).unwrap_or_default();
     let root = packages.first().map(Package::root).filter(|root| root.is_dir());
     Ok(PathBuf::from(root.map_or_else(|| ".".to_owned(), |root| shown(&root))))
 }
 
-/// Runs the folder's tests. If the project has the record of a run, these tests don't replace the record: it would lose
-/// the verdicts of the Rust tests.
+/// Runs the folder's tests. If a Cargo project has the record of an earlier run, this run doesn't replace that record,
+/// because the new record would lack the verdicts of the Rust tests.
 fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
     let suite = karat_suite::Suite::open(folder)?;
     if suite.tests.is_empty() && suite.broken.is_empty() {
@@ -191,9 +191,8 @@ fn this() -> anyhow::Result<Command> {
     Ok(Command::new(std::env::current_exe().context("can't find karat's executable file")?))
 }
 
-/// Writes a test of one function beside its module. If there is no function, writes a test of a compute pass. Prefers a
-/// function with arguments and a float in its result. Returns `None` if there are tests, or if each function has a Rust
-/// test.
+/// Writes a first test beside a module: of a function, preferably with arguments and a float in its result, or
+/// otherwise of a compute pass. Returns `None` if the folder already has tests, or if Rust tests check all functions.
 fn first_test(
     package: &Package,
     folder: &Path,
@@ -238,16 +237,16 @@ fn first_test(
     Ok(Some(file))
 }
 
-/// The reason why a function has no first test.
+/// The reason why Karat can't write a first test of a function.
 enum Open {
-    /// A test must bind a variable that the function reads.
+    /// The function reads a variable to which a test must bind a value.
     Bound,
     /// A test can't call the function.
     Refused,
 }
 
-/// Returns a test of a function, and the rank of the test: rank 0 is the most useful. The names and types of the
-/// arguments determine the ranges.
+/// Returns a test of a function, and the rank of the test: rank 0 is the most useful. The test sets no ranges, so the
+/// names and types of the arguments determine the ranges.
 fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String), Open> {
     let (_, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let probed = Probed::new(package, &item.name).map_err(|_| Open::Refused)?;
@@ -272,7 +271,7 @@ fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String),
     Ok((rank, text))
 }
 
-/// Returns a package's entry points of the stages for which `of` returns `true`.
+/// Returns a package's entry points for whose stages `of` returns `true`.
 fn entry_points(
     package: &Package,
     of: impl Fn(Stage) -> bool,
@@ -290,7 +289,7 @@ fn beside(item: &FunctionItem, folder: &Path) -> PathBuf {
     PathBuf::from(format!("{}.test.toml", beside.display()))
 }
 
-/// The functions and passes without a first test, by the reason.
+/// The functions and passes for which Karat can't write a first test, by the reason.
 #[derive(Default)]
 struct Why<'i> {
     bound: Vec<&'i str>,
@@ -326,7 +325,8 @@ impl Why<'_> {
     }
 }
 
-/// The functions with tests, from the last run. Without a run, the functions that Rust files in `tests` name.
+/// The functions with Rust tests: a test checked the function in the last run, or a Rust file in `tests` contains the
+/// function's name.
 struct Tested {
     ran: BTreeSet<String>,
     texts: Vec<String>,
@@ -371,7 +371,7 @@ fn read_rust(folder: &Path, texts: &mut Vec<String>) {
     }
 }
 
-/// Adds the output of runs to `.gitignore`.
+/// Adds the files that runs write to `.gitignore`.
 fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
     let file = Path::new(".gitignore");
     let mut text = text_of(file)?.unwrap_or_default();
@@ -400,8 +400,8 @@ fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Adds profiles to the Cargo.toml of a project that depends on Karat. They optimise the crates whose speed tests
-/// depend on. Existing profiles stay.
+/// Adds profiles to the Cargo.toml of a project that depends on Karat. With these profiles, Cargo optimises the crates
+/// that would otherwise make tests slow. Existing profiles stay.
 fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let project = Project::around(&folder.canonicalize()?)?;
     let file = project.root().join("Cargo.toml");

@@ -54,7 +54,7 @@ struct TestEntry {
     package: PathBuf,
     name: String,
     file: PathBuf,
-    /// The line and the column, which count from 1.
+    /// The line of the test. Lines and columns count from 1.
     line: u32,
     column: u32,
     /// The reason why the test isn't valid.
@@ -187,8 +187,8 @@ fn no_test(Broken { name, wrong: Wrong { message, .. }, .. }: Broken) -> Entry {
     }
 }
 
-/// Returns the functions that a test can call: all functions of readable modules except entry points. Validation
-/// reports the other modules.
+/// Returns the functions that a test can call: all functions of readable modules except entry points. Other modules are
+/// left out, because validation reports them.
 pub(super) fn callable(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
     let modules = package.modules()?;
     let functions = modules.iter().filter_map(|module| package.functions_in(module).ok());
@@ -241,8 +241,8 @@ fn of_function(
     }
 }
 
-/// Returns the functions of an invalid module. Reads each one separately. Returns none if there are more than
-/// [`MOST_ALONE`].
+/// Returns an entry for each function of an invalid module, and reads each function separately. Returns no entries if
+/// the module has more than [`MOST_ALONE`] functions.
 fn sound(package: &Package, module: &str, tested: &BTreeSet<String>) -> Vec<Entry> {
     let items = package.functions_in(module).unwrap_or_default();
     if items.len() > MOST_ALONE {
@@ -282,14 +282,14 @@ fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     called.chain(drawn).chain(dispatched).chain(ran.iter().cloned()).collect()
 }
 
-/// If the last run skipped tests, returns its filter, packages or targets.
+/// If the last run skipped tests, returns the arguments that selected its tests: a filter, packages or targets.
 fn last_selection(project: &Project) -> anyhow::Result<Option<String>> {
     let folder = project.output().join("record");
     let run = if folder.is_dir() { Run::read(&folder)? } else { None };
     Ok(run.map(|run| run.selected.join(" ")).filter(|selected| !selected.is_empty()))
 }
 
-/// Returns the functions that the last run checked, and the tests that drew frames. Returns none if there was no run.
+/// Returns the functions that the last run checked, and the tests that drew frames: none if there was no run.
 pub(super) fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let folder = project.output().join("record");
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };

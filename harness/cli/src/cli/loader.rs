@@ -14,8 +14,8 @@ use karat::unstable::path::{has_chosen_drivers, swiftshader};
 /// The part of a path that names SwiftShader.
 const NAMED: &str = "@swiftshader";
 
-/// Restarts the program with SwiftShader if a path names SwiftShader and the variable isn't set yet. Otherwise returns
-/// `None`.
+/// Restarts the program with SwiftShader if a path names SwiftShader and the environment variable isn't set yet.
+/// Otherwise returns `None`.
 pub(super) fn with_second_driver() -> Option<anyhow::Result<ExitCode>> {
     let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
     let asked = ["KARAT_PATHS", "KARAT_REQUIRE"].map(std::env::var_os).into_iter().flatten();

@@ -2,7 +2,7 @@
 //! `karat lsp`: a language server. It shows invalid modules, failing tests, and a lens beside each function.
 //!
 //! A verdict depends on the files that its test read. When one of these files changes, the server hides the verdict.
-//! Only the protocol writes to standard output. An invalid message is refused, and the session continues.
+//! Standard output contains only messages of the protocol. After an invalid message, the session continues.
 
 mod documents;
 mod findings;
@@ -28,10 +28,10 @@ use super::{Ending, Outcome};
 /// The pause in typing after which the server validates modules.
 const PAUSE: Duration = Duration::from_millis(60);
 
-/// The time after which the server validates modules even without a pause in typing.
+/// The longest time after an edit until the server validates modules, even without a pause in typing.
 const LONGEST: Duration = Duration::from_millis(400);
 
-/// The time after which the server looks again for runs that have ended.
+/// The interval at which the server checks if another process, such as `karat test` in a terminal, has ended a run.
 const LOOK: Duration = Duration::from_millis(500);
 
 #[derive(clap::Args)]

@@ -90,7 +90,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 /// Runs this command in a separate process. If a driver hangs or crashes and ends that process, the command starts
-/// again without the row that was running.
+/// again, and skips the row that was running.
 fn supervise() -> Outcome {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let file = folder.path().join("journal.jsonl");
@@ -179,7 +179,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     Ok(ending)
 }
 
-/// Refuses outputs that would overwrite shaders or each other, before the work starts.
+/// Returns an error if an output would overwrite shaders or another output, before the work starts.
 fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()> {
     let files = [&args.markdown, &args.html, &args.junit].into_iter().flatten();
     for file in files.clone() {
@@ -213,7 +213,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     Ok(())
 }
 
-/// Returns an error if a path that the options name doesn't open. The column of such a path would be empty.
+/// Returns an error if the path of a requested column doesn't open, because that column has no results.
 fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(index) = matrix.columns.iter().position(|head| head.name == name) else {
         return Ok(());
@@ -361,8 +361,8 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Formats the status of a cell. If fewer than half of the cases were compared, adds their number. Also adds the number
-/// of differences that WGSL allows.
+/// Formats the status of a cell. If fewer than half of the cases were compared, adds their number. If results differ
+/// where WGSL allows several results, also adds the number of these differences.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
     let word = match cell.status {

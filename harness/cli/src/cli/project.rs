@@ -84,8 +84,8 @@ fn is_no_project(folder: &Path) -> bool {
     std::env::home_dir().is_some_and(|home| home == folder) || folder.parent().is_none()
 }
 
-/// Returns the folder below `folder` that contains all modules and tests. The search stops at a folder that is called
-/// `shaders` or has a karat.toml.
+/// Returns the innermost folder that contains all modules and tests below `folder`. The search stops at a folder that
+/// is called `shaders` or has a karat.toml.
 fn narrowed(folder: &Path) -> PathBuf {
     let mut at = folder.to_owned();
     loop {
@@ -126,7 +126,7 @@ fn here() -> anyhow::Result<PathBuf> {
     std::env::current_dir().context("the working directory doesn't exist any more")
 }
 
-/// The project around the working directory.
+/// A project: a Cargo workspace, a Cargo package, or a folder of shaders without Cargo.
 #[derive(Debug)]
 pub(super) struct Project {
     root: PathBuf,
@@ -167,7 +167,7 @@ impl Project {
     }
 
     /// Finds the Cargo workspace around a folder, or otherwise the nearest Cargo package. Without Cargo, the project is
-    /// the folder `shaders` in `folder`, or otherwise the folder below `folder` that contains all modules and tests.
+    /// the folder `shaders` in `folder`, or otherwise the innermost folder with all modules and tests below `folder`.
     pub(super) fn at(folder: &Path) -> anyhow::Result<Self> {
         let own = Self::around(folder)?;
         let shaders = folder.join(SHADERS);
@@ -283,8 +283,8 @@ impl Project {
         self.settings.iter().any(|(_, said)| said.packages.is_some())
     }
 
-    /// Returns the folder of goldens that the project or a member declares. Without a declaration, this is `golden`, or
-    /// otherwise the only folder that the last run used.
+    /// Returns the folder of goldens that the project or a member declares. Without a declaration, returns the folder
+    /// `golden`, or if it doesn't exist, the only folder of goldens that the last run used.
     pub(super) fn golden(&self) -> PathBuf {
         let declared =
             |(above, said): &(PathBuf, Settings)| Some(above.join(said.golden.as_ref()?));

@@ -62,8 +62,8 @@ pub(super) fn run(arguments: RenderArguments, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Returns a Cargo command for the binary of the project. It runs in the working directory, because the user's paths
-/// are relative to that directory.
+/// Returns a Cargo command, such as `cargo run`, for a binary of the project. It runs in the working directory, because
+/// the user's paths are relative to that directory.
 fn cargo(project: &Project, verb: &str, binary: &str) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.args([verb, "--bin", binary, "--manifest-path"]);

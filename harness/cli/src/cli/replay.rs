@@ -1,4 +1,4 @@
-//! `karat replay`: runs a failing case of the last run again. The failure has a short name.
+//! `karat replay`: runs a failing case of the last run again. A short name selects the failure.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -125,8 +125,8 @@ fn start(project: &Path, arguments: &[String]) -> PathBuf {
     root.ancestors().find(has).unwrap_or(project).to_owned()
 }
 
-/// Returns the process of a recorded command. A record may come from another machine, so only known programs and
-/// variables are allowed.
+/// Returns the process of a recorded command. A record may come from another machine, so the command may run only cargo
+/// or karat, and set only variables `KARAT_*`.
 fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
     let Replay { variables, program, arguments } = replay;
     let mut command = match &**program {

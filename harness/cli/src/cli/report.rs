@@ -151,7 +151,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// Writes the HTML page of records that cover one path each. The page shows the paths of a check side by side.
+/// Writes an HTML page of records, each of which covers one path. The page shows the paths of a check side by side.
 pub(super) fn write_page(
     records: Vec<Record>,
     project: &Project,
@@ -170,7 +170,7 @@ pub(super) fn write_page(
 }
 
 impl OutputArgs {
-    /// Refuses a report that would replace a file of the record, and two reports in one file.
+    /// Returns an error if a report would replace a file of the record, or if two reports would have the same file.
     pub(super) fn spare(&self, record: &Path) -> anyhow::Result<()> {
         let whole = |file| std::path::absolute(file).unwrap_or_else(|_| PathBuf::from(file));
         let files: Vec<PathBuf> = self.files().map(whole).collect();
@@ -197,12 +197,12 @@ impl OutputArgs {
     }
 
     /// Makes GitHub's runner ignore commands in the output, because names and messages of tests may look like commands.
-    /// The effect ends when Karat prints its own commands.
+    /// The runner obeys commands again before Karat prints its own commands.
     pub(super) fn hold_commands(&self, out: &mut dyn Write) -> std::io::Result<Held> {
         if github::runs_here() && !self.short { Held::begin(out) } else { Ok(Held::default()) }
     }
 
-    /// Removes the report of an earlier run, because this run may end before it writes a report.
+    /// Removes the reports of an earlier run, because this run may end before it writes its own reports.
     pub(super) fn clear(&self) -> anyhow::Result<()> {
         // Devices, pipes and links stay. Only a regular file can be the report of an earlier run.
         let is_file = |file: &&Path| file.symlink_metadata().is_ok_and(|found| found.is_file());
@@ -315,7 +315,7 @@ fn outside(records: &[Record], failed: &[String]) -> Vec<String> {
     failed.iter().filter(|test| !by_check.contains(&***test)).cloned().collect()
 }
 
-/// Returns the data of a run for the review: the origins of frames, and the failing functions.
+/// Returns the data of a run for the review: the test that compared each golden, and the failing checks of functions.
 pub(super) fn review_of(records: &[Record]) -> LastRun {
     let (mut run, names) = (LastRun::default(), Names::of(records));
     for record in records {
@@ -356,14 +356,14 @@ fn replays(record: &Record) -> Vec<String> {
     record.details.iter().flat_map(Details::replays).map(ToString::to_string).collect()
 }
 
-/// Returns the [values] of a path, and the command that replays the path's worst case.
+/// Returns the lines of [`values`] for a path, and the command that replays the path's worst case.
 fn facts(details: &PathDetails) -> Vec<String> {
     let mut lines = values(details);
     lines.extend(details.replays().next().map(|replay| format!("replay: {replay}")));
     lines
 }
 
-/// Returns the failing cases of a path, one in each line: arguments, results, failing expectations.
+/// Returns lines with the worst, first and simplest failing case of a path, and with the failing expectations.
 fn values(details: &PathDetails) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for case in [&details.worst, &details.first, &details.simplest].into_iter().flatten() {
@@ -389,7 +389,7 @@ fn in_a_line(case: &CaseDetails) -> String {
     parts.collect::<Vec<_>>().join("; ")
 }
 
-/// The location of a failure, relative to the project.
+/// The location of a failure. The file is relative to the project or to the repository.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     pub(super) file: String,
@@ -435,9 +435,9 @@ fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
 /// The variables that contain the repository's folder on GitHub, GitLab and Jenkins.
 const WORKSPACES: [&str; 3] = ["GITHUB_WORKSPACE", "CI_PROJECT_DIR", "WORKSPACE"];
 
-/// Returns the folder that paths in reports for CI are relative to. This is the repository's folder, if CI names a
-/// folder that contains the project, or if git has one. Otherwise it is the working directory if this contains the
-/// project, or else the project's folder.
+/// Returns the folder that paths in reports for CI are relative to. Tries, in this order: the folder that CI names, if
+/// it contains the project; the repository's folder of git; the working directory, if it contains the project; and the
+/// project's folder.
 fn workspace(root: &Path) -> PathBuf {
     let whole = |folder: &Path| folder.canonicalize().ok();
     let named = WORKSPACES.iter().filter_map(std::env::var_os).filter(|folder| !folder.is_empty());
@@ -453,8 +453,8 @@ fn workspace(root: &Path) -> PathBuf {
     found.unwrap_or_else(|| root.to_owned())
 }
 
-/// Resolves `file:line:column`. The file may be relative to any folder above the package: tests run in their package's
-/// folder, and the compiler runs in the workspace.
+/// Resolves `file:line:column`. The file may be relative to the package or to any folder above it: tests run in their
+/// package's folder, and the compiler runs in the workspace.
 pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Option<Place> {
     let place = Place::of(location)?;
     let mut files = package.ancestors().map(|folder| folder.join(&place.file));
@@ -462,8 +462,8 @@ pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Optio
     Some(Place { file: relative(&file, workspace), ..place })
 }
 
-/// Does the work of [`located`] for the files that a record depends on, because the record may come from another
-/// folder.
+/// Finds a location like [`located`], but among the files that a record depends on. The record may come from a project
+/// in another folder.
 fn of_read(location: &str, record: &Record, workspace: &Path) -> Option<Place> {
     let file = Path::new(location.rsplitn(3, ':').nth(2)?);
     let read = record.read.iter().map(|read| &read.file).find(|read| read.ends_with(file))?;

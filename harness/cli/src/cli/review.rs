@@ -105,12 +105,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if frames.is_empty() { Ending::Good } else { Ending::Bad })
 }
 
-/// Runs this program to tap and trace frames for the page.
+/// Starts Karat's commands `tap` and `trace` for the page.
 #[derive(Debug)]
 struct Told;
 
 impl Told {
-    /// Returns the output of a command about a frame.
+    /// Runs a command, such as `trace`, for a frame, and returns the output.
     fn ask(
         command: &str,
         before: &[String],
@@ -185,7 +185,7 @@ impl Pixels for Told {
     }
 }
 
-/// Returns all files below a folder, because the names of frames may contain folders.
+/// Returns all files in a folder and its subfolders. The name of a frame may contain subfolders.
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let of = |path: PathBuf| if path.is_dir() { files_below(&path) } else { vec![path] };
@@ -213,7 +213,7 @@ fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
     Some(review_of(&records))
 }
 
-/// Returns the arguments that make the commands on the page use the same folders.
+/// Returns the arguments `--from` and `--goldens`, so that the commands on the page use the page's folders.
 fn arguments(args: &Args) -> String {
     let named = [("--from", args.from.named()), ("--goldens", args.folder.named())];
     let given = named.into_iter().filter_map(|(name, path)| Some((name, path?)));

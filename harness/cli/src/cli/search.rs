@@ -6,8 +6,9 @@
 //!   to all members, and a member's list applies only to this member.
 //! - Without such a list, the packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
 //!   members, and the folders that recorded tests used.
-//! - Without Cargo and without a named folder, the package is the folder `shaders`, or otherwise the working directory.
-//!   If a named folder contains a `shaders` with a karat.toml and all modules, this `shaders` is the package.
+//! - Without Cargo and without a named folder, the package is the folder `shaders`, or otherwise the innermost folder
+//!   with all modules and tests. If a named folder contains a `shaders` with a karat.toml and all modules, this
+//!   `shaders` is the package.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -55,7 +56,7 @@ impl Project {
         self.search_with(args, &self.recorded())
     }
 
-    /// Does the work of [`search`](Self::search) with the given folders of tests.
+    /// Does the work of [`search`](Self::search), but `used` has the folders and files that tests used.
     pub(super) fn search_with(
         &self,
         args: &PackageArgs,
@@ -143,8 +144,8 @@ impl Project {
         Ok(found.into_iter().map(|one| one.package).collect())
     }
 
-    /// Returns the package that contains a function. If no package has the function, returns the first package, for its
-    /// error message.
+    /// Returns the package that contains a function. If no package has the function, returns the first package: the
+    /// caller then reports that this package lacks the function.
     pub(super) fn package_of(&self, args: &PackageArgs, path: &str) -> anyhow::Result<Package> {
         let mut packages = self.packages(args)?;
         let holds = |package: &Package| {
@@ -154,7 +155,7 @@ impl Project {
         Ok(packages.swap_remove(index))
     }
 
-    /// Returns the folders that tests used in their last run.
+    /// Returns the folders and files of shaders that recorded tests used, or none if a manifest lists all packages.
     pub(super) fn recorded(&self) -> BTreeSet<PathBuf> {
         // If all packages are declared, no other folder is a package.
         if self.says(self.root()) {
@@ -193,15 +194,15 @@ impl Project {
     }
 }
 
-/// Checks if a folder has neither a module nor a file for Karat.
+/// Checks if a folder has no module, no `karat.toml` and no file of tests.
 fn is_empty(package: &Package) -> bool {
     let is_for_karat = |file: &PathBuf| file.ends_with(MANIFEST) || karat_suite::is_meant(file);
     matches!(package.modules(), Err(PackageError::Empty(_)))
         && !package.files_beside().unwrap_or_default().iter().any(is_for_karat)
 }
 
-/// Returns the folder of the package that is in a folder without Cargo. This is the subfolder `shaders`, if `shaders`
-/// has a karat.toml and all modules. Otherwise it is the folder itself.
+/// Returns the folder of the package that the user means by a folder without Cargo. This is the subfolder `shaders`, if
+/// `shaders` has a karat.toml and all modules. Otherwise it is the folder itself.
 pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     let shaders = folder.join(SHADERS);
     let declares = |folder: &Path| folder.join(MANIFEST).is_file();
@@ -214,7 +215,7 @@ pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
 struct Outside {
     /// The packages outside of `shaders`: single modules, and folders with modules.
     packages: Vec<Package>,
-    /// The files of tests in folders without a module.
+    /// The files of tests that are beside no module.
     files: Vec<PathBuf>,
 }
 
@@ -256,8 +257,8 @@ fn outside(folder: &Path) -> anyhow::Result<Outside> {
     Ok(all)
 }
 
-/// Lists the tests that don't run because Karat tests only the folder's `shaders`. The folder is the named one, or the
-/// working directory if it isn't in a Cargo project.
+/// Lists the tests that don't run because Karat tests only the folder's `shaders`. The folder is `named`, or otherwise
+/// the working directory. If the folder has a Cargo.toml, lists nothing.
 pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow::Result<()> {
     let folder = named.unwrap_or(Path::new("."));
     let is_alone = match named {
@@ -307,8 +308,8 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
     Ok(())
 }
 
-/// Refuses a second folder in the place of a filter. As a filter, a folder's name could match by chance: `t` is in
-/// `expect_true`.
+/// Returns an error if the second argument is an existing folder or file, and not a filter. As a filter, the folder's
+/// name could match tests by chance: `t` is in `expect_true`.
 pub(super) fn expect_filter(folder: &Path, filter: Option<&str>) -> anyhow::Result<()> {
     let second = filter.filter(|second| Path::new(second).exists()).unwrap_or_default();
     ensure!(
@@ -320,7 +321,7 @@ pub(super) fn expect_filter(folder: &Path, filter: Option<&str>) -> anyhow::Resu
     Ok(())
 }
 
-/// Checks if the name of a test contains a word.
+/// Checks if the name of a test contains `word` as a whole word.
 pub(super) fn has_word(test: &karat_suite::Test, word: &str) -> bool {
     test.name.split(|c: char| !c.is_alphanumeric()).any(|part| part == word)
 }

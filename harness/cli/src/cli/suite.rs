@@ -52,12 +52,12 @@ pub(super) struct Args {
     features: Vec<(String, Feature)>,
 }
 
-/// Returns the host of the tests of a suite: the command that runs a test again, and the folder for failing inputs.
+/// Returns the [`Host`] of a suite's tests, with the command that runs a test again, and the folder for failing inputs.
 pub(super) fn host(suite: &Suite, folder: &Path, features: &[(String, Feature)]) -> Host {
     Host { folder: suite.folder.clone(), ..host_of(folder, features) }
 }
 
-/// Returns the [`host`] of a folder of shaders. The folder also contains the failing inputs.
+/// Returns the [`Host`] of the tests in a folder of shaders. Failing inputs are stored in this folder, too.
 pub(super) fn host_of(folder: &Path, features: &[(String, Feature)]) -> Host {
     let folder_name = karat::unstable::diagnostic::shown(folder);
     let features = written(features).flat_map(|feature| ["--feature".to_owned(), feature]);
@@ -155,7 +155,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 /// The function that receives each verdict.
 type Heard<'h> = &'h mut dyn FnMut(&Test, Result<(), Wrong>) -> std::io::Result<()>;
 
-/// Runs tests on all cores, and passes each verdict on at once.
+/// Runs tests on all cores, and passes each verdict to `heard` as soon as the test ends.
 fn each(suite: &Suite, tests: &[&Test], heard: Heard<'_>) -> std::io::Result<()> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);

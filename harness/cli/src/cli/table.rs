@@ -93,8 +93,8 @@ impl Table {
         Ok(())
     }
 
-    /// Makes columns narrower until a line fits. First removes columns without cells. Then cuts columns, the widest
-    /// first. If that isn't enough, removes a column, and the other columns get its space.
+    /// Makes columns narrower until a line fits. First removes columns without text. Then cuts columns, the widest
+    /// first. If that isn't enough, removes one of the columns in `leave`, and cuts the other columns again.
     fn narrow(&self, widths: &mut [usize], limit: usize) {
         let cells = &self.rows[1..];
         let is_empty = |column: usize| {
@@ -114,7 +114,7 @@ impl Table {
         }
     }
 
-    /// Cuts the columns that may be cut. Returns `true` if a line then fits.
+    /// Cuts the columns in `cut` until a line fits. Returns `false` if no column can become narrower.
     fn cut_to(&self, widths: &mut [usize], limit: usize) -> bool {
         while line(widths) > limit {
             let may = self

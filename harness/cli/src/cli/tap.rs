@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     tell_of(&frame.map_err(|wrong| anyhow!("{}", wrong.message))?, args, &project, out)
 }
 
-/// Taps the passes of a `[[compute]]`, if there are passes with this name.
+/// Taps the passes of the `[[compute]]` that the user named. Returns `None` if there is no such `[[compute]]`.
 fn passes(args: &Args, project: &Project, out: &mut dyn Write) -> anyhow::Result<Option<Ending>> {
     // Without a folder of shaders, there may be a gallery. The search for frames is next, and reports the error.
     for package in project.packages(&args.package).unwrap_or_default() {

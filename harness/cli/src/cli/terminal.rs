@@ -11,18 +11,18 @@ pub(super) struct Size {
     pub(super) rows: usize,
 }
 
-/// The size of an output that isn't a terminal.
+/// The assumed size of an output that isn't a terminal.
 const UNKNOWN: Size = Size { columns: None, rows: 32 };
 
-/// The size of a terminal that doesn't report its size.
+/// The assumed size of a terminal that doesn't report its size.
 const SMALL: (u16, u16) = (80, 24);
 
-/// The smallest size that Karat uses.
+/// The smallest numbers of columns and rows that Karat assumes.
 const LEAST: (usize, usize) = (20, 4);
 
 static SIZE: OnceLock<Size> = OnceLock::new();
 
-/// Measures the terminal, if the output is a terminal. `COLUMNS` takes precedence for the width.
+/// Measures the terminal, if the output is a terminal. The environment variable `COLUMNS` overrides the measured width.
 pub(super) fn measure() {
     let size = match std::io::stdout().is_terminal() {
         true => {

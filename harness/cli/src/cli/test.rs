@@ -76,7 +76,7 @@ struct Asked<'a> {
     filter: Option<&'a str>,
     /// The Rust tests that, in their last run, checked a function or golden with a name that contains the filter.
     about: Vec<String>,
-    /// The names of the failed tests, if only these tests run.
+    /// The exact names of the tests to run, with `--failed` or `--named`.
     names: Option<Vec<String>>,
 }
 
@@ -203,7 +203,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// Returns the remarks for the last line.
+/// Returns the remarks that follow the last line of the run.
 fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
     let left_out = (left_out > 0)
         .then(|| format!("{} left out because of false conditions", counted(left_out, "test")));
@@ -211,8 +211,8 @@ fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
 }
 
 impl Args {
-    /// Returns the root of a package, and the name of a test in this package. The test is outside of the folder `word`,
-    /// but its name contains `word`, so `karat test WORD` may mean the folder or the test.
+    /// Finds a test whose name contains `word`, and which isn't in the folder `word`: `karat test WORD` may mean the
+    /// folder or the test. Returns the root of the test's package, and the name of the test.
     fn other_test(&self, word: &str) -> Option<(PathBuf, String)> {
         let folder = Path::new(word).canonicalize().ok()?;
         // If the project isn't readable, the word means the folder.
@@ -303,7 +303,7 @@ impl<'a> Asked<'a> {
         }
     }
 
-    /// With `--failed`, adds the names of the tests that failed in the last run.
+    /// With `--failed` or `--named`, sets the exact names of the tests to run.
     fn with_failed(self, project: &Project) -> anyhow::Result<Self> {
         if !self.args.failed {
             let names = (!self.args.named.is_empty()).then(|| self.args.named.clone());
@@ -337,7 +337,7 @@ impl<'a> Asked<'a> {
         Self { about: Subjects::read(&project.record()).about(filter), ..self }
     }
 
-    /// If the filter is the name of a function, prints that the filter can't find tests that have never run.
+    /// If the filter may be the name of a function, prints that it finds new Rust tests only by their own names.
     fn write_unknown(
         &self,
         project: &Project,
@@ -387,7 +387,7 @@ impl<'a> Asked<'a> {
         Ok(vec![Found::stated(self.args.package.featured(package))])
     }
 
-    /// Lists the tests that a condition turns off.
+    /// Lists the tests that a false condition turns off, and returns their number.
     fn write_left_out(&self, packages: &[Package], out: &mut dyn Write) -> anyhow::Result<usize> {
         let of = |package: &Package| package.tests_left_out(&package.modules().unwrap_or_default());
         let is_wanted =
@@ -614,7 +614,7 @@ impl<'a> Asked<'a> {
         Ok(self.run_tests(command, record, progress, out)?.success())
     }
 
-    /// Runs a test program. On a terminal, a bar counts the passing tests.
+    /// Runs a command that runs tests. On a terminal, a bar counts the tests with a verdict.
     fn run_tests(
         &self,
         mut command: Command,
@@ -674,7 +674,7 @@ pub(super) fn unwritable(project: &Project) -> String {
     }
 }
 
-/// Lists the tests that passed without a check: their authors may have forgotten it.
+/// Lists the tests that passed without a check: their authors may have forgotten the check.
 fn write_silent(
     records: &[Record],
     passed: &[String],

@@ -174,7 +174,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     Ok(Some(before))
 }
 
-/// Moves the files that differ from today's files into an overlay. Returns `true` if there are any.
+/// Copies the modules in `before` that differ from today's modules into an overlay. Returns `true` if a module differs.
 fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<bool> {
     let mut any = false;
     let mut open = vec![before.to_owned()];

@@ -51,11 +51,11 @@ struct Report {
     unreferenced: Vec<Golden>,
     /// The goldens of profiles that didn't run.
     unjudged: Vec<Golden>,
-    /// The goldens with an image that doesn't match its provenance. Unreferenced goldens aren't in this list.
+    /// The goldens whose provenance is missing or doesn't match the image, without the unreferenced goldens.
     doubtful: Vec<Doubt>,
     stray: Vec<Stray>,
     deleted: Vec<PathBuf>,
-    /// The unreferenced goldens that Karat mustn't delete.
+    /// The unreferenced goldens that `--delete` kept, because they have no provenance.
     left: Vec<PathBuf>,
 }
 
@@ -65,7 +65,7 @@ struct Evidence {
     /// The folders of compared goldens, without the folder that this command examines.
     elsewhere: BTreeSet<String>,
     profiles: BTreeSet<String>,
-    /// The compared pairs of name and profile.
+    /// The name and the profile of each comparison of a frame with a golden.
     pairs: BTreeSet<(String, String)>,
     /// The files that tests read. Some of them may be goldens of values.
     read: BTreeSet<PathBuf>,
@@ -156,7 +156,7 @@ impl Report {
     }
 }
 
-/// Returns the files of unreferenced goldens, and the remains of deleted goldens. Files that Karat didn't write stay.
+/// Returns the files to delete: unreferenced goldens with their provenance, and stray files that Karat wrote.
 fn deletable(report: &Report) -> Vec<PathBuf> {
     let of = |golden: &Golden| match golden.is_table() {
         true => vec![golden.file.clone()],
@@ -218,7 +218,7 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     )
 }
 
-/// Returns the records of the last run. The run must be complete.
+/// Returns the records of the last run, or an error if that run skipped tests, failed or used an overlay.
 fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
     let none = |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
     let recorded = Recorded::read(record)?;
@@ -246,7 +246,7 @@ fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
 }
 
 impl Evidence {
-    /// Collects the goldens in a folder that the records compared.
+    /// Collects the goldens that the recorded checks compared. `golden` is the folder that this command examines.
     fn gather(records: &[Record], golden: &Path) -> Self {
         let (mut frames, mut profiles, mut pairs) =
             <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();

@@ -106,11 +106,11 @@ impl Source {
 
 pub(super) enum Event {
     Files(Vec<PathBuf>),
-    /// A worker wrote a line, or ended.
+    /// A process that runs tests wrote a line, or ended.
     Worker(usize, Said),
     Key(KeyEvent),
     Resized,
-    /// The reader of the output has ended.
+    /// The program that reads the output of this command, such as `tee`, has ended.
     Unread,
     /// Ctrl-C or the system asks the command to end.
     Stopped,
@@ -148,7 +148,7 @@ pub(super) struct Verdicts {
     pub(super) ran: usize,
     pub(super) took: Duration,
     pub(super) idle: usize,
-    /// The reason why there is no verdict.
+    /// The errors of unreadable tests, or the reason why the process ended.
     pub(super) broken: Option<String>,
     pub(super) invalid: Option<String>,
     /// The remarks of other compilers on the modules: a summary line, and then each remark.
@@ -165,7 +165,7 @@ pub(super) struct Lane {
     pub(super) alone: bool,
     /// `true` for the first path, which validates the modules.
     validates: bool,
-    /// The files that the tests read.
+    /// The files that the tests read, except for modules and for files that declare tests.
     reads: Reads,
     began: Instant,
 }
@@ -231,7 +231,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     ending
 }
 
-/// The watched sources, and their state.
+/// The watched sources of tests, and the state of the command.
 struct Watch {
     folder: PathBuf,
     project: Project,
@@ -447,7 +447,7 @@ impl Watch {
         keys::pending(&self.project, shaders)
     }
 
-    /// Asks each path for its records. The report opens after the last reply.
+    /// Asks the process of each path for its records. The report opens after the last reply.
     fn ask_for_records(&mut self) {
         let asked = self.lanes.iter_mut().map(|lane| lane.resident.ask_for_records());
         let asked = asked.filter(|asked| *asked).count();
@@ -533,8 +533,8 @@ fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
     ctrlc::set_handler(stop).context("can't wait for Ctrl-C")
 }
 
-/// Sends an event when the reader of the output has ended. The command may write nothing for hours, so it can't wait
-/// for the error of the next write.
+/// Sends an event when the program that reads the output has ended. The command may write nothing for hours, so it
+/// can't wait for the error of the next write.
 #[cfg(unix)]
 fn tell_when_unread(sender: Sender<Event>) {
     use rustix::event::{PollFd, PollFlags, poll};
@@ -549,7 +549,7 @@ fn tell_when_unread(sender: Sender<Event>) {
     });
 }
 
-/// Does nothing. The error of the next write reports that the reader has ended.
+/// Does nothing: after the program that reads the output has ended, the next write fails.
 #[cfg(not(unix))]
 fn tell_when_unread(_: Sender<Event>) {}
 

@@ -6,22 +6,22 @@ use super::canvas::{Canvas, GLYPH};
 
 const INK: [u8; 3] = [230, 230, 230];
 
-/// The margin of the legend, in units. A unit has one pixel or more (see [`UNIT`]).
+/// The margin of the legend, in units. A unit is one or more pixels wide (see [`UNIT`]).
 const MARGIN: u32 = 4;
 const BAR: u32 = 8;
 const TICK: u32 = 3;
 /// The width and height of a glyph's dot, in units. A glyph has 3 by 5 dots, and would be hard to read with dots of one
 /// unit.
 const DOT: u32 = 2;
-/// The widest image, in pixels, whose legend has a unit of one pixel. In wider images the unit grows, because people
-/// view them scaled down.
+/// The image width per pixel of a unit: in an image 1,920 pixels wide, a unit has 2 pixels. People view wide images
+/// scaled down, so a wide image needs a larger legend.
 const UNIT: u32 = 960;
-/// The width of a bar that has room for [`PARTS`] numbers, in units.
+/// The smallest width, in units, of a bar with room for the numbers of [`PARTS`] parts.
 const WIDE: u32 = 300;
-/// The number of parts of a wide bar. The last number begins with the digit 1, 2 or 5, and a fifth of such a number has
-/// few digits.
+/// The number of equal parts between the numbers below a wide bar. The last number begins with the digit 1, 2 or 5, and
+/// a fifth of such a number has few digits.
 const PARTS: u32 = 5;
-/// The width of the shortest bar in units.
+/// The smallest width of a bar, in units.
 const SHORT: u32 = 60;
 
 /// The legend below an image.
@@ -29,12 +29,12 @@ const SHORT: u32 = 60;
 pub(super) struct Legend {
     /// The number of pixels per unit.
     unit: u32,
-    /// The distance from the left edge of the image to the bar, in pixels. The left half of the bar's first number fits
-    /// into this distance.
+    /// The distance from the left edge of the image to the bar, in pixels. Each number is centred below its tick, so
+    /// half of the first number must fit into this distance.
     left: u32,
     /// The width of the bar in pixels.
     bar: u32,
-    /// The numbers below the bar, at equal distances, from 0 to the number of the last colour.
+    /// The numbers below the bar, at equal distances, from 0 to the error that has the last colour.
     numbers: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Changes to a project for the web: a script in its `package.json`, and a line that requires Tint's verdict.
+//! Changes to a project for the web: a script in `package.json`, and a setting in `karat.toml` that requires Tint.
 
 use std::io::Write;
 use std::path::Path;
@@ -17,7 +17,7 @@ const FILE: &str = "package.json";
 /// The npm package that has Tint, as a part of Dawn.
 const TINT: &str = "webgpu";
 
-/// Adds the script and the required verdict to a project for the web. Other projects stay unchanged.
+/// Adds the script and the setting to a project with a `package.json`. Other projects stay unchanged.
 pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let whole = folder.canonicalize()?;
     let Some(root) = whole.ancestors().find(|folder| folder.join(FILE).is_file()) else {
@@ -29,7 +29,7 @@ pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     ask_for_tint(folder, (&whole, &root.join(FILE)), out)
 }
 
-/// Checks if the `package.json` of a folder depends on Karat. Then `npm ci` installs Karat.
+/// Checks if the `package.json` of a folder depends on Karat. If so, `npm ci` installs Karat.
 pub(super) fn brings_karat(folder: &Path) -> bool {
     let text = std::fs::read_to_string(folder.join(FILE)).unwrap_or_default();
     let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
@@ -41,7 +41,7 @@ fn has(manifest: &Value, package: &str) -> bool {
     kinds.iter().any(|kind| manifest[kind].get(package).is_some())
 }
 
-/// Adds the script, unless the file has a script of that name.
+/// Adds the script [`SCRIPT`], unless the file has a script of that name.
 fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let name = shown(file);
     let text = std::fs::read_to_string(file).with_context(|| format!("`{name}`"))?;
@@ -74,7 +74,7 @@ fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result
 }
 
 /// Returns the file's text with one more member of `scripts`, in the author's layout. Returns `None` if the layout
-/// isn't clear. The caller compares the parsed result with the expected one.
+/// isn't clear. The search for `scripts` is a guess, so the caller parses the new text and checks it.
 fn inserted(text: &str, member: &str) -> Option<String> {
     let scripts = text.find("\"scripts\"");
     let open = match scripts {
@@ -97,8 +97,8 @@ fn inserted(text: &str, member: &str) -> Option<String> {
     Some(format!("{}{before}{own}{comma}{after}{rest}", &text[..=open]))
 }
 
-/// Writes a setting for web projects that requires both compilers to accept the shaders: Firefox uses naga, other
-/// browsers use Tint.
+/// Writes a setting for web projects that requires Tint to accept the shaders, too: Firefox uses naga, but Chrome and
+/// Edge use Tint.
 fn ask_for_tint(
     folder: &Path,
     (whole, manifest): (&Path, &Path),

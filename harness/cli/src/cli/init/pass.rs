@@ -1,4 +1,4 @@
-//! A first `[[compute]]` test of a compute entry point. The sizes of its resources follow from the dispatch.
+//! A first `[[compute]]` test of a compute entry point. The sizes of the pass's resources follow from the dispatch.
 
 use karat::Package;
 use karat::unstable::package::FunctionItem;
@@ -6,7 +6,7 @@ use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage, Texels, T
 use karat::unstable::value::{Scalar, Shape};
 use karat_inspect::Usual;
 
-/// The smallest number of elements that the test gives to an array without a length.
+/// The smallest number of elements that the test gives to a runtime-sized array.
 const LEAST: u32 = 64;
 
 /// The largest length of an array that a test lists element by element.
@@ -79,7 +79,7 @@ pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<Stri
     ))
 }
 
-/// Returns the declaration of a texture of the dispatch's size, with sampled texels.
+/// Returns the TOML of a texture with sampled texels. The texture is as large as the dispatch.
 fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
     if kind.multisampled {
         return None;
@@ -98,7 +98,7 @@ fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
     Some(format!("{{ size = {size}, range = \"{range}\" }}"))
 }
 
-/// Returns the declaration of an array with sampled elements. It has a `size` if the shader sets no length.
+/// Returns the TOML of an array with sampled elements. The caller passes a `size` if the array is runtime-sized.
 fn array(element: &Shape, size: Option<u32>) -> String {
     let size = size.map(|size| format!("size = {size}"));
     let range = range(element).map(|range| format!("range = \"{range}\""));
@@ -117,8 +117,8 @@ fn range(element: &Shape) -> Option<&'static str> {
     })
 }
 
-/// Returns a value of a type. If the name of an integer suggests a size of the dispatch, such as `width`, the integer
-/// gets this size. Other integers get `count`.
+/// Returns a value of a type as TOML. If the name of an integer suggests a size of the dispatch, such as `width`, the
+/// integer gets this size. Other integers get `count`.
 fn value(shape: &Shape, name: &str, (usual, count): (&Usual, u32)) -> Option<String> {
     let number = |lane, lanes| {
         let own = usual.number(name, lane, lanes);

@@ -52,7 +52,7 @@ impl Documents {
         }
     }
 
-    /// Returns a package with the unsaved texts. If there are none, the package keeps its cached programs.
+    /// Returns a package with the unsaved texts. Without unsaved texts, the package keeps its cached programs.
     pub(super) fn applied(&self, package: &Package) -> Package {
         let mut package = package.clone();
         for (file, document) in self.unsaved() {
@@ -74,7 +74,7 @@ impl Documents {
     }
 }
 
-/// The present contents of files. Each file is read once.
+/// The present contents of files: the text in the editor, or otherwise the file on the disk. Each file is read once.
 pub(super) struct Now<'d> {
     documents: &'d Documents,
     known: RefCell<HashMap<PathBuf, FileRead>>,
@@ -86,7 +86,7 @@ impl<'d> Now<'d> {
     }
 
     /// Checks if a verdict belongs to the text that the author sees: no file that the verdict depends on has changed. A
-    /// changed Rust reference counts only after it is built.
+    /// change of a Rust reference counts only after Cargo has built the reference.
     pub(super) fn is_current(&self, record: &Record, declared: Option<&Path>) -> bool {
         if record.overlay.is_some() || record.read.is_empty() {
             return false;
@@ -107,8 +107,9 @@ impl<'d> Now<'d> {
     }
 }
 
-/// Checks if a verdict began before a file was saved. An unknown time counts as earlier. Records have milliseconds: a
-/// file saved within the first millisecond counts as read.
+/// Checks if a test started before a file was saved. A test without a known start counts as started before. Records
+/// round the start down to milliseconds, so a file that was saved in the same millisecond counts as saved before the
+/// start.
 fn began_before(time: Option<&Time>, saved: SystemTime) -> bool {
     let started = time.and_then(|time| humantime::parse_rfc3339(&time.started).ok());
     started.is_none_or(|started| saved >= started + Duration::from_millis(1))
@@ -118,7 +119,6 @@ fn began_before(time: Option<&Time>, saved: SystemTime) -> bool {
 mod tests {
     use super::*;
 
-    /// A test that starts 0.3 ms after its file was saved has read that file.
     #[test]
     fn a_test_started_in_the_millisecond_of_a_save_has_read_the_file() {
         let time = |started: &str| Time { started: started.to_owned(), seconds: 0.0 };

@@ -29,7 +29,7 @@ fn error(range: Range, message: String) -> Diagnostic {
     }
 }
 
-/// Adds the errors of invalid modules. Returns the errors without a location in a file, for the log.
+/// Adds the errors of invalid modules. Returns the errors without a location in a file, as messages.
 pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<String> {
     let Invalid::Modules { errors, .. } = invalid else { return vec![invalid.to_string()] };
     let mut placeless = Vec::new();
@@ -44,8 +44,8 @@ pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<Stri
     placeless
 }
 
-/// Adds the remarks of an opinion as warnings. If `karat.toml` turns a remark into an error, the error is already
-/// there.
+/// Adds the remarks of an opinion as warnings. If `karat.toml` turns a remark into an error, `findings` already has the
+/// error, and gets no warning.
 pub(super) fn of_opinion(opinion: &Opinion, findings: &mut Findings) {
     for (file, mut diagnostic) in opinion.remarks().into_iter().filter_map(placed) {
         let own = findings.get(&file).map_or(&[][..], Vec::as_slice);
@@ -84,14 +84,14 @@ fn placed(found: &karats::Diagnostic) -> Option<(PathBuf, Diagnostic)> {
     Some((file, diagnostic))
 }
 
-/// Returns the file of a span, or `None` if its text is in memory.
+/// Returns the file of a span, or `None` if the span's text is in memory.
 pub(super) fn file_of(span: &karats::Span) -> Option<PathBuf> {
     let name = &span.file.name;
     (!name.starts_with('<')).then(|| place::resolved(Path::new(name)))
 }
 
-/// Adds the failures in records that belong to the present files. `last` are the records of the last run; `karat
-/// replay` has names for their failures.
+/// Adds the failures in `records`. If `last`, the records of the last run, has the same failure, adds the name by which
+/// `karat replay` finds it.
 pub(super) fn of_records(
     records: &[Record],
     last: &[Record],
@@ -113,7 +113,7 @@ pub(super) fn of_records(
     }
 }
 
-/// Adds a finding that has a location. Other findings appear in a lens or in the log.
+/// Adds a finding that has a location. Lenses count the other failures, too.
 pub(super) fn add(
     finding: Finding,
     name: Option<String>,

@@ -80,7 +80,7 @@ impl<'r> Records<'r> {
         found
     }
 
-    /// Returns the records of a function and of the tests that call it, in order.
+    /// Returns the records of a function and of the tests that call it, in the order of the run.
     fn about(&self, function: &str, tests: &BTreeSet<String>) -> Vec<&'r Record> {
         let of_tests = tests.iter().filter_map(|test| self.by_test.get(&**test));
         let of_function = self.by_function.get(function);
@@ -94,12 +94,12 @@ pub(super) struct Known<'k> {
     pub(super) verdicts: &'k Verdicts,
     /// `true` while tests run.
     pub(super) busy: bool,
-    /// `true` if one of the runs included all tests.
+    /// `true` if Karat knows all tests. Then a function without a known test has no test.
     pub(super) whole: bool,
 }
 
 impl Subjects {
-    /// Returns the functions of a module and the tests in its file, or none if the module can't be read.
+    /// Returns the tests in a module's file, and the functions of the module if Karat can read it.
     pub(super) fn of(package: &Package, module: &str, file: &Path) -> Self {
         let functions = package.functions_in(module).unwrap_or_default();
         let functions = functions.into_iter().filter(|item| item.entry_point.is_none());
@@ -123,8 +123,8 @@ impl Subjects {
         names.chain(tests.iter().cloned()).collect()
     }
 
-    /// Returns two lenses for each function: the verdict, and a command that runs the function's tests if there are
-    /// any.
+    /// Returns the lenses of each function and test: the verdict, and a command that runs the function's tests if there
+    /// are any.
     pub(super) fn lenses(&self, uri: &Uri, known: &Known<'_>) -> Vec<CodeLens> {
         let mut lenses = Vec::new();
         let current = Records::of(&self.package, &known.verdicts.current);

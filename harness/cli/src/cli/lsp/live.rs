@@ -1,4 +1,4 @@
-//! Runs the tests without Rust after each save, in long-lived processes, as `karat watch` does.
+//! Runs the tests beside the shaders after each save, in long-lived processes, as `karat watch` does.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::Sender;
@@ -48,7 +48,7 @@ impl Live {
         self.lanes.iter()
     }
 
-    /// Runs the tests that an edit in a package affects. If the package now has its first test, starts its processes.
+    /// Runs the tests that an edit in a package affects. If necessary, starts the package's processes.
     pub(super) fn ask(&mut self, package: &karat::Package) -> anyhow::Result<()> {
         let folder = resolved(&package.root());
         if !self.lanes.iter().any(|lane| lane.package == folder) {
@@ -137,7 +137,7 @@ impl Lane {
     }
 }
 
-/// Reads the records in a file. An invalid line comes from a process that ended while it wrote.
+/// Reads the records in a file. Ignores an invalid line, which comes from a process that ended while it wrote the line.
 fn read(file: &Path) -> Vec<Record> {
     let text = std::fs::read_to_string(file).unwrap_or_default();
     text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()

@@ -69,7 +69,7 @@ pub(super) fn of(span: &Span) -> Range {
     Lines::of(&text).range(&bytes)
 }
 
-/// A text with an index of positions. Finding a position doesn't read the whole text before it.
+/// A text with an index of positions, which makes it fast to find a position at the end of a long text.
 pub(super) struct Lines<'t> {
     text: &'t str,
     /// Byte offsets with their positions, in steps of about [`STEP`] bytes.
@@ -92,7 +92,7 @@ impl<'t> Lines<'t> {
         Self { text, marks }
     }
 
-    /// Returns a range of bytes as lines and columns. A range behind the end of the text is moved to the end.
+    /// Returns a range of bytes as lines and columns. An offset beyond the end of the text counts as the end.
     pub(super) fn range(&self, bytes: &Bytes<usize>) -> Range {
         let place = |offset: usize| {
             let (mut at, read) = self.before(offset);
@@ -119,8 +119,8 @@ fn advance(at: &mut Position, c: char) {
     }
 }
 
-/// Returns the range from a column to the end of its line. Lines and columns count from 1; columns count characters. A
-/// missing line has an empty range.
+/// Returns the range from a column to the end of its line. Lines and columns count from 1; columns count characters. If
+/// the text has no such line, the range is empty.
 pub(super) fn rest_of_line(text: &str, line: u32, column: u32) -> Range {
     let index = line.saturating_sub(1);
     let whole = text.lines().nth(index as usize).unwrap_or_default().trim_end();

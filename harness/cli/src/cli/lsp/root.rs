@@ -17,15 +17,15 @@ use super::place::resolved;
 pub(super) struct Root {
     pub(super) project: Project,
     pub(super) packages: Vec<Package>,
-    /// The packages that only tests use. No file declares them.
+    /// The packages that no manifest declares. Karat finds them beside a manifest or in the records of tests.
     unstated: Vec<PathBuf>,
     /// The packages with the features and dependencies that tests used.
     uses: Vec<Package>,
     /// The latest records of each test.
     records: Vec<Record>,
-    /// The records of the last run. `karat replay` finds their failures.
+    /// The records of the last run. `karat replay` replays the failures of this run.
     pub(super) last: Vec<Record>,
-    /// `true` if one of the runs included all tests. If this flag is `true`, a function without a record has no test.
+    /// `true` if one of the runs included all tests. Then a function without a record has no test.
     whole: bool,
     stamp: Option<Stamp>,
 }
@@ -33,7 +33,7 @@ pub(super) struct Root {
 /// The last run that ended, and the time of its end.
 type Stamp = (String, Option<SystemTime>);
 
-/// The verdicts that belong to the present files.
+/// The verdicts, separated into current and outdated ones.
 #[derive(Default)]
 pub(super) struct Verdicts {
     pub(super) current: Vec<Record>,
@@ -50,7 +50,7 @@ impl Root {
         Ok(root)
     }
 
-    /// Searches for the packages again, as every command does.
+    /// Searches for the packages again, with the same rules as the commands.
     pub(super) fn find_packages(&mut self) -> anyhow::Result<()> {
         let used = self.project.used_by(&self.records, &[]);
         let mut found = self.project.search_with(&PackageArgs::default(), &used)?;
@@ -72,7 +72,7 @@ impl Root {
         self.packages.iter().find_map(|package| Some((package, module_in(package, file)?)))
     }
 
-    /// If another run has ended, reads its record. Returns `true` if there are new records.
+    /// If a run has ended since the previous call, reads its record. Returns `true` if the records may have changed.
     pub(super) fn read_record(&mut self) -> anyhow::Result<bool> {
         let folder = self.project.record();
         let name = std::fs::read_to_string(folder.join("last")).unwrap_or_default();
@@ -108,7 +108,7 @@ impl Root {
         Ok(true)
     }
 
-    /// Returns the errors of the modules in the editor, and the opinion of other compilers.
+    /// Returns the errors of all modules, with the unsaved texts in the editor, and the remarks of other compilers.
     pub(super) fn invalid(&self, documents: &Documents) -> (Vec<Invalid>, Opinion) {
         let uses: Vec<Package> = self.uses.iter().map(|used| documents.applied(used)).collect();
         let (mut all, mut opinion) = (Vec::new(), Opinion::default());
@@ -127,12 +127,12 @@ impl Root {
         (all, opinion)
     }
 
-    /// Returns the verdicts of the runs that belong to the present files.
+    /// Returns the recorded verdicts, separated into current and outdated ones.
     pub(super) fn verdicts(&self, now: &Now<'_>) -> Verdicts {
         self.sorted(self.records.iter().cloned(), now)
     }
 
-    /// Separates the records of the present files from older records.
+    /// Separates the current records from the outdated ones, whose files have changed since the run.
     pub(super) fn sorted(&self, records: impl Iterator<Item = Record>, now: &Now<'_>) -> Verdicts {
         // Tests write paths relative to their own folders.
         let records = records.map(|mut record| {
@@ -151,7 +151,7 @@ impl Root {
         Verdicts { current, stale }
     }
 
-    /// Returns the file that declares the test of a record.
+    /// Returns the file that may declare the test of a record: the `*.test.toml` beside the function's module.
     fn declared(&self, record: &Record) -> Option<PathBuf> {
         let Subject::Function { location, package, .. } = &record.subject else { return None };
         let root = self.project.root();

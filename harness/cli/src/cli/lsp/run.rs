@@ -25,7 +25,7 @@ pub(super) struct Ended {
 }
 
 impl Runs {
-    /// Starts `karat test` for some tests. `whole` is `true` if no other tests can exist.
+    /// Starts `karat test` for some tests. `whole` is `true` if Karat knows all tests of the project.
     pub(super) fn start(
         &mut self,
         function: &str,

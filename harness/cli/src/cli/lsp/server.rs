@@ -45,11 +45,11 @@ pub(super) struct Server {
     /// The watched packages. `None` means that the system can't watch the package's files. Then the server notices only
     /// saves in the editor.
     watched: BTreeMap<PathBuf, Option<Watching>>,
-    /// The errors of modules after the last edit.
+    /// The errors that the last validation of the modules found.
     pub(super) invalid: Findings,
     /// The diagnostics that the editor shows.
     pub(super) published: Findings,
-    /// `true` if modules or verdicts may have changed since the server sent them.
+    /// `true` if modules may have changed since the last validation.
     pub(super) edited: bool,
     pub(super) judged: bool,
 }
@@ -79,7 +79,7 @@ impl Server {
         })
     }
 
-    /// Checks if the editor no longer reads.
+    /// Checks if the editor has stopped reading the server's messages.
     pub(super) fn is_gone(&self) -> bool {
         self.client.gone
     }
@@ -89,8 +89,8 @@ impl Server {
         self.edited || self.judged
     }
 
-    /// Handles an event. Returns `None` while the session goes on. At its end, returns `true` if the editor had asked
-    /// the server to shut down.
+    /// Handles an event. Returns `None` while the session goes on. At the end of the session, returns `true` if the
+    /// editor had asked the server to shut down.
     pub(super) fn take(&mut self, event: Event) -> Option<bool> {
         match event {
             Event::Heard(Heard::End) => return Some(false),
@@ -199,8 +199,8 @@ impl Server {
         serde_json::to_value(result).unwrap_or_default()
     }
 
-    /// Opens the project of a folder. Also opens the folder that was tested last. If the tested folder is inside the
-    /// project's folder, its modules form a separate package.
+    /// Opens the project of a folder, and the folder that was tested last. If the tested folder is inside the project,
+    /// opens only the tested folder.
     fn open_root(&mut self, folder: &Path) {
         let (own, last) = (Project::at(folder), Project::last_tested_at(folder));
         let is_within = match (&own, &last) {
@@ -263,7 +263,7 @@ impl Server {
         }
     }
 
-    /// Opens the Cargo project of a file, if the project is below the open folder.
+    /// Opens the Cargo project around a file, unless an open project contains the file's module.
     fn find_root(&mut self, file: &Path) {
         if self.roots.iter().any(|root| root.module_of(file).is_some()) {
             return;
@@ -323,7 +323,7 @@ impl Server {
         }
     }
 
-    /// Checks if runs have ended since the last call.
+    /// Reads the records of runs that have ended since the last call.
     pub(super) fn look(&mut self) {
         for root in &mut self.roots {
             match root.read_record() {

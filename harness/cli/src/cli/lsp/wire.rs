@@ -8,8 +8,8 @@ use lsp_types::{LogMessageParams, MessageType, ShowMessageParams};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// The largest size of a message, in bytes. The text of an opened file is one message. Editors send far smaller
-/// messages.
+/// The largest size of a message, in bytes. A message may contain the whole text of a file, but source files are far
+/// smaller.
 const LONGEST: u64 = 64 << 20;
 
 /// The reason why a request has no result. The values are the error codes of the protocol.
@@ -93,7 +93,7 @@ pub(super) struct Client {
     out: Box<dyn Write + Send>,
     /// `true` after the editor has stopped reading.
     pub(super) gone: bool,
-    /// The messages that were sent. Some messages are sent only once.
+    /// The messages that the server shows to the user only once, and has already shown.
     said: BTreeSet<String>,
     requests: u64,
     /// `true` if the editor can show progress.

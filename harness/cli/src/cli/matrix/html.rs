@@ -13,8 +13,8 @@ use serde_json::{Value, json};
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
-/// The scripts in the order in which they load. While a script loads, it uses only earlier scripts. The page joins all
-/// scripts into one script with one scope.
+/// The scripts in the order in which they load. A script may use only earlier scripts while it loads. The page joins
+/// all scripts into one script with one scope.
 const SCRIPTS: [&str; 14] = [
     include_str!("page/elements.js"),
     include_str!("page/data.js"),

@@ -4,8 +4,8 @@ use anyhow::Context;
 use karat_inspect::matrix::{Cell, Finding, Matrix, Row, Status};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
-/// Returns the XML text. A row that is wrong or misses its required status fails. A row that agrees with another column
-/// or reaches its required status passes. A row without a verdict is skipped, with the reason.
+/// Returns the XML text. A cell fails if it is wrong or misses its required status. A cell passes if it reaches its
+/// required status, agrees with another column, or fails as declared. All other cells are skipped, with the reason.
 pub(super) fn text(matrices: &[Matrix], required: &[(String, Status)]) -> anyhow::Result<String> {
     let mut report = Report::new("karat matrix");
     for matrix in matrices {

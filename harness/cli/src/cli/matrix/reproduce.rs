@@ -1,4 +1,4 @@
-//! A folder with the evidence of a wrong row, to attach to a bug report.
+//! Folders with the evidence of wrong cells, to attach to bug reports.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ pub(super) fn write(folder: &Path, matrices: &[Matrix]) -> anyhow::Result<Vec<Pa
     Ok(written)
 }
 
-/// Returns a file name without `:` and `/`.
+/// Returns a file name that has `-` in place of special characters, such as `:` and `/`.
 fn plain(name: &str) -> String {
     let kept = |c: char| if c.is_alphanumeric() || "._@-".contains(c) { c } else { '-' };
     name.chars().map(kept).collect()

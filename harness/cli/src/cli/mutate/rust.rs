@@ -16,12 +16,12 @@ use karat_mutate::{Candidate, Hidden, Judged, Others};
 use super::super::suite::cargo::libtest;
 use super::super::suite::cargo::programs::{Programs, TestProgram};
 
-/// The smallest time limit of a test program with a mutant. It is far above the time without a mutant, because other
-/// programs may slow the test program down.
+/// The smallest time limit of a test program with a mutant. A test program usually needs far less time, but other
+/// programs may slow it down.
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
 
-/// The time above which a test is slow. A test program starts in some hundredths of a second.
+/// The time of a test's checks above which the test is slow. A test program starts in some hundredths of a second.
 const QUICK: Duration = Duration::from_millis(200);
 
 pub(super) struct RustTests {
@@ -37,8 +37,8 @@ pub(super) struct RustTests {
     found: BTreeMap<String, Vec<PathRecord>>,
     /// The time limit of a test program with a mutant.
     limit: Duration,
-    /// Tests that fail even without a mutant, and not because of a check. An example is a test that draws a frame, if
-    /// the tests run on the path `cpu`. Such tests can't judge mutants.
+    /// Tests that fail without a mutant, although none of their checks fails. An example is a test that draws a frame
+    /// on the path `cpu`. Such tests can't judge mutants.
     pub(super) unfit: Vec<String>,
     /// The lock that lets only one test program run at a time, because each test program uses all cores.
     turn: Mutex<()>,
@@ -51,8 +51,8 @@ pub(super) struct OfPackage<'t> {
 }
 
 impl RustTests {
-    /// Builds the tests of some or all Cargo packages, and runs each test once. Returns `None` if the project has no
-    /// Rust tests.
+    /// Builds the tests of some or all Cargo packages, and runs each test once. Returns an error if a check fails
+    /// without a mutant.
     pub(super) fn of(
         root: &Path,
         packages: &[String],
@@ -235,7 +235,7 @@ impl RustTests {
 }
 
 impl RustTests {
-    /// Returns a test whose checks measure other errors with the mutant than without it, or `None` if no test does.
+    /// Returns a test whose checks measure different errors with and without the mutant, or `None` if there is none.
     fn hidden(&self, program: &TestProgram, records: &[Record]) -> Option<Hidden> {
         let mut own: BTreeMap<&str, Vec<&PathRecord>> = BTreeMap::new();
         for one in records {
@@ -276,7 +276,7 @@ impl RustTests {
     }
 }
 
-/// Writes the text of a module into an overlay. The file name keeps the modules of several packages apart.
+/// Writes the text of a module into an overlay, in which each package has its own folder.
 fn write_overlay(
     overlay: &Path,
     package: &Package,

@@ -52,7 +52,7 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
     Ok(found)
 }
 
-/// Returns the folders that a manifest depends on by a path.
+/// Returns the folders of a manifest's path dependencies.
 fn paths(folder: &Path, manifest: &Table) -> Vec<PathBuf> {
     let shared = manifest.get("workspace").and_then(Value::as_table);
     let platforms = manifest.get("target").and_then(Value::as_table).into_iter();

@@ -22,7 +22,7 @@ const LONGEST_LOG: usize = LONGEST / 5;
 const LONGEST_MESSAGE: usize = 4 << 10;
 /// The largest number of errors per step that GitHub's runner annotates. The runner only logs further errors.
 const MOST_ANNOTATIONS: usize = 10;
-/// The largest number of UTF-16 units in a message for GitHub's runner, or in a title for its service.
+/// The largest number of UTF-16 units in the message of an annotation.
 const LONGEST_ANNOTATION: usize = 4096;
 const LONGEST_TITLE: usize = 255;
 
@@ -100,7 +100,7 @@ fn append_summary(text: impl FnOnce() -> anyhow::Result<String>) -> anyhow::Resu
         .with_context(|| format!("can't append to the summary `{shown}`"))
 }
 
-/// Writes a line for each failure. If there are too many failures, the last line counts the others.
+/// Returns a line for each annotation. If there are too many failures, one line counts the failures without a line.
 fn annotations(
     failures: &[&Record],
     (sum, errors): (&Sum, &[ModuleError]),
@@ -153,7 +153,7 @@ fn annotations(
     lines
 }
 
-/// Returns the message of a failure. A long message keeps its end, because the replay command is there.
+/// Returns the message of a failure. If the message is too long, cuts it, and appends the replay command.
 fn message(record: &Record) -> String {
     let message = record.message.clone();
     let message = message.unwrap_or_else(|| "the check fails without a message".to_owned());
@@ -283,7 +283,7 @@ fn rows(record: &Record, names: &Names, text: &mut String) -> std::fmt::Result {
     Ok(())
 }
 
-/// Returns the folded message of a failure, and the names of the pictures in the artefact.
+/// Returns a folded section of the summary: a failure's message, its replay command and the names of its pictures.
 fn section(record: &Record, names: &Names, project: &Project) -> anyhow::Result<String> {
     let subject = markdown(&names.subject(record));
     let mut text = format!("<details><summary>{subject}</summary>\n\n");
@@ -307,7 +307,7 @@ fn section(record: &Record, names: &Names, project: &Project) -> anyhow::Result<
     Ok(text)
 }
 
-/// Escapes a text for Markdown and HTML.
+/// Escapes a text for an HTML element in Markdown.
 fn html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -109,7 +109,7 @@ fn head(
 /// A record with the name of its anchor: `#brdf::schlick-agrees_with-schlick_matches`.
 struct Row<'r> {
     record: &'r Record,
-    /// The name of the function or frame that the record is about.
+    /// The subject of the record: `fresnel::schlick agrees_with`, `frame scene`.
     name: String,
     anchor: String,
 }
@@ -135,8 +135,8 @@ impl<'r> Row<'r> {
         is_failure(self.record)
     }
 
-    /// Returns the anchor of the row. Returns `None` for a failure: the page shows the full record of a failure
-    /// elsewhere, and the anchor belongs to the full record.
+    /// Returns the anchor of the row. Returns `None` for a failure, because another section of the page shows the
+    /// failure in full, and has the anchor.
     fn id(&self) -> Option<&str> {
         (!self.fails()).then_some(&self.anchor)
     }
@@ -202,7 +202,7 @@ pub(super) fn figures(record: &Record) -> Markup {
     }
 }
 
-/// Returns a button for each command, in the order of the message.
+/// Returns a button for each command. The message of the failure lists the commands in the same order.
 fn copied(commands: &[String]) -> Markup {
     html! {
         @if !commands.is_empty() {
@@ -227,7 +227,7 @@ fn nth(at: usize) -> String {
     }
 }
 
-/// Returns the worst error of a path with its bound and the distribution of errors.
+/// Returns the table cell of a path: its worst error, the share of the bound, and the distribution of errors.
 fn cell(path: &PathRecord) -> Markup {
     let class = match (&path.known_issue, path.failures == 0 && path.cases > 0) {
         (None, true) => "pass",
@@ -249,7 +249,7 @@ fn cell(path: &PathRecord) -> Markup {
     }
 }
 
-/// Returns a bar chart of the errors. Each bar counts the cases between two powers of two of the bound.
+/// Returns a bar chart of the errors, divided by the bound. Each bar covers the range between two powers of two.
 fn distribution(errors: &Errors) -> Markup {
     const LEAST: i32 = -12;
     const MOST: i32 = 4;

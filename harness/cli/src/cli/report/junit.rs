@@ -57,8 +57,8 @@ pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::
     report.to_string().context("the report isn't XML")
 }
 
-/// The cases so far, to give each case of a class a distinct name. A test may check a function several times, and
-/// readers show only the first case of a name.
+/// The names of the JUnit cases so far, which make the names in each class distinct. A test may check a function
+/// several times, and programs that read the file show only the first case of a name.
 #[derive(Default)]
 struct Unique(BTreeSet<(String, String)>);
 
@@ -73,7 +73,7 @@ impl Unique {
     }
 }
 
-/// Returns one case for each path. A check that ran on no path gets one case.
+/// Returns one JUnit case for each path of a check. A check that ran on no path gets one JUnit case.
 fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Vec<TestCase>> {
     let workspace = workspace(project.root());
     let attached = attached(record, names, project, &workspace)?;
@@ -134,7 +134,8 @@ fn classname(record: &Record) -> String {
     }
 }
 
-/// Checks if this path makes the check fail: cases fail on it, or a known issue no longer occurs.
+/// Checks if this path makes the check fail: cases fail on the path, or a known issue no longer occurs. If no path
+/// does, blames each path.
 fn is_guilty(path: &PathRecord, record: &Record) -> bool {
     let guilty = |path: &PathRecord| (path.failures > 0) != path.known_issue.is_some();
     guilty(path) || !record.paths.iter().any(guilty)
@@ -169,7 +170,7 @@ fn line(path: &PathRecord) -> String {
     )
 }
 
-/// Returns the pictures of a failing frame. The frame is the first one, because GitLab shows only one picture.
+/// Returns the pictures of a failing frame. The drawn frame is first, because GitLab shows only one picture.
 fn attached(
     record: &Record,
     names: &Names,

@@ -9,8 +9,8 @@ use karat::unstable::output::counted;
 use karat::unstable::record::{Record, Recorded, Run, SCHEMA, Verdict};
 
 /// Merges the verdicts of parts. The order of the result doesn't depend on the order of the parts. If a check ran in
-/// several parts, it gets its worst verdict. The merged run has ended if all parts have ended, and has passed if all
-/// parts have passed.
+/// several parts, the check gets the worst of its verdicts. The merged run has ended if all parts have ended, and has
+/// passed if all parts have passed.
 pub(super) fn merged(parts: &[Recorded]) -> Recorded {
     let folders: Vec<String> = parts.iter().map(|part| part.folder.display().to_string()).collect();
     let run = parts.iter().map(|part| part.run.clone()).collect::<Option<Vec<Run>>>();
@@ -119,7 +119,7 @@ fn rank(record: &Record) -> (u8, Reverse<Option<&str>>) {
     (severity(record.verdict), Reverse(started))
 }
 
-/// Returns the key of a record's check. A check with an overlay is a different check.
+/// Returns a key that is the same for records of the same check, in the same test, with the same overlay.
 fn key(record: &Record) -> String {
     let subject = serde_json::to_string(&record.subject).expect("a subject is plain data");
     format!("{subject} {} {:?}", record.test, record.overlay)

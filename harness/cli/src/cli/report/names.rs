@@ -1,5 +1,6 @@
-//! The names of records. All tables, pages and files use the same names, and `karat accept` takes these names as
-//! arguments. If several crates have frames of the same name, the name includes the crate.
+//! The displayed names of the functions and frames in records. All tables, pages and files use the same names, and
+//! `karat accept` takes these names as arguments. If several crates have frames of the same name, the name includes the
+//! crate.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -34,7 +35,7 @@ impl Home {
 }
 
 /// Returns a distinct name for each folder that has a frame of this name, such as `lamp::dusk`. If two folders belong
-/// to one crate, the name includes the folder. Returns `None` if there is only one folder.
+/// to one crate, the names contain the folders in place of the crates. The map is empty if there is only one folder.
 pub(in crate::cli) fn told_apart(
     case: &str,
     homes: &BTreeMap<PathBuf, Home>,
@@ -51,8 +52,8 @@ pub(in crate::cli) fn told_apart(
     names.collect()
 }
 
-/// Returns the folder of goldens with `/`, relative to its project's root, or otherwise relative to the working
-/// directory.
+/// Returns the path of a folder of goldens, with `/` as the separator. The path is relative to the project's root if
+/// the folder is inside the project.
 pub(in crate::cli) fn below_project(goldens: &Goldens) -> String {
     let folder = goldens.folder();
     let below = || {

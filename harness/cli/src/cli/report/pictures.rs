@@ -21,7 +21,7 @@ use crate::cli::project::Project;
 /// The largest width in pixels. A wider frame is reduced: the picture has every second pixel, every third, and so on.
 const WIDEST: u32 = 480;
 
-/// The names of the pictures of a frame.
+/// The names of a frame's pictures in their file names, such as `scene.actual.png`.
 const NAMES: [&str; 3] = ["golden", "actual", "flip"];
 /// The precision of file times: some file systems store whole seconds.
 const COARSE: Duration = Duration::from_secs(1);
@@ -59,7 +59,7 @@ fn picture(folder: &Path, case: &str, name: &str) -> PathBuf {
     folder.join(format!("{case}.{name}.png"))
 }
 
-/// Returns the pending frame of a check. If there are several, returns the newest.
+/// Returns the pending frame that a check wrote, or the newest one if the check wrote several.
 fn pending(
     record: &Record,
     case: &str,
@@ -89,8 +89,8 @@ fn is_during(written: SystemTime, time: &Time) -> bool {
     bounds().is_some_and(|bounds| bounds.contains(&written))
 }
 
-/// Writes the pictures of a frame, and returns the written pictures by name. For a record without a time there are no
-/// pictures, because the pending frame may belong to another run.
+/// Writes the pictures of a frame, and returns the name and the file of each picture. For a record without a time there
+/// are no pictures, because the pending frame may belong to another run.
 pub(super) fn write(
     record: &Record,
     names: &Names,

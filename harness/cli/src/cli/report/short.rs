@@ -17,7 +17,7 @@ pub(in crate::cli) struct Finding {
     pub(in crate::cli) message: String,
 }
 
-/// Writes the failures of a run, the errors of invalid modules, and the number of both.
+/// Writes a line for each failure, each error of an invalid module and each remark, and then the last line of the run.
 pub(in crate::cli) fn write(
     records: &[Record],
     (invalid, opinion): (&[(String, Invalid)], &Opinion),
@@ -66,7 +66,7 @@ pub(in crate::cli) fn errors(invalid: &[(String, Invalid)]) -> Vec<ModuleError> 
     invalid.iter().flat_map(of).collect()
 }
 
-/// Returns the lines of a failure: its headline, or for a WGSL test each failing expectation with its location.
+/// Returns the lines of a failure: its failing expectations, or the hazards that the sanitizer found, or its headline.
 pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     let expectations = expectations(record, root);
     if !expectations.is_empty() {

@@ -23,7 +23,7 @@ pub(in crate::cli) struct Sum {
     cases: u64,
     /// The names of the tests that failed although all their checks passed.
     outside: Vec<String>,
-    /// The other reasons to fail: invalid modules, tests that didn't run.
+    /// The other reasons why the run failed: invalid modules, tests that didn't run.
     others: Vec<String>,
     /// Remarks that don't make the run fail.
     remarks: Vec<String>,
@@ -68,7 +68,7 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Counts the elements that passes read although neither the test nor a pass has written them.
+/// Counts the lines of shaders that read elements which neither the test nor a pass has written.
 fn unwritten(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let all: BTreeSet<&String> = watched.flat_map(|watched| &watched.unwritten).collect();
@@ -162,12 +162,12 @@ impl Sum {
         &self.outside
     }
 
-    /// Returns the reasons other than failing checks and tests.
+    /// Returns the reasons why the run failed, other than failing checks and tests.
     pub(in crate::cli) fn others(&self) -> &[String] {
         &self.others
     }
 
-    /// Returns the reasons other than failing checks, as sentences.
+    /// Returns the reasons why the run failed, other than failing checks, as sentences.
     pub(in crate::cli) fn reasons(&self) -> Vec<String> {
         let mut all = self.others.clone();
         if !self.outside.is_empty() {
@@ -230,7 +230,7 @@ mod tests {
         names.iter().map(ToString::to_string).collect()
     }
 
-    /// The remark after the line counts the checks that the sanitizer didn't check, and gives the first reason.
+    /// The remark counts the checks that the sanitizer didn't examine completely, and gives the first reason.
     #[test]
     fn unchecked_checks_are_counted() {
         let with = |reason: &str| {

@@ -193,7 +193,8 @@ pub(in crate::cli) fn is_failure(record: &Record) -> bool {
     !matches!(record.verdict, Verdict::Pass | Verdict::KnownIssue)
 }
 
-/// Adds a row for each path of a record, or one row if no path ran. `allowance` describes the errors that WGSL allows.
+/// Adds a row for each path of a record, or one row if the check ran on no path. `allowance` formats the errors that
+/// WGSL allows.
 fn add_rows(
     table: &mut Table,
     names: &[&str],
@@ -239,8 +240,9 @@ fn add_rows(
     }
 }
 
-/// Formats the largest error that WGSL allows, in per cent of the tolerance, and the share of cases in which this error
-/// exceeds the tolerance: `40%`, `300% in 12%`, `anything in 3%`. If the tolerance is 0, the text is `more in 12%`.
+/// Formats the largest error that WGSL allows, in per cent of the tolerance, and the share of cases in which WGSL
+/// allows more than the tolerance: `40%`, `300% in 12%`, `anything in 3%`. If the tolerance is 0, the text is `more in
+/// 12%`.
 fn allowance(allowance: &Allowance) -> String {
     let worst = match allowance.worst {
         Some(worst) => percentage(worst),

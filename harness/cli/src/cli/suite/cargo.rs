@@ -3,8 +3,8 @@
 //!
 //! If a Rust file changed, Cargo builds the test programs. If shaders changed, the programs run without a build. An
 //! edit affects a test if it changes a shader program that the test linked in its last run, or a file that the test
-//! read. Test programs end after each run: Rust's test runner ends with its tests, and a test that waited halfway for
-//! the next run would have old contents of files.
+//! read. Each run starts the test programs again. Rust's test runner ends after its tests, and a program that stayed
+//! alive might have old contents of files.
 
 pub(in crate::cli) mod libtest;
 pub(in crate::cli) mod programs;
@@ -71,7 +71,7 @@ struct Made {
 const SHADERS: [&str; 2] = ["wgsl", "wesl"];
 
 impl Made {
-    /// Checks if an edit of these files leaves the test unaffected.
+    /// Checks if the verdict of the test is still valid after these files changed.
     fn is_current(&self, changed: &HashSet<&Path>) -> bool {
         // Linked shaders are compared by their meaning, other files by their bytes.
         let by_bytes = |file: &Path| !is_shader(file) || self.linked.is_empty();
@@ -103,12 +103,12 @@ struct Tests {
     written: Written,
 }
 
-/// Two ticks of a kernel with 100 ticks per second. File times are rounded to ticks, but the clock of programs is
-/// finer.
+/// The largest difference between the time of a write and the time of the written file: two ticks of a kernel with 100
+/// ticks per second. The kernel rounds file times to ticks, but the clock of programs is finer.
 const TICK: Duration = Duration::from_millis(20);
 
-/// The files that tests write while they run. These files cause no new run. A file that changes during one run may be
-/// an author's edit. A file that changes during each run is written by the tests.
+/// The files that tests write while they run. These files cause no new run. If a file changes during one run, its
+/// author may have edited it. If the file also changes during the next run, the tests write it.
 #[derive(Default)]
 struct Written {
     ran: Option<RangeInclusive<SystemTime>>,
@@ -117,7 +117,7 @@ struct Written {
 }
 
 impl Written {
-    /// Checks if the tests changed a file at this time.
+    /// Checks if the tests changed a file at this time, and not an author.
     fn has(&mut self, file: &Path, changed: Option<SystemTime>) -> bool {
         let ran = self.ran.as_ref();
         match ran.zip(changed).is_some_and(|(ran, changed)| ran.contains(&changed)) {

@@ -1,4 +1,4 @@
-//! The records of the last run of each test. A report may ask for them at any time.
+//! The latest records of each test, which the process keeps because a report may need them at any time.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ffi::OsStr;
@@ -52,7 +52,7 @@ impl Latest {
     }
 
     /// Returns the present state of the files that the records depend on. If all `changed` paths are files, considers
-    /// only files with the same names. If `changed` is empty or contains a folder, considers all files.
+    /// only files whose names are in `changed`. If `changed` is empty or contains a folder, considers all files.
     pub(super) fn files(&self, changed: &[PathBuf]) -> HashMap<PathBuf, FileRead> {
         let names: BTreeSet<&OsStr> = changed.iter().filter_map(|file| file.file_name()).collect();
         // A new or removed folder may contain any file.

@@ -18,7 +18,7 @@ use super::super::{Ending, Outcome, PackageArgs, check, resolved};
 use super::latest::Latest;
 use super::{each, host};
 
-/// For each test, the text of the shader programs and files of its last run, or `None` if the text is unknown.
+/// The text of the shaders that each test linked and of the files that it read, or `None` if the text is unknown.
 type Known = HashMap<String, Option<String>>;
 
 pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
@@ -65,8 +65,8 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Receives the requests. When standard input ends, this process ends with all programs that it runs. So a hanging
-/// shader doesn't keep the process alive.
+/// Receives the requests. When standard input ends, ends this process and all programs that it runs, even if a shader
+/// hangs.
 pub(super) fn requests(at_end: impl FnOnce() + Send + 'static) -> Receiver<Request> {
     let (sender, requests) = channel();
     std::thread::spawn(move || {
@@ -162,15 +162,15 @@ impl Whole {
         Ok(Self { project, found })
     }
 
-    /// Returns `false` for a folder that no manifest declares and no test uses. Modules of such a folder don't make a
-    /// run fail.
+    /// Checks if invalid modules make a run fail. Returns `false` for a folder that no manifest declares and no test
+    /// uses.
     fn is_judged(&self, suite: &Suite) -> bool {
         let is_used =
             || self.found.place().is_some_and(|place| self.project.recorded().contains(&place));
         self.found.stated || !suite.tests.is_empty() || is_used()
     }
 
-    /// Returns the invalid modules that weren't reported yet, and the opinions of other compilers than naga.
+    /// Returns the errors of invalid modules that aren't in `told`, and the remarks of compilers other than naga.
     fn validity(
         &self,
         found: Result<Validated, Invalid>,

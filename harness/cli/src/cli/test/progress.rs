@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// The progress of a run. The bar needs the number of all tests. Karat knows this number if the last run selected the
-/// same tests. Each test program prints its own number only when it starts, so a bar that used the sum of these numbers
-/// would jump backwards.
+/// The progress of a run. The bar needs the number of all tests. Karat knows this number if this run is complete, and
+/// an earlier run was complete, too. Each test program prints its own number only when it starts, so a bar that used
+/// the sum of these numbers would jump backwards.
 pub(super) struct Progress {
     line: Line,
     done: u64,
@@ -46,7 +46,7 @@ impl Line {
 }
 
 impl Progress {
-    /// Makes the progress line. `expected` is the number of tests in the last run with the same selection.
+    /// Makes the progress line. `expected` is the number of all tests, or `None` if this run leaves tests out.
     pub(super) fn of(expected: Option<u64>) -> Self {
         let hidden = !std::io::stderr().is_terminal();
         let bar = match expected {
@@ -78,12 +78,12 @@ impl Progress {
         *drawn = true;
     }
 
-    /// Returns the line for other writers. They write above it.
+    /// Returns the line, so that other code can write above it.
     pub(super) fn line(&self) -> Line {
         self.line.clone()
     }
 
-    /// Hides the line while another program writes.
+    /// Hides the line until the next verdict.
     pub(super) fn pause(&self) {
         let mut drawn = self.line.alone();
         self.line.bar.finish_and_clear();

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use karat::unstable::record::{Record, Subject};
 use serde::{Deserialize, Serialize};
 
-/// The subjects of each test in its last run. A missing or unreadable file counts as empty.
+/// The functions and goldens that each test checked in its last run. A missing or unreadable file counts as empty.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::cli) struct Subjects {
     tests: BTreeMap<String, BTreeSet<String>>,
@@ -21,7 +21,7 @@ pub(in crate::cli) struct Subjects {
     packages: BTreeSet<PathBuf>,
 }
 
-/// The name of the file beside the record of the last run.
+/// The name of the file with these subjects, beside the record of the last run.
 const FILE: &str = "subjects.json";
 
 impl Subjects {
@@ -31,7 +31,7 @@ impl Subjects {
         serde_json::from_str(&text).unwrap_or_default()
     }
 
-    /// Returns the number of tests, if it is known.
+    /// Returns the number of tests in the last complete run, if there was one.
     pub(super) fn count(&self) -> Option<u64> {
         self.count
     }
@@ -52,7 +52,8 @@ impl Subjects {
         self.packages.extend(used);
     }
 
-    /// Adds the subjects of a run. `whole` is the number of tests of a complete run, which removes all other tests.
+    /// Adds the subjects of a run. If the run was complete, `whole` is the number of its tests, and the subjects of all
+    /// other tests are removed.
     pub(super) fn add(&mut self, records: &[Record], whole: Option<u64>, failed: &[String]) {
         self.failed = failed.to_vec();
         self.count = whole.or(self.count);
@@ -77,7 +78,7 @@ impl Subjects {
         self.tests.values().flatten().any(|name| name.contains(words))
     }
 
-    /// Returns the tests that checked a subject whose name contains `words`, although their own names don't contain
+    /// Returns the tests that checked a subject whose name contains `words`, without the tests whose own names contain
     /// `words`.
     pub(super) fn about(&self, words: &str) -> Vec<String> {
         let tests = self.tests.iter().filter(|(test, names)| {

@@ -109,7 +109,7 @@ pub(super) fn is_facts(file: &Path) -> bool {
     toml::from_str::<Provenance>(&text).is_ok()
 }
 
-/// Splits a file name before its ending, if the ending is known.
+/// Splits a file name into a golden's name and the ending. Returns `None` if the ending isn't one of Karat's.
 fn split(name: &str) -> Option<(&str, &'static str)> {
     let endings = COMPANIONS.into_iter().chain([".exr", ".csv"]);
     let mut split = endings.filter_map(|ending| Some((name.strip_suffix(ending)?, ending)));

@@ -1,4 +1,4 @@
-//! Watching files. Editors write in several steps and rename files, so one save causes a burst of events.
+//! Watches files. Editors write in several steps and rename files, so one save causes a burst of events.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -29,8 +29,8 @@ pub(in crate::cli) struct Watching {
     _ends: Sender<()>,
 }
 
-/// Calls `tell` with each burst of changes of a file or below a folder, until `tell` returns `false`. The removal or
-/// replacement of the watched folder is a change, too. After a replacement, Karat watches the new folder.
+/// Watches a file or folder, and calls `tell` with the changed paths of each burst, until `tell` returns `false`. The
+/// removal or replacement of the folder is a change, too. After a replacement, Karat watches the new folder.
 pub(in crate::cli) fn watch(
     folder: &Path,
     tell: impl Fn(Vec<PathBuf>) -> bool + Send + 'static,
@@ -171,7 +171,7 @@ impl Seen {
     }
 }
 
-/// Checks if the standard output or standard error of this process goes into this file.
+/// Checks if this process writes its standard output or standard error into this file.
 fn is_output(path: &Path) -> bool {
     static OUTPUTS: OnceLock<Vec<Handle>> = OnceLock::new();
     let outputs = OUTPUTS

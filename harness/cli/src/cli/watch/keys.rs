@@ -1,4 +1,4 @@
-//! The keys that don't run tests: they accept frames, or open the report.
+//! The actions of two keys: accepting frames, and opening the report.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

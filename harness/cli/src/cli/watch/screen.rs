@@ -122,7 +122,7 @@ impl Screen {
         out.flush()
     }
 
-    /// Checks if a file contains the last printed line. In `karat watch | tee log.txt`, this is true of `log.txt`.
+    /// Checks if a file contains the last printed line. An example is the file that `tee` writes.
     pub(super) fn is_printed_in(&self, file: &Path) -> bool {
         let last = self.last.borrow();
         let Some(length) = file.metadata().ok().filter(std::fs::Metadata::is_file) else {
@@ -221,7 +221,7 @@ impl Drop for Screen {
     }
 }
 
-/// Returns the failures to show. Paths without a verdict or with an invalid module come first. Each failing test
+/// Returns the failures to show. Ended processes, unreadable tests and invalid modules come first. Each failing test
 /// follows once, with the message of the first path on which it fails.
 fn failures(lanes: &[Lane]) -> Vec<Failure> {
     let broken = lanes.iter().filter_map(|lane| {

@@ -6,7 +6,7 @@ use maud::{Markup, html};
 const WIDTH: f64 = 360.0;
 const HEIGHT: f64 = 180.0;
 
-/// The difference in standard deviations that has the full colour.
+/// The smallest difference, in standard deviations, that has the strongest colour.
 const MOST: f64 = 4.0;
 
 /// Draws the difference between each cell's count and its expected count, in standard deviations. In the map, all rows

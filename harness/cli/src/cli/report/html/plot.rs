@@ -7,13 +7,13 @@ use plotters::prelude::*;
 /// The largest number of arguments with a plot. Arguments with more influence come first.
 const MOST: usize = 6;
 
-/// The number of fields along each side of a map. With this number, a field has one or two cases.
+/// The number of fields along each side of a map. A plot has up to about 500 cases, so a field has 3 or 4.
 const FIELDS: usize = 12;
 
-/// The number of parts of an argument's range, for the variance that the argument explains.
+/// The number of groups into which Karat splits the cases, to find the variance that an argument explains.
 const PARTS: usize = 8;
 
-/// The smallest share of the errors' variance for which an argument gets a map.
+/// The share of the errors' variance that each of two arguments must exceed to get a map.
 const MATTERS: f64 = 0.1;
 
 /// The placeholder for the text colour. The page replaces it.
@@ -22,11 +22,11 @@ const INK_TEXT: &str = "#010203";
 const BAD: RGBColor = RGBColor(201, 48, 56);
 const GOOD: RGBColor = RGBColor(64, 120, 190);
 
-/// The smallest ratio on the axis. Errors that aren't finite are at the top.
+/// The smallest ratio on the axis. Ratios that aren't finite are at [`TOP`].
 const LEAST: f64 = 1e-3;
 const TOP: f64 = 1e6;
 
-/// Returns the plots of one path. If a plot can't be drawn, the page has none: the message contains its numbers.
+/// Returns the plots of one path, without plots that can't be drawn: the failure's message has the errors, too.
 pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
     let arguments = by_weight(plot);
     let drawn = arguments.iter().take(MOST).filter_map(|(at, _)| scatter(plot, *at));
@@ -56,7 +56,7 @@ fn ratio(row: &[f64]) -> f64 {
 }
 
 /// Returns the arguments, each with the share of the errors' variance that it explains. The largest share comes first.
-/// The variance is that of the logarithms of the errors, not of the errors.
+/// The variance is computed from the errors' logarithms.
 fn by_weight(plot: &Plot) -> Vec<(usize, f64)> {
     let errors: Vec<f64> = plot.rows.iter().map(|row| ratio(row).ln()).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;

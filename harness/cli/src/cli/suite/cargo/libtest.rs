@@ -1,4 +1,4 @@
-//! Running the tests of a program, and parsing the output of Rust's test runner.
+//! Runs the tests of a program, and parses the output of Rust's test runner.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -11,10 +11,10 @@ use anyhow::Context;
 use super::super::super::child::{LastWords, verdict};
 use super::programs::TestProgram;
 
-/// The largest number of test names in one command. Windows allows 32,767 characters.
+/// The largest number of test names in one command. On Windows, a command has at most 32,767 characters.
 const TOGETHER: usize = 200;
 
-/// The running test program. It ends with this process.
+/// The running test program. Karat ends this program before its own process ends.
 static RUNNING: Mutex<Option<Child>> = Mutex::new(None);
 
 pub(in crate::cli) fn end_all() {
@@ -37,7 +37,7 @@ pub(in crate::cli) fn run(
     run_until(program, tests, folders, heard, &mut |_| false).map(drop)
 }
 
-/// Does the work of [`run`], but stops at the first failed test for which `ends` returns `true`. Then this function
+/// Does the work of [`run`], but stops at the first failed test for which `ends` returns `true`. After such a test,
 /// returns `true`, and reports no later tests.
 pub(in crate::cli) fn run_until(
     program: &TestProgram,
@@ -110,7 +110,7 @@ fn run_some(
 
 #[derive(Default)]
 struct Parser {
-    /// The failed tests. The message is `None` until it is read.
+    /// The failed tests. The message is `None` until the output of the test begins.
     failed: BTreeMap<String, Option<String>>,
     passed: Vec<String>,
     /// The test to which the present lines of output belong.

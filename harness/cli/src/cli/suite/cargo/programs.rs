@@ -75,7 +75,7 @@ impl Programs {
         self.scripts
     }
 
-    /// Builds the programs. For each new program, returns the text with which the names of its tests begin. If the
+    /// Builds the programs. For each new or rebuilt program, returns the prefix of its tests' displayed names. If the
     /// build fails, returns Cargo's errors.
     pub(in crate::cli) fn build(&mut self) -> anyhow::Result<Result<Vec<String>, String>> {
         self.built = false;
