@@ -102,7 +102,8 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     }
 }
 
-/// The comparison detects that a shader uses the wrong one of two textures or samplers, or uses them in another order.
+/// `karat compare` detects that a function reads another texture or sampler than before, or that two parameters were
+/// swapped.
 #[test]
 fn swapped_textures_and_samplers_are_a_change() {
     let old = "@group(0) @binding(0) var ga: texture_2d<f32>;\n\

@@ -3,7 +3,8 @@
 use super::pending::zip;
 use super::*;
 
-/// Runs a command that fails, and returns its error message. Checks that no part of the message occurs twice.
+/// Runs a command that fails, and returns its error message. Checks that the message doesn't repeat itself: its parts
+/// between colons all differ.
 #[track_caller]
 fn error(folder: &FilePath, arguments: &[&str]) -> String {
     let error = karat(folder, arguments).error();

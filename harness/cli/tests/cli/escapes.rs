@@ -1,4 +1,4 @@
-//! Tests that Karat shows text from others without effects on the terminal.
+//! Tests that untrusted text, such as the name of a file, can't send commands to the terminal.
 
 use karat::Image;
 use karat::image::Precision;

@@ -115,7 +115,7 @@ fn mutate_fails_if_the_score_is_below_the_bound() {
 }
 
 /// For each line with surviving mutants, GitHub gets a warning with the file's path in the repository. The job's
-/// summary gets the log.
+/// summary gets the list of these mutants.
 #[test]
 fn lines_are_annotated() {
     let folder = folder();
