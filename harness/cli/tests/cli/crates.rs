@@ -192,8 +192,8 @@ fn a_crate_at_a_version_needs_no_project() {
     assert_eq!(place.kept(), 1, "nothing is left of what failed");
 }
 
-/// The shaders of a crate's examples may import from the crate's development dependencies. Cargo doesn't fetch these
-/// with the crate, so Karat fetches each imported crate.
+/// The shaders of a crate's examples may import from the crate's development dependencies. Cargo doesn't fetch
+/// development dependencies with the crate, so Karat asks Cargo for each imported crate.
 #[test]
 fn examples_import_development_dependencies() {
     let place = Place::new();

@@ -177,7 +177,8 @@ fn a_run_that_compared_frames_only_elsewhere_has_no_verdict() {
     assert_eq!(karat(folder, &["unreferenced"]).code, Some(1));
 }
 
-/// The provenance may differ because of an edit, a merge, or a forgotten file.
+/// It is an error if a provenance file doesn't match its golden, for example after an edit, a merge, or a forgotten
+/// `git add`.
 #[test]
 fn facts_that_are_not_those_of_their_golden_fail() {
     let project = goldens();
