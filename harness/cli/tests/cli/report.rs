@@ -551,8 +551,8 @@ fn tests_that_fail_outside_of_checks_are_counted() {
     assert!(by_check.code == Some(1) && !by_check.out.contains("outside"), "{by_check:?}");
 }
 
-/// Karat finds the Rust tests for a filter in the record of earlier runs. New tests aren't in this record, so Karat
-/// says that the filter can't find them.
+/// A filter finds functions in the record of earlier runs. New Rust tests aren't in this record, so the filter finds
+/// them only by their names, and the output says so.
 #[cfg(unix)]
 #[test]
 fn a_filter_that_cannot_find_new_rust_tests_says_so() {
