@@ -1,4 +1,5 @@
-//! Tests Tint's verdict on the author's WGSL, WebGPU's limits, and the messages when Karat doesn't run Tint.
+//! Tests that Karat reports Tint's errors at the author's lines, exceeded limits of WebGPU, and the reason if Karat
+//! doesn't run Tint.
 //!
 //! Tests that need Tint use this machine's Tint, which `cargo ci setup` installs. Other tests replace Tint by a program
 //! with planned output.

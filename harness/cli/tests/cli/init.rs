@@ -210,8 +210,8 @@ fn init_explains_why_there_is_nothing_to_test() {
     assert!(none.contains("there is no folder `nowhere`"), "{none}");
 }
 
-/// If a pass works with only one workgroup, the test from `karat init` dispatches one workgroup. The test declares a
-/// long array by a range, and doesn't list each element.
+/// If a pass works only with a single workgroup, `karat init` writes a test that dispatches one workgroup. The test
+/// declares a long array by a range, and doesn't list each element.
 #[test]
 fn a_pass_for_one_workgroup_gets_a_test() {
     let scan = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;

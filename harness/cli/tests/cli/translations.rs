@@ -157,7 +157,7 @@ fn the_matrix_says_how_far_each_row_gets() {
     assert!(!text.contains("frame::"), "{text}");
 }
 
-/// A route belongs to a path, such as `vulkan:glsl`, so a function can be called on each route.
+/// A path such as `vulkan:glsl` includes a route, so `karat call` can call a function on each route.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_function_can_be_called_on_each_translation_route() {

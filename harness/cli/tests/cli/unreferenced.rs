@@ -1,4 +1,4 @@
-//! `karat unreferenced`: gives no verdict without the record of a full run that passed.
+//! Tests `karat unreferenced`, which gives no verdict without the record of a full run that passed.
 
 use std::path::PathBuf;
 

@@ -46,7 +46,7 @@ fn gain(browser: &mut Browser, tab: &Tab) -> Value {
 }
 
 /// Each frame has its own gain: the factor by which the page multiplies the differences. If all frames had the same
-/// gain, the differences of some frames would be black or white.
+/// gain, the differences of some frames would be too dark or too bright to see.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn each_frame_has_its_own_gain() {

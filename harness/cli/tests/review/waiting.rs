@@ -43,7 +43,7 @@ fn a_client_that_never_sends_its_body_blocks_no_other() {
     assert_eq!((code, text.as_str()), (Some(1), "2 frames left pending\n"));
 }
 
-/// The test opens more connections than the server keeps open, and more than the system has threads for.
+/// The test opens 300 silent connections, more than the server keeps open.
 #[test]
 fn silent_connections_are_closed_for_new_requests() {
     let project = Project::with_tiny();

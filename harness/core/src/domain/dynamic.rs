@@ -385,8 +385,8 @@ impl Part {
     /// The names that [`named`](Self::named) knows.
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
-    /// Matrices that rotate, scale, mirror and move points. Each matrix has an inverse. If `perspective` is `true`, the
-    /// values also contain a perspective projection. `None` if matrices of this size don't transform points.
+    /// Matrices that rotate, scale, mirror and move points. Each matrix has an inverse. If `perspective` is `true`, one
+    /// edge of 4 x 4 matrices is a perspective projection. `None` if matrices of this size don't transform points.
     ///
     /// ```
     /// use karat::unstable::domain::Part;

@@ -20,8 +20,8 @@ pub struct Emptiness {
 }
 
 impl Emptiness {
-    /// Makes the reason for a domain that isn't a tuple. `what` names the domain in one word, and `fault` begins with a
-    /// verb.
+    /// Makes a reason that applies to a whole domain, not to one part of a tuple. `what` names the domain in one word,
+    /// and `fault` begins with a verb.
     ///
     /// ```
     /// use karat::unstable::domain::Emptiness;

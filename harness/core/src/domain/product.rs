@@ -268,8 +268,8 @@ fn roots(ties: &[Tie]) -> Vec<usize> {
 #[doc(hidden)]
 pub trait Parts<'a> {
     type Value;
-    /// Makes the tuple from its parts. The tuple's first simpler value has the simplest value of each part. In all
-    /// other simpler values, only one part is simpler.
+    /// Makes the tuple from its parts. The tuple's first simpler value has the simplest value of each part. In each
+    /// other simpler value, only one part is simpler.
     fn whole(self) -> Shrinkable<'a, Self::Value>;
 }
 
