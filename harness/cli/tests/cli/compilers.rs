@@ -268,7 +268,8 @@ fn features_of_wgpu_alone_must_be_declared() {
     }
 }
 
-/// An exceeded limit is a note, unless a `[limits]` table declares the limits.
+/// If a shader exceeds a limit of WebGPU, Karat prints a note. With a `[limits]` table in karat.toml, an exceeded limit
+/// is an error.
 // Lesson 205
 #[test]
 fn an_exceeded_limit_is_reported_at_its_place() {

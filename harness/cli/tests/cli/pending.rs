@@ -336,7 +336,8 @@ fn new(case: &str) -> Provenance {
     provenance(case, "", LAVAPIPE, "")
 }
 
-/// The first golden of a crate creates the crate's folder of goldens, and Karat writes into no other crate's folder.
+/// If a crate has no golden yet, Karat creates the crate's folder of goldens for its first golden, and never writes the
+/// golden into another crate's folder.
 // Lesson 179
 // Lesson 180
 #[test]

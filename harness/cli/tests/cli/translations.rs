@@ -504,7 +504,7 @@ fn generated_buffers_and_textures_of_the_matrix_are_valid_to_bind() {
     }
 }
 
-/// The WGSL that naga writes lacks `@align`, so the engine reads the author's WGSL.
+/// The engine runs the author's WGSL, because the WGSL that naga writes has no `@align`.
 // Lesson 158
 #[cfg(target_os = "linux")]
 #[test]

@@ -240,7 +240,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
     assert!(ran.code == Some(1) && ran.out.contains(told), "{ran:?}");
 }
 
-/// `--delete` succeeds only if no unreferenced golden remains.
+/// `--delete` keeps files without provenance. As long as such a file remains, the command fails.
 #[test]
 fn files_that_delete_keeps_still_fail() {
     let project = goldens();

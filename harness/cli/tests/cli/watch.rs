@@ -231,7 +231,7 @@ fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     assert!(once("cpu,vulkan").good().contains("vulkan: 1 test passes"));
 }
 
-/// After an edit of any file, a program that expands modules may print a different text.
+/// A program that expands modules may read any file, so `karat watch` runs this program again after each edit.
 #[cfg(unix)]
 #[test]
 fn watch_reruns_after_an_edit_of_the_preprocessor_or_its_files() {
