@@ -565,8 +565,7 @@ mod fakes {
 
     const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
 
-    /// If Tint crashes or sends wrong replies, Karat reports that Tint has no verdict. With `--require tint`, the
-    /// command then fails.
+    /// If Tint crashes or sends wrong replies, it has no verdict. With `--require tint`, the command then fails.
     // Lesson 203
     #[test]
     fn a_tint_that_fails_has_no_verdict() {
@@ -690,8 +689,7 @@ mod fakes {
     }
 }
 
-/// If some invocations miss a barrier, the report also has Tint's verdict. Tint finds the barrier without running the
-/// shader.
+/// If some invocations miss a barrier, the report also shows Tint's error, which Tint finds without running the shader.
 #[test]
 fn a_barrier_that_some_invocations_miss_shows_the_error_of_tint() {
     let entry = |condition: &str| {

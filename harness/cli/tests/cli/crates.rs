@@ -151,8 +151,7 @@ fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     assert!(list("late").error().contains("cargo says:"));
 }
 
-/// Outside of a Cargo project, `--crate NAME@VERSION` makes Cargo fetch the crate. In this test, a folder replaces
-/// crates.io.
+/// Without a project, `--crate NAME@VERSION` makes Cargo fetch the crate. In this test, a folder replaces crates.io.
 // Lesson 34
 #[test]
 fn a_crate_at_a_version_needs_no_project() {

@@ -295,8 +295,7 @@ fn nearly_equal_arguments_are_tried() {
     assert!(about.is_some_and(|line| line.contains(", 0.") && line.contains("in f64")), "{ran:?}");
 }
 
-/// If several crates of a workspace have a folder `shaders`, the output distinguishes the packages by their folders'
-/// paths.
+/// If several crates have a folder `shaders`, the output distinguishes the packages by their folders' paths.
 #[test]
 fn packages_with_the_same_name_are_named_by_their_folders() {
     let folder = tempfile::tempdir().expect("a temporary folder");

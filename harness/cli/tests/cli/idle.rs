@@ -75,8 +75,7 @@ fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
     }
 }
 
-/// If a later operation discards the result of a hazard, Karat counts the hazard as `dropped`, and shows it only with
-/// `--all`.
+/// If a later operation discards the result of a hazard, the hazard counts as `dropped`. Only `--all` shows it.
 // Lesson 178
 #[test]
 fn a_dropped_value_is_counted() {

@@ -336,8 +336,7 @@ fn new(case: &str) -> Provenance {
     provenance(case, "", LAVAPIPE, "")
 }
 
-/// If a crate has no golden yet, Karat creates the crate's folder of goldens for its first golden, and never writes the
-/// golden into another crate's folder.
+/// The first golden of a crate goes into a new folder of this crate, and never into another crate's folder of goldens.
 // Lesson 179
 // Lesson 180
 #[test]

@@ -130,8 +130,7 @@ fn a_shell_pipe_that_closes_early_keeps_the_exit_code() {
     }
 }
 
-/// If the reader of `karat test` closes the pipe early, Cargo's run still completes, and Karat keeps records and writes
-/// reports.
+/// If the reader of `karat test` closes the pipe, Cargo's run still completes, and Karat writes records and reports.
 // Lesson 57
 #[cfg(unix)]
 #[test]
@@ -157,8 +156,7 @@ fn a_closed_pipe_does_not_stop_a_run() {
     }
 }
 
-/// If a command can't write its output because the disk is full, the command fails, whatever its verdict. But it still
-/// does its work.
+/// If the disk is full, a command that prints its output fails with any verdict, but still does its work.
 // Lesson 57
 #[cfg(target_os = "linux")]
 #[test]

@@ -824,8 +824,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     }
 }
 
-/// The test sets an override for the tested function. The reference function doesn't use this override, but the
-/// comparison still works.
+/// The test sets an override for the tested function. The comparison works even if the reference lacks this override.
 #[test]
 fn a_reference_function_may_lack_the_override_that_a_test_sets() {
     let folder = tempfile::tempdir().expect("a temporary folder");

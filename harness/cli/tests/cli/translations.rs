@@ -329,8 +329,7 @@ fn the_matrix_looks_for_a_content_that_a_pass_changes() {
     }
 }
 
-/// Each driver chooses the mip level of a sampled texture. So Karat compares only results that don't depend on the mip
-/// level.
+/// Each driver chooses its own mip level. So Karat compares only results that don't depend on the mip level.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -971,8 +970,7 @@ mod planted {
         assert!(says.as_str().is_some_and(|says| says.contains("(not compared: `p`)")), "{says}");
     }
 
-    /// Inside of a loop, Karat compares the values of the last iteration, and says so, for functions and for entry
-    /// points.
+    /// In a loop, Karat compares the values of the last iteration, and says so, for functions and entry points.
     #[test]
     fn explanations_name_last_rounds_of_loops_and_entry_points() {
         let folder = shaders();
@@ -1019,8 +1017,7 @@ mod planted {
         assert!(known || ran.code == Some(1), "it isn't judged, and that is no green: {ran:?}");
     }
 
-    /// karat.toml declares that the results of a row differ. This doesn't hide an earlier failure, such as invalid
-    /// HLSL.
+    /// If karat.toml declares that a row's results differ, this hides no earlier failure, such as invalid HLSL.
     // Lesson 85
     #[test]
     fn a_declared_difference_hides_no_earlier_failure() {

@@ -177,8 +177,7 @@ fn a_run_that_compared_frames_only_elsewhere_has_no_verdict() {
     assert_eq!(karat(folder, &["unreferenced"]).code, Some(1));
 }
 
-/// It is an error if a provenance file doesn't match its golden, for example after an edit, a merge, or a forgotten
-/// `git add`.
+/// It is an error if the provenance doesn't match its golden: after an edit, a merge, or a forgotten `git add`.
 #[test]
 fn facts_that_are_not_those_of_their_golden_fail() {
     let project = goldens();
