@@ -675,8 +675,8 @@ fn colour_is_left_out_where_it_is_not_wanted() {
     }
 }
 
-/// A command doesn't fail if the reader of its output closes the pipe early: `karat list | head -1`. `cli/pipes.rs` has
-/// more tests of pipes.
+/// A command doesn't fail if the reader of its output closes the pipe early, as `head -1` does. `cli/pipes.rs` has more
+/// tests of pipes.
 #[test]
 fn a_reader_may_close_the_pipe_early() {
     let project = project();

@@ -193,7 +193,7 @@ impl Diagnostic {
         self.labels.first().map(|(span, _)| span)
     }
 
-    /// The text of the message with the heading `warning`. A warning fails no test.
+    /// The text of the message with the heading `warning`. A warning doesn't make a test fail.
     #[must_use]
     pub fn to_warning(&self) -> String {
         self.shown(codespan::Severity::Warning)
@@ -323,8 +323,8 @@ impl FileRead {
         Self { hash: blake3::hash(bytes).to_hex().to_string(), ..Self::missing(file) }
     }
 
-    /// Makes the record of a file that is missing or can't be read. Results that depend on the file change when the
-    /// file appears.
+    /// Makes the record of a file that is missing or can't be read. Karat also records missing files, because results
+    /// may change when such a file appears.
     #[must_use]
     pub fn missing(file: &Path) -> Self {
         let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());

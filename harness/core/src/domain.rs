@@ -138,8 +138,8 @@ pub trait Domain: Send + Sync {
 
     /// Two values that bound the domain: each component of every value lies between the corresponding components of
     /// these two values. `None` if the domain has no such bounds. `stays_within` proves its claim for everything
-    /// between the bounds. The interval may contain values that the domain doesn't have. But a value of the domain
-    /// outside of the interval would make the proof false.
+    /// between the bounds. The bounds may be wider than the domain. But if a value of the domain were outside of the
+    /// bounds, the proof would be false.
     ///
     /// ```
     /// use karat::{Domain, UnitRgb};

@@ -53,7 +53,7 @@ impl Served {
         (status.expect("it has a status"), body.to_owned())
     }
 
-    /// Posts a message as a page of this server.
+    /// Posts a message with the origin and the secret of the server's own page.
     fn say(&self, said: &serde_json::Value) -> (u16, String) {
         let own = format!("http://{}", self.host);
         self.ask("POST", &format!("/{}/next", self.token), Some(&own), &said.to_string())
@@ -176,7 +176,7 @@ fn wrong_answers_of_a_browser_page_fail_the_tests() {
     }
 }
 
-/// Without a page nothing runs, and the message says how to open a page.
+/// If no browser opens the page in time, `karat browser` fails, and no test runs.
 // Lesson 208
 #[test]
 fn no_page_is_an_error() {

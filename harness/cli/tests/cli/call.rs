@@ -98,7 +98,7 @@ fn last(s: Scene) -> f32 { return s.exposure * s.materials[1].f0.z; }
 fn sum(a: array<f32, 3>) -> f32 { return a[0] + a[1] + a[2]; }
 ";
 
-/// An argument that is a structure is written as JSON, like the contents of a buffer.
+/// `karat call` accepts a structure or an array as JSON, as an argument and as the contents of a buffer.
 #[test]
 fn arguments_are_json_where_numbers_have_no_names() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -3,7 +3,7 @@
 use super::report::function;
 use super::*;
 
-/// A project whose `cargo test` records a passing function.
+/// A project in which a script replaces `cargo test`: the script records a passing check.
 fn tested() -> TempDir {
     let project = project();
     let script = "mkdir -p \"$KARAT_RECORD\"\ncp verdict \"$KARAT_RECORD/1.jsonl\"\n";
@@ -97,7 +97,7 @@ fn a_package_of_nothing_is_no_success() {
     assert!(ran.code != Some(0), "{ran:?}");
 }
 
-/// A declaration in karat.toml must name something that exists.
+/// The inputs, functions and rows that karat.toml names must exist in the package.
 // Lesson 198
 #[test]
 fn names_in_karat_toml_are_those_of_the_package() {

@@ -1,4 +1,5 @@
-//! Tests Tint's verdict on the author's WGSL, WebGPU's limits, and the messages when Karat doesn't run Tint.
+//! Tests that Karat reports Tint's errors at the author's lines, exceeded limits of WebGPU, and the reason if Karat
+//! doesn't run Tint.
 //!
 //! Tests that need Tint use this machine's Tint, which `cargo ci setup` installs. Other tests replace Tint by a program
 //! with planned output.
@@ -124,7 +125,7 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
-/// All commands that validate modules give the same verdict.
+/// Each command that validates modules asks Tint, and gives Tint's verdict.
 // Lesson 201
 #[test]
 fn each_command_that_validates_asks_tint() {
@@ -267,7 +268,8 @@ fn features_of_wgpu_alone_must_be_declared() {
     }
 }
 
-/// An exceeded limit is a note, unless a `[limits]` table declares the limits.
+/// If a shader exceeds a limit of WebGPU, Karat prints a note. With a `[limits]` table in karat.toml, an exceeded limit
+/// is an error.
 // Lesson 205
 #[test]
 fn an_exceeded_limit_is_reported_at_its_place() {
@@ -430,7 +432,7 @@ fn compatibility_mode_has_its_own_rules() {
     assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
 }
 
-/// If an override has no default, only the program that uses the shader knows a valid value, so Karat chooses none.
+/// If an override has no default, only the program that uses the shader knows a valid value, so Karat sets none.
 #[test]
 fn an_override_without_a_value_is_given_none() {
     let text = "override count: u32;\nvar<workgroup> w: array<f32, count - 1u>;\n\
@@ -464,7 +466,7 @@ fn tests_in_shipped_files_are_reported_and_can_be_stripped() {
     assert!(error.contains("did you mean `n`?"), "{error}");
 }
 
-/// naga's error message says if Tint accepts the module.
+/// If naga rejects a module that Tint accepts, the error message says so.
 #[test]
 fn an_error_of_naga_says_if_tint_accepts_the_module() {
     let folder = folder("requires linear_indexing;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
@@ -479,7 +481,8 @@ fn an_error_of_naga_says_if_tint_accepts_the_module() {
     assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
 }
 
-/// If a module has a directive that browsers need and naga doesn't know, it is valid, with a warning.
+/// Some directives, such as `enable subgroups;`, are needed in browsers but unknown to naga. A module with such a
+/// directive is valid, and Karat prints a warning.
 #[test]
 fn an_enable_line_unknown_to_naga_is_a_warning() {
     let text = "enable subgroups;\n@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n";
@@ -562,7 +565,7 @@ mod fakes {
 
     const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
 
-    /// If a compiler crashes or sends wrong replies, there is no verdict. A command that requires a verdict then fails.
+    /// If Tint crashes or sends wrong replies, it has no verdict. With `--require tint`, the command then fails.
     // Lesson 203
     #[test]
     fn a_tint_that_fails_has_no_verdict() {
@@ -686,7 +689,7 @@ mod fakes {
     }
 }
 
-/// If some invocations miss a barrier, the report also has Tint's verdict. Tint analyses the text, and runs nothing.
+/// If some invocations miss a barrier, the report also shows Tint's error, which Tint finds without running the shader.
 #[test]
 fn a_barrier_that_some_invocations_miss_shows_the_error_of_tint() {
     let entry = |condition: &str| {

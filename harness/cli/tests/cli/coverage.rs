@@ -146,7 +146,7 @@ fn coverage_is_counted_for_each_variant_and_for_all() {
     assert_eq!([row("no feature"), row("SCALE=2")], [["6", "7"], ["1", "2"]], "{ran:?}");
 }
 
-/// The page shows each line with its count, and the tests with their inputs.
+/// The page shows how often each line ran, and the first input with which each test reached the line.
 #[test]
 fn the_coverage_page_shows_which_tests_reach_a_line() {
     let folder = folder();

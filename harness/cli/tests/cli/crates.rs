@@ -151,7 +151,7 @@ fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     assert!(list("late").error().contains("cargo says:"));
 }
 
-/// If no project builds a crate, Cargo fetches the crate. In this test, a folder replaces crates.io.
+/// Without a project, `--crate NAME@VERSION` makes Cargo fetch the crate. In this test, a folder replaces crates.io.
 // Lesson 34
 #[test]
 fn a_crate_at_a_version_needs_no_project() {
@@ -191,7 +191,8 @@ fn a_crate_at_a_version_needs_no_project() {
     assert_eq!(place.kept(), 1, "nothing is left of what failed");
 }
 
-/// Shaders of a crate's examples import from development dependencies, which Cargo doesn't fetch with the crate.
+/// The shaders of a crate's examples may import from the crate's development dependencies. Cargo doesn't fetch
+/// development dependencies with the crate, so Karat asks Cargo for each imported crate.
 #[test]
 fn examples_import_development_dependencies() {
     let place = Place::new();

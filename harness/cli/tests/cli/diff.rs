@@ -324,7 +324,7 @@ fn images_of_other_sizes_have_their_sizes_and_their_census() {
     assert_eq!((&report["verdict"], &report["compared"]), (&"differs".into(), &0.into()));
 }
 
-/// The report names parts of images that Karat doesn't compare.
+/// If an EXR file has several parts, the report names the part that Karat compares and the parts that it ignores.
 #[test]
 fn parts_that_are_not_compared_are_named() {
     let folder = images();
@@ -342,7 +342,8 @@ fn parts_that_are_not_compared_are_named() {
     assert_eq!(report["a"]["parts"], serde_json::json!([]));
 }
 
-/// Images of other tools declare their primaries and other conventions. Karat notes differences, and converts nothing.
+/// An EXR file can declare its primaries: the colours of its channels. If two files declare different primaries, Karat
+/// prints a note, and compares the values without a conversion.
 #[test]
 fn primaries_that_differ_are_noted_and_nothing_is_converted() {
     use exr::meta::attribute::Chromaticities;

@@ -387,7 +387,7 @@ fn a_test_can_check_members_and_grids_of_buffers() {
     assert!(grid(3).out.contains("p.test.toml:7:1"), "{:?}", grid(3));
 }
 
-/// A wrong element doesn't shift the comparison of the other elements.
+/// With `up_to_order`, one wrong element counts as one difference: the other elements still match.
 #[test]
 fn a_wrong_element_is_reported_in_any_order() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -458,7 +458,7 @@ fn a_module_that_enables_subgroups_runs_with_its_own_lines() {
     assert!(ran.code == Some(1) && format!("{ran:?}").contains("s.wgsl:5:9"), "{ran:?}");
 }
 
-/// Each wrong expectation fails at the entry point, and the message names the element.
+/// A wrong expectation about a pass fails, and the message names the wrong element or the wrong key.
 #[test]
 fn wrong_passes_fail_with_the_element() {
     let of = |entry: &str, with: &str, after: &str| {
@@ -664,8 +664,7 @@ fn a_misspelt_later_pass_is_named() {
     assert!(half.out.contains("half.csv:4:1"), "{}", half.out);
 }
 
-/// If passes race, each assertion about these passes fails. The report has the message once, for any order of the
-/// assertions.
+/// If passes race, each assertion about these passes fails. The report has the message about the race only once.
 #[test]
 fn one_race_has_one_message() {
     let folder = shaders(

@@ -3,7 +3,7 @@
 use super::pending::zip;
 use super::*;
 
-/// Runs a command that fails, and returns its error message. Checks that no part of the message occurs twice.
+/// Runs a command that fails, and returns its error message. Checks that no part between colons occurs twice.
 #[track_caller]
 fn error(folder: &FilePath, arguments: &[&str]) -> String {
     let error = karat(folder, arguments).error();

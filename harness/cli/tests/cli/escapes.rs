@@ -1,4 +1,4 @@
-//! Tests that Karat shows text from others without effects on the terminal.
+//! Tests that text from other people, such as a shader or a zip file, can't send commands to the terminal.
 
 use karat::Image;
 use karat::image::Precision;

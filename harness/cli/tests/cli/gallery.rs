@@ -37,8 +37,8 @@ fn main() -> std::process::ExitCode {
 }
 "#;
 
-/// The features that this workspace uses of common libraries. With the same features, Cargo doesn't compile the
-/// libraries again. `tests/stranger.rs` does the same.
+/// Dependencies of the test project, with the features that Karat's own workspace enables. Other features would make
+/// Cargo compile these libraries again. `tests/stranger.rs` does the same.
 const SHARED: &str = "\
     indexmap = \"2\"\n\
     libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\

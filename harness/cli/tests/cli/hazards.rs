@@ -278,7 +278,8 @@ fn integers_conditions_and_names_are_in_a_trace() {
     assert_eq!(row("select(root")[2], "2", "{trace}");
 }
 
-/// A variance of four samples is computed as a difference of two sums, which cancels if the samples are nearly equal.
+/// The shader computes a variance as the difference of two sums. This difference loses its digits if all samples are
+/// nearly equal, so Karat tries nearly equal arguments.
 #[test]
 fn nearly_equal_arguments_are_tried() {
     let folder = shaders(
@@ -294,7 +295,7 @@ fn nearly_equal_arguments_are_tried() {
     assert!(about.is_some_and(|line| line.contains(", 0.") && line.contains("in f64")), "{ran:?}");
 }
 
-/// Each crate of a workspace has a shader folder with the same name.
+/// If several crates have a folder `shaders`, the output distinguishes the packages by their folders' paths.
 #[test]
 fn packages_with_the_same_name_are_named_by_their_folders() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -75,7 +75,7 @@ fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
     }
 }
 
-/// A hazard that a later operation hides is reported last.
+/// If a later operation discards the result of a hazard, the hazard counts as `dropped`. Only `--all` shows it.
 // Lesson 178
 #[test]
 fn a_dropped_value_is_counted() {

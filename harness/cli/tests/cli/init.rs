@@ -209,8 +209,8 @@ fn init_explains_why_there_is_nothing_to_test() {
     assert!(none.contains("there is no folder `nowhere`"), "{none}");
 }
 
-/// If a pass works with only one workgroup, the test from `karat init` dispatches one workgroup. The test declares a
-/// long array by a range, and doesn't list each element.
+/// If a pass works only with a single workgroup, `karat init` writes a test that dispatches one workgroup. The test
+/// declares a long array by a range, and doesn't list each element.
 #[test]
 fn a_pass_for_one_workgroup_gets_a_test() {
     let scan = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -321,7 +321,7 @@ fn a_function_of_integers_gets_a_test() {
     assert_eq!(karat(folder.path(), &["test", "shaders"]).code, Some(1));
 }
 
-/// Git ignores the files that runs write, for any position of the shader folder.
+/// `karat init` makes git ignore the files that runs write, wherever the shader folder is.
 // Lesson 181
 #[test]
 fn git_ignores_what_runs_leave() {
@@ -369,8 +369,8 @@ fn init_writes_in_ci_only_with_ci_may_write() {
     assert!(folder.path().join("m.test.toml").is_file());
 }
 
-/// A project for the web gets a script. The script requires Tint only if the project depends on it, so the first run
-/// passes on each machine.
+/// If a project has a `package.json`, `karat init` adds a script that runs the tests. `karat init` requires Tint only
+/// if `package.json` lists Tint's package, so the first run passes on each machine.
 #[test]
 fn a_project_for_the_web_gets_a_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -440,8 +440,7 @@ fn init_writes_tests_for_the_valid_modules() {
     assert!(compared.contains("changed") && compared.contains("tone::tone"), "{compared}");
 }
 
-/// Packages of npm contain no modules of the project. For each command, the package is the folder that contains all
-/// modules.
+/// Karat ignores shaders in `node_modules`. For each command, the package is the folder that contains all modules.
 #[test]
 fn the_folder_that_has_all_modules_is_found() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -12,7 +12,7 @@ use super::pending::{LAVAPIPE, pending_frame, provenance};
 use super::report::frame;
 use super::*;
 
-/// Writes a pending frame that was compared with a golden of this hash.
+/// Writes a pending frame. `compared_with` is the hash of the golden with which the frame was compared.
 fn differing(golden: &FilePath, value: f32, compared_with: &str) -> PathBuf {
     let image = Image::new(2, 1, vec![[value; 4]; 2]);
     let facts = provenance("scene", &image.hash(), LAVAPIPE, compared_with);

@@ -63,7 +63,7 @@ fn mutants_are_killed_or_listed() {
     assert_eq!(told[0]["result"]["fate"], "killed", "{told}");
 }
 
-/// With `--in-diff`, Karat mutates only lines that an edit has changed, and files that git doesn't track.
+/// With `--in-diff`, Karat mutates only lines that were edited, and all lines of files that git doesn't track.
 #[test]
 fn mutants_in_a_diff_are_only_those_of_changed_lines() {
     let folder = folder();
@@ -115,7 +115,7 @@ fn mutate_fails_if_the_score_is_below_the_bound() {
 }
 
 /// For each line with surviving mutants, GitHub gets a warning with the file's path in the repository. The job's
-/// summary gets the log.
+/// summary gets the list of these mutants.
 #[test]
 fn lines_are_annotated() {
     let folder = folder();

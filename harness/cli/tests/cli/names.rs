@@ -153,7 +153,7 @@ fn no_name_breaks_a_report() {
     assert!(ran.out.lines().take(6).all(|line| line.contains("error: ")), "{ran:?}");
 }
 
-/// Tests can be run and replayed by name, whatever name their author chose.
+/// Karat can run and replay a test with any name.
 // Lesson 182
 #[test]
 fn no_name_breaks_a_run_or_its_replay() {

@@ -68,7 +68,8 @@ fn tests_are_listed_with_their_places() {
     assert!(error.contains("there is no test beside the shaders"), "{error}");
 }
 
-/// A server process runs the requested test and returns its record. If nothing was edited, the test doesn't run again.
+/// A worker process runs the requested test and returns its record. If the same test is requested again without an
+/// edit, the worker returns the earlier record.
 #[test]
 fn one_test_is_run_when_it_is_asked_for() {
     let folder = folder();

@@ -183,7 +183,7 @@ fn changed_frames_and_new_frames_are_listed_differently() {
     karat(project.path(), &["pending"]).good();
 }
 
-/// If a command fails for one frame, it reports this, and continues with the others.
+/// If a command can't use one pending frame, the command reports the frame, and continues with the other frames.
 #[test]
 fn an_unusable_file_does_not_stop_the_others() {
     let project = with_goldens();
@@ -336,7 +336,7 @@ fn new(case: &str) -> Provenance {
     provenance(case, "", LAVAPIPE, "")
 }
 
-/// The first golden of a crate creates the crate's folder of goldens, and Karat writes into no other crate's folder.
+/// The first golden of a crate goes into a new folder of this crate, and never into another crate's folder of goldens.
 // Lesson 179
 // Lesson 180
 #[test]
@@ -369,7 +369,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     output(command(folder, &may).env("CI", "true")).good();
 }
 
-/// If a member declares its folder of goldens, the project keeps its own folder.
+/// A project can have a folder `golden`, even if a crate of the workspace declares its own folder of goldens.
 #[test]
 fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
     let project = workspace();
@@ -387,7 +387,7 @@ fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
     }
 }
 
-/// If one crate has two folders of goldens, frames with the same name are told apart by the folders' paths, as in
+/// If one crate has two folders of goldens, the paths of the folders distinguish frames with the same name, as in
 /// reports.
 #[test]
 fn frames_of_one_name_and_crate_are_named_by_their_folders() {
@@ -403,7 +403,7 @@ fn frames_of_one_name_and_crate_are_named_by_their_folders() {
     assert!(folder.join("crates/lamp/other/dusk.exr").is_file());
 }
 
-/// The names of crates distinguish frames with the same name.
+/// If two crates have frames with the same name, the names of the crates distinguish these frames.
 // Lesson 179
 #[test]
 fn frames_of_one_name_are_named_by_their_crates() {

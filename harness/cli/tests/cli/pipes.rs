@@ -77,8 +77,7 @@ fn a_closed_pipe_does_not_change_the_exit_code() {
     }
 }
 
-/// If no program reads their output, commands that change files still change these files, and report the result by
-/// their exit code.
+/// If no program reads the output of a command, the command still changes its files and returns its usual exit code.
 // Lesson 57
 #[test]
 fn a_closed_pipe_does_not_stop_a_command() {
@@ -96,7 +95,7 @@ fn a_closed_pipe_does_not_stop_a_command() {
     assert!(folder.join("flip.png").is_file());
 }
 
-/// The exit code is the same if the reader of a shell's pipe ends after the first line, or at once.
+/// In a shell's pipe, the exit code of a command is the same if the reader ends at once or after the first line.
 // Lesson 57
 #[cfg(unix)]
 #[test]
@@ -131,7 +130,7 @@ fn a_shell_pipe_that_closes_early_keeps_the_exit_code() {
     }
 }
 
-/// In `karat test | head -1`, Cargo's run completes, and Karat keeps records and writes reports.
+/// If the reader of `karat test` closes the pipe, Cargo's run still completes, and Karat writes records and reports.
 // Lesson 57
 #[cfg(unix)]
 #[test]
@@ -157,7 +156,7 @@ fn a_closed_pipe_does_not_stop_a_run() {
     }
 }
 
-/// If the disk is full, a command fails for any verdict, but still does its work.
+/// If the disk is full, a command that prints its output fails with any verdict, but still does its work.
 // Lesson 57
 #[cfg(target_os = "linux")]
 #[test]

@@ -161,7 +161,7 @@ fn grid(@builtin(global_invocation_id) id: vec3u) {
     assert!(beside.contains("passes have no colours to compare"), "{beside}");
 }
 
-/// The failure of a declared frame names the command to run next.
+/// If a declared frame differs from its golden, the message suggests a `karat trace` command for one of the pixels.
 // Lesson 39
 #[test]
 fn a_frame_that_differs_says_how_to_go_on() {

@@ -21,7 +21,7 @@ fn recorded(lines: &[String]) -> TempDir {
     project
 }
 
-/// The names in a report, each with the case that it replays.
+/// The names that `karat replay` accepts, from a report. Each name comes with the function and the verb that failed.
 fn names(out: &str) -> Vec<(String, String)> {
     let lines = out.lines().filter_map(|line| line.strip_prefix("karat replay "));
     let pair = |line: &str| {
@@ -80,7 +80,7 @@ fn a_failure_without_a_replay_says_why() {
     assert!(ran.code == Some(2) && ran.err.contains("must run cargo or karat"), "{ran:?}");
 }
 
-/// The summary names some of many failures. `--all` names all of them.
+/// A report names at most eight failures to replay, and counts the others. `karat replay` lists all failures.
 #[test]
 fn more_failures_than_are_named_are_counted() {
     let many: Vec<String> = (0..11).map(|i| failing(&format!("calc::f{i}"))).collect();

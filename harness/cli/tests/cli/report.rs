@@ -53,13 +53,13 @@ pub(crate) fn function(name: &str, path: &str, verdict: &str, message: Option<&s
     line("tests::calc", subject, &[path], verdict, message)
 }
 
-/// Adds a start time and a duration to a line of a record.
+/// Adds a start time and a duration to a record.
 fn at(line: String, started: &str, seconds: &str) -> String {
     let time = format!("\"started\":\"{started}\",\"seconds\":{seconds},\"message\"");
     line.replace("\"message\"", &time)
 }
 
-/// Adds the current time, as the start time, and a duration of 60 s to a line of a record.
+/// Adds a start time, which is the current time, and a duration of 60 s to a record.
 fn now(line: String) -> String {
     at(line, &humantime::format_rfc3339_millis(SystemTime::now()).to_string(), "60")
 }
@@ -440,8 +440,8 @@ fn pictures_are_of_the_run_that_is_reported() {
     assert!(!picture("actual").exists());
 }
 
-/// The lines that GitHub's runner reads as errors. Checks that no other part of the output is a command: within a line
-/// or on stderr.
+/// The lines that GitHub's runner reads as errors. Checks that `::error` occurs nowhere else: neither inside of a line
+/// nor on stderr.
 #[track_caller]
 fn annotations(ran: &Ran) -> Vec<&str> {
     let lines: Vec<&str> = ran.out.lines().filter(|line| line.starts_with("::error ")).collect();
@@ -499,7 +499,8 @@ fn a_failure_outside_of_checks_is_annotated_too() {
     assert!(annotations(&karat(project.path(), &["report", "--github"])).is_empty());
 }
 
-/// The short line of a failure has its file and line, and the unit of its counts: for a sampler, `configurations`.
+/// With `--short`, each failure is one line with its file, its line, and a count of failing cases. For a sampler, the
+/// line counts configurations.
 #[test]
 fn a_short_line_counts_what_fails() {
     let project = project();
@@ -523,7 +524,7 @@ fn a_short_line_counts_what_fails() {
     assert!(summary.contains("| 524288 | 1 configuration |"), "{summary}");
 }
 
-/// The report has tests that fail in a check, and tests that fail outside of Karat's checks.
+/// The report also counts Rust tests that fail outside of Karat's checks.
 #[cfg(unix)]
 #[test]
 fn tests_that_fail_outside_of_checks_are_counted() {
@@ -550,7 +551,8 @@ fn tests_that_fail_outside_of_checks_are_counted() {
     assert!(by_check.code == Some(1) && !by_check.out.contains("outside"), "{by_check:?}");
 }
 
-/// A filter searches functions in the record of earlier runs, which doesn't contain new tests.
+/// A filter finds functions in the record of earlier runs. New Rust tests aren't in this record, so the filter finds
+/// them only by their names, and the output says so.
 #[cfg(unix)]
 #[test]
 fn a_filter_that_cannot_find_new_rust_tests_says_so() {

@@ -69,7 +69,7 @@ fn the_page_shows_what_fails_with_its_plots() {
     assert_eq!(json["run"]["passed"], true);
 }
 
-/// The page has the counts of a tested random sampler, hazards, and links to the other pages.
+/// The page shows how often a tested sampler hit each cell, lists hazards, and links to the page of `karat matrix`.
 #[test]
 fn the_page_has_maps_hazards_and_links() {
     let histogram = r#""histogram":{"axes":["theta","phi"],"rows":[1,2],"observed":[9,1,0],"expected":[4,4,2]}"#;

@@ -37,8 +37,8 @@ fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> Te
     folder
 }
 
-/// If a file should declare tests and declares none, each command fails, whether a manifest or the folder's name leads
-/// to the file's package. Without the file, the package has no such failure.
+/// If a file should declare tests and declares none, each command fails. This holds for packages that a manifest
+/// declares, and for folders called `shaders`. With a valid file, each command succeeds.
 // Lesson 185
 #[test]
 fn a_misnamed_test_file_fails_every_command() {
@@ -201,7 +201,7 @@ fn the_folder_shaders_is_found_by_every_command() {
     }
 }
 
-/// `karat test` reports tests outside of `shaders`, although the karat.toml makes `shaders` a package of its own.
+/// `karat test` reports tests outside of `shaders`, even if a karat.toml in `shaders` makes this folder a package.
 // Lesson 187
 #[test]
 fn tests_outside_of_shaders_are_reported() {
@@ -305,7 +305,7 @@ fn a_second_folder_is_refused() {
     assert!(told.contains("a_test::s_is_told"), "{told}");
 }
 
-/// Karat follows circular links once, and doesn't read pipes.
+/// Circular links and named pipes don't make a command hang: Karat follows each link once, and reads no pipe.
 // Lesson 188
 #[cfg(unix)]
 #[test]

@@ -78,7 +78,7 @@ fn a_test_that_cannot_begin_is_in_each_report() {
     assert!(report.out.contains("::error file=brdf.test.toml,line=3,col=1,"), "{report:?}");
 }
 
-/// If one cause stops every test, the report has the full cause once, and the line of each test.
+/// If the same error stops all tests, the report shows the full message once, and the file and line of each test.
 #[test]
 fn a_cause_that_stops_all_tests_is_printed_once() {
     let folder = folder();
@@ -128,7 +128,7 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
     assert!(karat(folder.path(), &["test", "./nowhere"]).error().contains("no folder or file"));
 }
 
-/// While a module doesn't parse, Karat doesn't call its functions untested.
+/// If a module has a syntax error, Karat doesn't report the module's functions as untested.
 #[test]
 fn a_syntax_error_makes_no_function_untested() {
     let folder = folder();
@@ -214,7 +214,7 @@ fn each_failing_expectation_is_reported_with_its_place() {
     assert!(folder.path().join(".karat/failures/suite").is_dir());
 }
 
-/// A bound that no difference of numbers can exceed is refused, because the expectation couldn't fail.
+/// Karat refuses a bound that is larger than any difference of two floats, because such an expectation couldn't fail.
 #[test]
 fn a_bound_that_nothing_exceeds_fails() {
     let folder = folder();
@@ -507,8 +507,8 @@ fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
     assert_eq!(seldom["paths"][0]["cases"], 1, "{ran}");
 }
 
-/// One kernel evaluates several tests, each with its own arguments. Each failing test runs again singly, and its
-/// message equals the message on the path `cpu`, which compiles nothing.
+/// Karat compiles several tests into one shader, and runs each failing test again on its own. The failing test's
+/// message is the same as on the path `cpu`, where Karat compiles nothing.
 // Lesson 104
 #[test]
 fn tests_that_are_counted_together_have_their_own_verdicts() {
@@ -824,7 +824,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     }
 }
 
-/// The test sets an override for the tested function. A reference without this override is still compared.
+/// The test sets an override for the tested function. The comparison works even if the reference lacks this override.
 #[test]
 fn a_reference_function_may_lack_the_override_that_a_test_sets() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -941,8 +941,8 @@ fn integers_have_no_tolerance() {
     assert!(!failed.out.contains("anything"), "{failed:?}");
 }
 
-/// Karat rounds `0.3` under every key to the same number as WGSL does, and each check fails if the shader uses the next
-/// number.
+/// For each key, Karat rounds a decimal such as `0.3` to the same `f32` as WGSL does. Each check fails if the shader
+/// uses the next larger `f32`.
 // Lesson 170
 #[test]
 fn declared_decimals_are_rounded_as_in_wgsl() {
@@ -1006,8 +1006,8 @@ fn the_readme_shows_what_its_first_test_says() {
     assert!(shown.lines().count() > 5, "{shown}");
 }
 
-/// If a test gives a buffer only its size, the buffer may contain any data in a real program. Karat counts reads of
-/// such data before a pass writes it, if the results depend on them.
+/// If a test gives a buffer only its size, the buffer may contain any data in a real program. If a pass reads such data
+/// before any pass writes it, and results depend on the data, Karat counts the words that were read.
 // Lesson 221
 #[test]
 fn unwritten_words_are_counted() {

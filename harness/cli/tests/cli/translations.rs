@@ -84,7 +84,7 @@ fn a_failed_translation_is_an_error() {
     assert!(both.contains("remove --entry-point"), "{both}");
 }
 
-/// The given columns that run on this machine. Some machines have no GL.
+/// Keeps only the columns that run on this machine: some machines have no GL.
 #[cfg(target_os = "linux")]
 pub(super) fn run_here<'c>(columns: impl IntoIterator<Item = &'c str>) -> Vec<&'c str> {
     let gl = karat::unstable::path::adapter(karat::Path::GL).is_ok();
@@ -157,7 +157,7 @@ fn the_matrix_says_how_far_each_row_gets() {
     assert!(!text.contains("frame::"), "{text}");
 }
 
-/// A route belongs to a path, such as `vulkan:glsl`, so a function can be called on each route.
+/// A path such as `vulkan:glsl` includes a route, so `karat call` can call a function on each route.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_function_can_be_called_on_each_translation_route() {
@@ -295,8 +295,8 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     assert_eq!(karat(folder.path(), &arguments).code, Some(1));
 }
 
-/// An entry point doesn't need the abilities that only other entry points of its module use. Each driver has its own
-/// size of subgroups.
+/// An entry point doesn't need the abilities that only other entry points of its module use. Results that depend on the
+/// size of a subgroup count as open, because drivers have different sizes.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -329,7 +329,7 @@ fn the_matrix_looks_for_a_content_that_a_pass_changes() {
     }
 }
 
-/// Drivers choose the mip level themselves. Karat compares only results that don't depend on the mip level.
+/// Each driver chooses its own mip level. So Karat compares only results that don't depend on the mip level.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -503,7 +503,7 @@ fn generated_buffers_and_textures_of_the_matrix_are_valid_to_bind() {
     }
 }
 
-/// The WGSL that naga writes lacks `@align`, so the engine reads the author's WGSL.
+/// The engine runs the author's WGSL, because the WGSL that naga writes has no `@align`.
 // Lesson 158
 #[cfg(target_os = "linux")]
 #[test]
@@ -687,7 +687,7 @@ fn required_columns_decide_the_exit_code() {
     assert!(twice.error().contains("`vulkan` is named twice"));
 }
 
-/// A matrix that compares nothing fails. Karat refuses an output that would overwrite an input.
+/// A matrix that judges no row fails. Karat refuses an output that would overwrite an input.
 // Lesson 89
 #[cfg(target_os = "linux")]
 #[test]
@@ -750,8 +750,8 @@ fn a_matrix_without_evidence_fails() {
     assert_eq!(matrix(&[&columns[..], &required].concat()).code, Some(1));
 }
 
-/// If tests checked the function of a row on the path of a column, the verdict of these tests decides. A verdict on
-/// another version of the module has no effect.
+/// With `--tests`, a cell of the matrix is wrong if the function's tests failed on the cell's path. Karat ignores tests
+/// of another version of the module.
 // Lesson 113
 #[cfg(target_os = "linux")]
 #[test]
@@ -815,8 +815,9 @@ mod planted {
         })
     }
 
-    /// Returns the JSON of a matrix that has one wrong cell. A script runs the shell commands `before`, then glslang,
-    /// then the shell commands `after`.
+    /// Runs `karat matrix` with a script in place of glslang: the script runs the shell commands `before`, then
+    /// glslang, then the shell commands `after`. Checks that the matrix has one wrong cell, and returns the matrix as
+    /// JSON.
     fn with_glslang(before: &str, after: &str) -> serde_json::Value {
         let ran = run_with_glslang(&shaders(), before, after, &["--json"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -969,7 +970,7 @@ mod planted {
         assert!(says.as_str().is_some_and(|says| says.contains("(not compared: `p`)")), "{says}");
     }
 
-    /// In a loop Karat compares the last values, and says so. The report of an entry point has this remark, too.
+    /// In a loop, Karat compares the values of the last iteration, and says so, for functions and entry points.
     #[test]
     fn explanations_name_last_rounds_of_loops_and_entry_points() {
         let folder = shaders();
@@ -1016,7 +1017,7 @@ mod planted {
         assert!(known || ran.code == Some(1), "it isn't judged, and that is no green: {ran:?}");
     }
 
-    /// A declared difference doesn't hide a failure of an earlier step.
+    /// If karat.toml declares that a row's results differ, this hides no earlier failure, such as invalid HLSL.
     // Lesson 85
     #[test]
     fn a_declared_difference_hides_no_earlier_failure() {

@@ -1,4 +1,4 @@
-//! `karat unreferenced`: gives no verdict without the record of a full run that passed.
+//! Tests `karat unreferenced`, which gives no verdict without the record of a full run that passed.
 
 use std::path::PathBuf;
 
@@ -177,7 +177,7 @@ fn a_run_that_compared_frames_only_elsewhere_has_no_verdict() {
     assert_eq!(karat(folder, &["unreferenced"]).code, Some(1));
 }
 
-/// The provenance may differ because of an edit, a merge, or a forgotten file.
+/// It is an error if the provenance doesn't match its golden: after an edit, a merge, or a forgotten `git add`.
 #[test]
 fn facts_that_are_not_those_of_their_golden_fail() {
     let project = goldens();
@@ -239,7 +239,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
     assert!(ran.code == Some(1) && ran.out.contains(told), "{ran:?}");
 }
 
-/// `--delete` succeeds only if no unreferenced golden remains.
+/// `--delete` keeps files without provenance. As long as such a file remains, the command fails.
 #[test]
 fn files_that_delete_keeps_still_fail() {
     let project = goldens();

@@ -195,7 +195,8 @@ fn declared_tests_have_places_of_their_own() {
     assert!(test(folder.path(), &[]).out.contains("wgsl/t.csv:2:1"));
 }
 
-/// The system, a driver or the deadline ends a process of tests. Only Linux lists the children of a process.
+/// If the process that runs tests is killed, Karat names the tests that have no verdict yet. This test finds the
+/// process in `/proc`, which only Linux has.
 #[cfg(target_os = "linux")]
 #[test]
 fn tests_of_a_killed_process_are_named() {

@@ -202,7 +202,7 @@ fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     watch.until("cpu: 2 tests pass");
 }
 
-/// If a test can't run on a path, Karat reports this. On this path, the test neither passes nor fails.
+/// If a test can't run on a path, the test neither passes nor fails there, and Karat says so.
 #[test]
 fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -231,7 +231,7 @@ fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     assert!(once("cpu,vulkan").good().contains("vulkan: 1 test passes"));
 }
 
-/// After an edit of any file, a program that expands modules may print a different text.
+/// A program that expands modules may read any file, so `karat watch` runs this program again after each edit.
 #[cfg(unix)]
 #[test]
 fn watch_reruns_after_an_edit_of_the_preprocessor_or_its_files() {
@@ -317,7 +317,7 @@ fn an_edit_of_any_file_that_is_read_counts() {
     assert!(!told.contains("notes.md"), "{told}");
 }
 
-/// Output in the watched folder triggers at most one run.
+/// If the output of `karat watch` goes into a file in the watched folder, this file triggers at most one run.
 // Lesson 192
 #[cfg(unix)]
 #[test]

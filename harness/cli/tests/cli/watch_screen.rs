@@ -206,7 +206,7 @@ fn the_user_can_page_and_scroll_through_failures() {
     assert!(above != end, "one line up is seen at once:\n{end}");
 }
 
-/// A person accepts a new frame with a reason. From then on the frame is compared.
+/// A person accepts new frames, and must give a reason. Karat writes each golden beside the frame's test.
 #[test]
 fn a_pending_frame_is_accepted() {
     let mut terminal = Terminal::start(100);
@@ -244,7 +244,7 @@ fn a_dumb_terminal_has_lines() {
     assert!(red.contains("cpu: 1 test passes; 1 ran") && red.contains("saw 0.75"), "{red}");
 }
 
-/// Without colours, the screen is still cleared.
+/// All lines fit on a terminal of 40 columns, and Karat clears the screen even if colours are off.
 #[test]
 fn a_narrow_terminal_has_no_line_that_wraps() {
     let mut terminal = Terminal::with(40, &[("NO_COLOR", "1")]);

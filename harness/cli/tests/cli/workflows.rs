@@ -74,7 +74,7 @@ fn bash_can_parse_every_workflow_script() {
     }
 }
 
-/// Each input, output and step that an expression names exists.
+/// The action uses each input that it declares, and declares each input that it uses.
 #[test]
 fn the_action_uses_each_of_its_inputs() {
     let action = read(ACTION);

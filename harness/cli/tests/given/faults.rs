@@ -2,8 +2,8 @@
 
 use serde_json::{Value, json};
 
-/// The data of a failure with this message. In the message, `on PATH: ...` begins a path, and `replay: ...` ends a
-/// case.
+/// The data of a failure with this message. A line `on PATH: ...` of the message begins the failures on a path, and a
+/// line `replay: ...` ends a failing case.
 pub(crate) fn fault(message: &str) -> Value {
     let first = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
     let mut paths: Vec<Value> = Vec::new();

@@ -23,7 +23,7 @@ pub(crate) struct Editor {
     diagnostics: BTreeMap<String, Vec<Value>>,
     /// The messages that the editor showed to the user.
     pub(crate) said: Vec<String>,
-    /// The methods of other messages from the server.
+    /// The methods of the server's other messages, which show the user nothing.
     heard: Vec<String>,
     requests: u64,
     version: u64,
@@ -112,7 +112,7 @@ impl Editor {
         })
     }
 
-    /// The reply to a message without a readable id.
+    /// Waits for an error reply, such as the reply to a message without a readable id.
     pub(crate) fn refusal(&mut self) -> Value {
         self.until("a refusal", |_, message| message["error"].is_object())
     }
@@ -169,7 +169,7 @@ impl Editor {
         self.said.iter().find(|said| said.contains(part)).cloned().unwrap_or_default()
     }
 
-    /// Waits until the server has sent a message with this method. Such messages show the user nothing.
+    /// Waits until the server has sent a message with this method.
     pub(crate) fn wait_heard(&mut self, method: &str) {
         let has = |editor: &Self| editor.heard.iter().any(|heard| heard == method);
         if !has(self) {
@@ -245,7 +245,7 @@ impl Drop for Editor {
     }
 }
 
-/// The next message. Other text on standard output fails the test.
+/// Reads the server's next message. Any other text on standard output makes the test fail.
 fn read(out: &mut impl BufRead) -> Option<Value> {
     let mut length = None;
     loop {

@@ -1,5 +1,5 @@
-//! Tests the diagnostics of failing checks. After each save, the server runs the tests without Rust. For Rust tests, it
-//! uses the record of the last run.
+//! Tests the diagnostics of failing checks. After each save, the server runs the tests without Rust. For Rust tests,
+//! the server uses the record of the last run.
 
 use serde_json::{Value, json};
 
@@ -136,8 +136,8 @@ fn a_save_while_tests_run_is_judged_after_them() {
     assert!(told(&shown[0]).2.contains("saw 0.75"), "{shown:?}");
 }
 
-/// Another program edits a file. If the file then declares an unreadable test, the editor shows the error at the line
-/// of this test.
+/// If another program edits a test file, the server runs the file's tests again. If a test becomes unreadable, the
+/// editor shows an error at its line.
 #[test]
 fn files_that_no_editor_has_open_are_followed() {
     let folder = folder();
@@ -158,7 +158,7 @@ fn files_that_no_editor_has_open_are_followed() {
     editor.wait(FILE, <[_]>::is_empty);
 }
 
-/// After a run in a terminal, the editor's diagnostics have the name that `karat replay` accepts.
+/// After a run of `karat test`, each diagnostic has a code: the name by which `karat replay` runs the failure again.
 #[test]
 fn failures_in_the_editor_have_their_replay_names() {
     let folder = folder();

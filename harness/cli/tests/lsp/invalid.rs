@@ -51,7 +51,8 @@ fn errors_of_tint_are_diagnostics() {
     }
 }
 
-/// An edit of one module makes another module invalid.
+/// If an edit makes another module invalid, the editor shows the error in the other module, which imports the edited
+/// one.
 #[test]
 fn a_fault_is_shown_in_the_module_that_imports() {
     let folder = folder();

@@ -33,7 +33,7 @@ pub(crate) struct Browser {
     context: String,
     socket: WebSocket<TcpStream>,
     calls: u64,
-    /// The session of the tab in front.
+    /// The session id of the tab in the foreground, because the browser doesn't draw other tabs.
     front: String,
     /// `true` while the pointer's left button is down.
     pressed: bool,
@@ -44,8 +44,8 @@ pub(crate) struct Tab {
     session: String,
 }
 
-/// The path of the browser's program. Without a browser, this panics and says how to install one, so no test is
-/// skipped.
+/// The path of the browser's program. If no browser is installed, the function panics and says how to install one, so
+/// that no test is skipped silently.
 fn program() -> PathBuf {
     if let Some(named) = std::env::var_os("KARAT_BROWSER") {
         return named.into();
@@ -135,7 +135,7 @@ impl Browser {
         Self::of(process)
     }
 
-    /// Starts a browser in its own process, with more arguments.
+    /// Starts a separate browser process with additional arguments.
     pub(crate) fn with(arguments: &[&str]) -> Self {
         Self::of(Arc::new(Process::start(arguments)))
     }
@@ -208,7 +208,7 @@ impl Browser {
         self.on(tab, "Emulation.setDeviceMetricsOverride", size);
     }
 
-    /// Makes the tab behave as on a telephone or tablet with a touch screen.
+    /// Makes the tab behave as on a telephone or tablet with a touch screen of the given size.
     pub(crate) fn touch(&mut self, tab: &Tab, width: u32, height: u32) {
         let size =
             json!({ "width": width, "height": height, "deviceScaleFactor": 1.0, "mobile": true });
@@ -312,7 +312,8 @@ impl Browser {
         self.on(tab, "Input.insertText", json!({ "text": text }));
     }
 
-    /// Moves the pointer. With `button`, presses or releases the left button.
+    /// Sends a pointer event. `kind` is `mouseMoved`, `mousePressed` or `mouseReleased`, and the button is the left
+    /// button.
     pub(crate) fn pointer(&mut self, tab: &Tab, kind: &str, (x, y): (f64, f64)) {
         self.pressed = kind == "mousePressed" || (kind == "mouseMoved" && self.pressed);
         let button = if kind == "mouseMoved" && !self.pressed { "none" } else { "left" };
@@ -323,7 +324,7 @@ impl Browser {
         self.on(tab, "Input.dispatchMouseEvent", event);
     }
 
-    /// Turns the wheel: away from the user if `by` is negative.
+    /// Turns the mouse wheel. If `by` is negative, the wheel turns away from the user.
     pub(crate) fn wheel(&mut self, tab: &Tab, (x, y): (f64, f64), by: f64) {
         let event = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": by });
         self.on(tab, "Input.dispatchMouseEvent", event);

@@ -25,7 +25,7 @@ fn grey(project: &Project, case: &str, change: impl Fn(usize, usize, &mut [f32; 
     project.put_pending(case, &actual, |_| {});
 }
 
-/// The colour of a texel on the canvas of the only pane.
+/// The colour that the page's canvas shows for a texel. The page must show only one image.
 fn colour(browser: &mut Browser, tab: &Tab, x: u32, y: u32) -> [u8; 3] {
     browser.settle(tab);
     let found = browser.value(tab, &format!(
@@ -45,8 +45,8 @@ fn gain(browser: &mut Browser, tab: &Tab) -> Value {
     )
 }
 
-/// Each frame has its own gain: the factor by which the page multiplies the differences. With the gain of another frame,
-/// the differences would be black or pale.
+/// Each frame has its own gain: the factor by which the page multiplies the differences. If all frames had the same
+/// gain, the differences of some frames would be too dark or too bright to see.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn each_frame_has_its_own_gain() {
@@ -165,8 +165,8 @@ fn failing_areas_are_outlined_and_single_pixels_enlarged() {
     assert_eq!(browser.value(&tab, sizes), json!([]), "the golden itself fails nowhere");
 }
 
-/// If many scattered pixels fail, the page puts them into a few outlines. An outline for each pixel would hide the
-/// image.
+/// If many scattered pixels fail, the page groups these pixels into a few outlines. An outline for each pixel would
+/// hide the image.
 #[test]
 fn noise_has_few_outlines() {
     let project = Project::new();

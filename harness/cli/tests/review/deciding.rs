@@ -15,7 +15,7 @@ fn accept(browser: &mut Browser, tab: &Tab, because: &str) {
     browser.press(tab, "Enter");
 }
 
-/// Accepts a frame as the golden for all drivers, also if it wasn't drawn on lavapipe.
+/// Accepts a frame as the golden for all drivers, even if another driver than lavapipe drew the frame.
 fn accept_for_all(browser: &mut Browser, tab: &Tab, because: &str) {
     decide(browser, tab, because);
     for (choice, shown) in [("any-adapter", "any-adapter-line"), ("of-all", "of-which")] {
@@ -91,8 +91,8 @@ fn a_frame_is_looked_at_and_accepted() {
     assert_eq!(code, Some(0));
 }
 
-/// Renders a frame of one colour, and compares it with the project's golden. If the pending frame lies in another
-/// folder, as in CI, the function moves it beside the golden, where the review looks.
+/// Renders a frame of one colour, and compares it with the project's golden. If Karat wrote the pending frame into
+/// another folder, as in CI, the function copies the frame beside the golden, where `karat review` searches.
 fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> {
     let wgsl = format!(
         "@vertex fn corners(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {{\n    \
@@ -219,8 +219,8 @@ fn on_gl(facts: &mut Value) {
     facts["adapter"]["path"] = "gl".into();
 }
 
-/// If the golden for all drivers fails on a profile, the frame becomes the profile's golden, unless the reviewer
-/// chooses otherwise.
+/// If a frame of one profile differs from the golden for all drivers, and the reviewer accepts the frame, it becomes
+/// the golden of this profile only. The reviewer can choose to replace the golden for all drivers instead.
 #[test]
 fn a_frame_of_another_profile_becomes_its_golden() {
     let project = Project::with_tiny();
@@ -276,7 +276,7 @@ fn a_file_that_cannot_be_used_is_shown_with_its_reason() {
     assert!(project.pending("broken").is_file());
 }
 
-/// The page shows the frames of a CI run, and accepts them into this project.
+/// With `--from`, the page shows the frames of a CI run. Accepted frames become goldens of this project.
 #[test]
 fn frames_of_a_ci_run_are_reviewed() {
     let project = Project::with_tiny();

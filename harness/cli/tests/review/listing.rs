@@ -1,5 +1,4 @@
-//! Tests the list of frames: thumbnails, the distance from the tolerance, the contact sheet, and several decisions at
-//! once.
+//! Tests the list of frames: its thumbnails and its order, the contact sheet, and decisions on several frames at once.
 
 use karat::Image;
 use serde_json::json;

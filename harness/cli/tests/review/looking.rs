@@ -423,7 +423,7 @@ fn the_page_shows_the_parts_maps_and_gates_of_the_data() {
     );
 }
 
-/// A map's colours cover the map's range of numbers, and pixels without a value are black.
+/// The colours of a map extend over the range of numbers that the map declares. Pixels without a value are black.
 #[test]
 fn a_map_has_its_range_and_holes() {
     let project = Project::with_tiny();
@@ -447,7 +447,8 @@ fn a_map_has_its_range_and_holes() {
     assert_eq!(ticks.split_whitespace().collect::<Vec<_>>(), ["−6", "−4", "−2"]);
 }
 
-/// A browser may take away the graphics memory, and return it later.
+/// A browser may take the graphics memory away from the page. When the browser returns the memory, the page draws its
+/// images again.
 #[test]
 fn a_lost_webgl_context_is_restored() {
     let project = Project::with_tiny();

@@ -28,7 +28,8 @@ fn project() -> Project {
     project
 }
 
-/// A page without a server has the steps of the pixels that differ most, and names these pixels.
+/// A page that was written to files can't trace any pixel. So the page contains the traces of the pixels that differ
+/// most, and lists these pixels.
 #[test]
 fn a_page_of_files_has_the_pixels_that_differ_most() {
     let project = project();

@@ -41,7 +41,7 @@ fn record(folder: &Path) {
     std::fs::write(folder.join("run.json"), run.to_string()).expect("written");
 }
 
-/// Search, links and plots work without a server, at any width, in light and dark.
+/// Search, links and plots of the page work without a server, at any width, with light and with dark colours.
 #[test]
 fn a_report_page_can_be_searched_and_fits_any_width() {
     let project = Project::new();

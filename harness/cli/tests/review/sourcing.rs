@@ -100,7 +100,7 @@ pub(crate) fn with_origins(project: &Project) {
     put_record(project, &[frame, function_record()]);
 }
 
-/// The page names the edited module with its lines, and the golden's versions with their reasons.
+/// The page shows the edited lines of each module, and each version of the golden with the reason for accepting it.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn changes_since_the_golden_are_shown() {
@@ -395,7 +395,8 @@ fn older_versions_leave_a_report_small() {
     browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out to keep this report small')");
 }
 
-/// If a fact that the test declares has changed, the page's header shows the old and the new value.
+/// A test can add facts to a frame's provenance, such as a seed. If such a fact has changed, the page's header shows
+/// the old and the new value.
 #[test]
 fn declared_facts_that_changed_are_in_the_header() {
     let project = Project::new();

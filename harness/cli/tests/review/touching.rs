@@ -5,7 +5,7 @@ use serde_json::json;
 use crate::browser::Browser;
 use crate::project::Project;
 
-/// All visible parts fit the screen, and are large enough for a finger.
+/// The page is never wider than the screen, and on a touch screen each button is large enough for a finger.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn the_page_fits_narrow_touch_screens_with_large_buttons() {

@@ -43,7 +43,7 @@ fn a_client_that_never_sends_its_body_blocks_no_other() {
     assert_eq!((code, text.as_str()), (Some(1), "2 frames left pending\n"));
 }
 
-/// The test opens more connections than the server keeps open, and more than the system has threads for.
+/// The test opens 300 silent connections, more than the server keeps open.
 #[test]
 fn silent_connections_are_closed_for_new_requests() {
     let project = Project::with_tiny();
@@ -138,8 +138,8 @@ fn decisions_at_once_are_one_after_the_other() {
     assert_eq!(server.interrupt().0, Some(0));
 }
 
-/// Before the server ends, it completes a running decision, so golden and provenance are never half written. The server
-/// doesn't wait for clients.
+/// If the server is stopped during a decision, the server completes the decision first, so that golden and provenance
+/// are never half written. But the server doesn't wait for clients.
 #[test]
 fn a_decision_is_completed_before_the_end() {
     let project = Project::with_tiny();

@@ -69,7 +69,8 @@ impl<'f> Blame<'f> {
         Self { message, at: if is_placed { At::Text } else { At::Setting(setting) } }
     }
 
-    /// If the cause is the whole test, replaces this cause by the first setting of the list that the test sets.
+    /// Makes a cause more precise: if the cause was the whole test, the cause is then the first setting of the list
+    /// that the test sets.
     #[must_use]
     pub fn or(self, setting: &'static [&'static str]) -> Self {
         match self.at {

@@ -9,13 +9,15 @@ use codespan_reporting::files::{Error, Files};
 use super::SourceFile;
 use crate::output::visible;
 
-/// The number of columns that are shown of a line. A longer line is cut around the position of the error.
+/// The largest number of columns that a message shows of a line. In a longer line, the message shows only the text
+/// around the error's position.
 const WIDTH: usize = 100;
-/// The number of columns that are shown before the position, if the text after the position is long enough.
+/// The number of columns that a message shows before the error's position, if the text after the position fills the
+/// other columns.
 const BEFORE: usize = 40;
 const CUT: &str = "…";
 
-/// A file's text as messages show it. Each byte can be traced to the author's text.
+/// A file's text as messages show it. The excerpt can convert each offset to an offset in the author's text.
 #[derive(Debug)]
 pub(super) struct Excerpt<'a> {
     file: &'a SourceFile,

@@ -40,7 +40,7 @@ pub struct Hemisphere;
 #[derive(Clone, Copy, Debug)]
 pub struct UnitRgb;
 
-/// The largest error in the length of a unit vector, if its three components are rounded to `f32`.
+/// A bound for the error in the length of a unit vector: rounding the three components to `f32` causes a smaller error.
 pub(super) const LENGTH: f64 = 2e-7;
 
 const AXES: [Vec3; 6] = [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y];
@@ -120,8 +120,8 @@ impl Domain for Hemisphere {
 }
 
 impl Hemisphere {
-    /// Keeps the directions with `z` of at least `least`, a cosine from 0 to 1. This excludes grazing directions. The
-    /// rim, its close neighbours and the pole occur more often.
+    /// Keeps only directions with `z` of at least `least`, which excludes grazing directions. `least` is a cosine from
+    /// 0 to 1. The rim, the pole and their close neighbours occur more often than other directions.
     ///
     /// ```
     /// use karat::{Domain, Hemisphere};

@@ -2,7 +2,8 @@
 //!
 //! A domain consists of parts. Each part samples one number or one vector as *words*: `u32`s that contain the bits of
 //! the components. A parameter has one or more parts. A *row* contains the words of all parts, one after another. As in
-//! tuples of Rust types, one sample in eight ties two parts of the same type.
+//! tuples of Rust types, one sample in eight ties parts: a part gets the same value as another part, the opposite
+//! value, or nearly the same value.
 
 use std::collections::HashSet;
 use std::fmt::Debug;
@@ -20,7 +21,7 @@ use super::{
 };
 use crate::value::{Scalar, Shape, Shareable, format_lane};
 
-/// One in `TIES` sampled tuples has two tied parts.
+/// One in `TIES` samples has tied parts.
 const TIES: u64 = 8;
 
 /// Makes a float close to a given float: the difference is the given float times 2^-8 to 2^-23. The subtraction of such
@@ -39,10 +40,10 @@ fn nearly(word: u32, source: &mut Source) -> u32 {
     }
 }
 
-/// The largest number of combinations of edges that are tried first.
+/// The largest number of cases in which Karat combines edges of different parts.
 const COMBINATIONS: usize = 1024;
 
-/// The largest number of rows that a filter enumerates before the first case, to find the rows that it keeps.
+/// If a domain has at most this many rows, its filter is applied to all rows before the first case.
 const LISTED: u64 = 1 << 16;
 
 /// A domain of Rust values that are converted to words.
@@ -256,7 +257,7 @@ impl Part {
         })
     }
 
-    /// Listed values. Each value has one word for each of `scalars`.
+    /// Makes a part from a list of values. Each value in `rows` has one word for each of `scalars`.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -296,7 +297,8 @@ impl Part {
         }
     }
 
-    /// Unconstrained numbers. Half of them are small, and the others have any size. Floats are at most a million.
+    /// Unconstrained numbers. Half of the integers and of the `f32` values are small, and the others have any size, up
+    /// to 2^20 for `f32`. `f16` values are from -2048 to 2048.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -340,7 +342,7 @@ impl Part {
     }
 
     /// Vectors of the length `radius`. If `filled` is `true`, the part also has shorter vectors: see [`Sphere`]. `None`
-    /// unless the vectors have two, three or four components.
+    /// if `size`, the number of components, isn't 2, 3 or 4.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -384,7 +386,7 @@ impl Part {
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
     /// Matrices that rotate, scale, mirror and move points. Each matrix has an inverse. If `perspective` is `true`, one
-    /// of the matrices is a perspective projection. `None` if matrices of this size don't transform points.
+    /// edge of 4 x 4 matrices is a perspective projection. `None` if matrices of this size don't transform points.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -401,7 +403,7 @@ impl Part {
     pub fn counts(scalar: Scalar) -> Option<Self> {
         /// The largest small count. Any loop finishes this many iterations quickly.
         const FEW: u8 = 8;
-        /// A typical number of samples per pixel, or of taps of a filter. Loops rarely need more iterations.
+        /// The largest count: loops over the samples of a pixel or the taps of a filter rarely need more iterations.
         const MOST: u8 = 64;
         let described = format!("from 1 to {MOST}, half of the values at most {FEW}");
         let (most, few) = (u32::from(MOST), u32::from(FEW));
@@ -445,7 +447,7 @@ impl Part {
         edge.or_else(|| self.words.draw(source))
     }
 
-    /// The same part with additional values. If `all` is `false`, only the values that the part admits are added.
+    /// The same part with additional values. If `all` is `false`, values outside of the part's own domain aren't added.
     #[doc(hidden)]
     #[must_use]
     pub fn beside(self, mut more: Vec<Vec<u32>>, all: bool) -> Self {
@@ -515,8 +517,8 @@ impl Debug for Dynamic {
 }
 
 impl Dynamic {
-    /// Makes a domain. `parts` has the parts of each parameter. Together, the parts of a parameter have the words of
-    /// the parameter's type.
+    /// Makes a domain. `parts` has the parts of each parameter. The parts of a parameter must have as many words as the
+    /// parameter's type.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -536,9 +538,10 @@ impl Dynamic {
         Self { parts, owners, names, shapes, edges, relations: Vec::new(), filter: None }
     }
 
-    /// Makes the vector in `lanes` perpendicular to other vectors. The other vectors begin at the lanes `to`, and have
-    /// as many components as this vector. If one of the other vectors is made perpendicular, too, call this function
-    /// for that vector first. Add a filter after all these calls.
+    /// Makes a vector perpendicular to other vectors. `lanes` are the positions of the vector's words in a row, and
+    /// `to` has the position of the first word of each other vector. All these vectors have equally many components. If
+    /// one of the other vectors is made perpendicular, too, call this function for that vector first. Call
+    /// [`filtered`](Self::filtered) last.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -567,7 +570,8 @@ impl Dynamic {
         self
     }
 
-    /// Keeps the rows for which a condition holds. In a domain of at most 65,536 values, all kept rows are enumerated.
+    /// Keeps only the arguments for which `holds` returns `true`. If the domain is finite and has at most 65,536
+    /// values, a check tries all of the remaining values.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -774,9 +778,9 @@ impl Debug for Shown {
     }
 }
 
-/// Combines edges into rows. First come rows in which each edge of each part occurs once, so that a few cases cover all
-/// edges. Then come all combinations of the first edges of the parts. Then each remaining edge comes with varying edges
-/// of the other parts.
+/// Combines edges into rows. First come rows in which each edge of each part occurs at least once, so that a few cases
+/// cover all edges. Then come all combinations of the first edges of the parts. Then each remaining edge comes with
+/// varying edges of the other parts.
 fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
     if edges.iter().any(Vec::is_empty) {
         return Vec::new();

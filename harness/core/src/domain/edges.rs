@@ -50,8 +50,8 @@ impl Edges<f32> {
     }
 
     /// Adds both infinities and a quiet NaN, for functions that promise a result for them. Use these values with
-    /// `Check::satisfies`, because a reference must be finite. But WGSL lets implementations assume that infinities and
-    /// NaN don't occur.
+    /// `Check::satisfies`, because a reference must return a finite number. WGSL lets implementations assume that
+    /// infinities and NaN don't occur, so drivers may differ.
     ///
     /// ```
     /// use karat::{Domain, Edges};

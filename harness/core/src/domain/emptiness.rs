@@ -20,7 +20,8 @@ pub struct Emptiness {
 }
 
 impl Emptiness {
-    /// The reason for a whole domain. `what` names the domain in one word, and `fault` begins with a verb.
+    /// Makes a reason that applies to a whole domain, not to one part of a tuple. `what` names the domain in one word,
+    /// and `fault` begins with a verb.
     ///
     /// ```
     /// use karat::unstable::domain::Emptiness;
@@ -38,13 +39,13 @@ impl Emptiness {
         Self { part: Some(part), ..self }
     }
 
-    /// Removes the index of the tuple's part. Domains that make other values from a tuple call this function.
+    /// Removes the index of the tuple's part, for domains such as [`Map`](super::Map), whose values aren't tuples.
     pub(super) fn apart(self) -> Self {
         Self { part: None, ..self }
     }
 }
 
-/// The cause if an end of a range isn't finite. `None` if both ends are finite.
+/// Describes the end of a range that isn't finite, such as `ends at inf`. `None` if both ends are finite.
 pub(super) fn infinite(low: f32, high: f32) -> Option<String> {
     let fault = |verb: &str, value: f32| format!("{verb} at {value}");
     match (low.is_finite(), high.is_finite()) {

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::{direction, shrink};
 
-/// If the perpendicular part of a vector is shorter than this length, the part's direction has lost its digits. So an
-/// axis replaces a unit vector that is nearly parallel to another vector.
+/// If the perpendicular part of a unit vector is shorter than this length, rounding has made the part's direction
+/// inaccurate. Then an axis replaces the vector before Karat makes it perpendicular.
 const SHORT: f64 = 1e-3;
 
 /// If the directions of two vectors differ by at most this value, the vectors count as parallel, because `f32` rounding
@@ -26,8 +26,8 @@ impl Perpendicular {
     }
 
     /// Returns orthogonal unit vectors that span the same space as the other vectors. A zero vector adds nothing.
-    /// `None` if a vector isn't finite, or if two vectors are almost parallel: then a vector perpendicular to both
-    /// would have few correct digits.
+    /// `None` if a vector isn't finite, or if two vectors are almost, but not exactly, parallel: a vector perpendicular
+    /// to both would have few correct digits.
     fn others(&self, row: &[u32]) -> Option<Vec<Vec<f64>>> {
         let mut all: Vec<Vec<f64>> = Vec::new();
         for first in &self.to {
@@ -47,8 +47,8 @@ impl Perpendicular {
         Some(all)
     }
 
-    /// Makes the vector perpendicular to the other vectors, with the smallest possible turn. Returns `false` if no
-    /// vector is perpendicular to all the others, or if a vector isn't finite.
+    /// Makes the vector perpendicular to the other vectors, by removing its components along them, and gives it the
+    /// length 1. Returns `false` if no vector is perpendicular to all the others, or if a vector isn't finite.
     pub(super) fn settle(&self, row: &mut [u32]) -> bool {
         let Some(others) = self.others(row) else { return false };
         let own = self.vector(row, self.lanes.start);

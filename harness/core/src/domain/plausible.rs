@@ -13,13 +13,13 @@ pub(super) struct Plausible<T>(Vec<T>);
 /// larger numbers lose their digits in sums, and this loss isn't a fault of the shader.
 const LARGEST: f32 = 1_048_576.0;
 
-/// The largest unconstrained float in half precision, which can represent all integers up to this float.
+/// The largest unconstrained `f16`. Half precision can represent all integers up to this number.
 pub(super) const LARGEST_HALF: f32 = 2048.0;
 
 /// Half of the floats are between minus this number and this number.
 const SMALL: f32 = 4.0;
 
-/// Half of the integers are below this number.
+/// Half of the integers have an absolute value below this number.
 const FEW: u32 = 16;
 
 pub(super) fn described(scalar: Scalar) -> String {
@@ -44,7 +44,7 @@ pub(super) fn is_plain(scalar: Scalar, word: u32) -> bool {
     }
 }
 
-/// A finite domain of values that occur often: every second sample is one of these values.
+/// The integers of `all`, where the integers of `often` occur more often: at least every second sample is one of them.
 #[derive(Clone, Debug)]
 pub(super) struct Often<T> {
     pub(super) all: Integers<T>,

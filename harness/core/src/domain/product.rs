@@ -6,8 +6,8 @@ use std::rc::Rc;
 use super::ties::{self, Tie};
 use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 
-/// The largest number of combinations of edges that are tried first. If there are more combinations, only the first
-/// edges of each part are combined, and each other edge occurs once.
+/// The largest number of cases in which Karat combines edges of different parts. If there are more combinations, Karat
+/// combines only the first edges of each part, and tries each other edge once.
 const COMBINATIONS: usize = 1024;
 
 /// The domain for functions without parameters.
@@ -268,8 +268,8 @@ fn roots(ties: &[Tie]) -> Vec<usize> {
 #[doc(hidden)]
 pub trait Parts<'a> {
     type Value;
-    /// Makes the tuple from its parts. The simplest of its simpler values has the simplest value of each part. In the
-    /// other simpler values, only one part is simpler.
+    /// Makes the tuple from its parts. The tuple's first simpler value has the simplest value of each part. In each
+    /// other simpler value, only one part is simpler.
     fn whole(self) -> Shrinkable<'a, Self::Value>;
 }
 

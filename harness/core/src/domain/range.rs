@@ -19,10 +19,9 @@ impl Domain for RangeInclusive<f32> {
     type Value = f32;
 
     /// Of 16 samples, 1 is an end, 3 are at a logarithmic distance from an end, 1 is a landmark in the range (0, 1,
-    /// 1/2, ...), and 11 are uniform. If 0 is inside the range, it counts as an end of the negative and of the positive
-    /// part. Then 4 of the 11 samples are at a logarithmic distance from 0. Two of these 4 samples use the size of the
-    /// range as the scale. The other two use the scale 1, because shaders often add a small number to a number of about
-    /// 1.
+    /// 1/2, ...), and 11 are uniform. If the range contains numbers below and above 0, then 4 of the 11 samples are at
+    /// a logarithmic distance from 0. Two of these 4 samples use the size of the range as the scale. The other two use
+    /// the scale 1, because shaders often add a small number to a number of about 1.
     fn draw(&self, source: &mut Source) -> Option<f32> {
         let (start, end) = (*self.start(), *self.end());
         let (low, high) = (f64::from(start), f64::from(end));
@@ -214,7 +213,8 @@ mod tests {
         }
     }
 
-    /// Samples near 0 go down to 2^-24, even in a wide range: for smaller numbers, a sum with 1 is 1.
+    /// Even in a wide range, some samples are as small as 2^-24. Smaller numbers matter less: 1 plus such a number is
+    /// 1.
     #[test]
     fn a_zero_inside_is_drawn_on_every_scale() {
         let within = |range: &RangeInclusive<f32>, least: f32, most: f32| {

@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::{Domain, Emptiness, Source, direction, shrink};
 
-/// Vectors that all have the same length. Their distribution is uniform over the circle, the sphere, or the unit
-/// quaternions, except that axes and their close neighbours occur more often.
+/// Vectors of one length, or of at most this length: see [`filled`](Self::filled). Their distribution is uniform over
+/// the circle, the sphere, or the unit quaternions, except that axes and their close neighbours occur more often.
 ///
 /// ```
 /// use glam::{Vec2, Vec4};

@@ -26,7 +26,7 @@ pub(in crate::cli) struct Request {
     pub(in crate::cli) all: bool,
     /// The tests to run before the others.
     pub(in crate::cli) first: Vec<String>,
-    /// The absolute paths of changed files.
+    /// The absolute paths of the files that changed since the last request.
     #[serde(default)]
     pub(in crate::cli) changed: Vec<PathBuf>,
     /// Validates all modules, not only those that tests link.
@@ -68,7 +68,8 @@ pub(in crate::cli) enum Said {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         records: Vec<Record>,
     },
-    /// The process wrote the records, or failed with this error.
+    /// The worker wrote the records that [`Request::report`] asks for. If `error` is `Some`, the worker couldn't write
+    /// them.
     Reported { error: Option<String> },
     /// The process ended. `why` describes the reason.
     Ended { why: String },
@@ -101,7 +102,8 @@ pub(in crate::cli) struct Worker {
 }
 
 impl Worker {
-    /// Starts a process for a path, and calls `tell` with its messages until `tell` returns `false`.
+    /// Starts a worker that runs tests on one path. Calls `tell` with each of the worker's messages until `tell`
+    /// returns `false`.
     pub(in crate::cli) fn start(
         path: &str,
         source: &Source,
