@@ -12,12 +12,10 @@ use std::fmt::Write as _;
 use std::sync::LazyLock;
 
 /// The number of `u32`s that an expectation stores if it may have failed: one for the number of the call, one for the
-/// kind of the expectation and the number of components, four for the values, four for the expected values, and two for
-/// the bounds.
+/// kind and the number of components, four for the values, four for the expected values, and two for the bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// The largest number of expectations whose values a case stores. A message shows these values, and only counts further
-/// failed expectations.
+/// The largest number of expectations whose values a case stores. A message only counts further failures.
 pub const MOST_KEPT: usize = 3;
 
 /// The number of `u32`s in a test's result: the number of evaluated expectations, the number of expectations that may

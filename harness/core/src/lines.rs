@@ -1,5 +1,4 @@
-//! Runs other programs: either a process that answers messages until Karat closes the process's input, or a program
-//! that runs once and returns its output.
+//! Runs other programs: programs that answer messages until Karat closes their input, and programs that run once.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, Output, Stdio};
@@ -9,16 +8,15 @@ use std::time::{Duration, Instant};
 
 /// The number of bytes that Karat keeps from the end of a process's log, for error messages.
 const LAST_WORDS: usize = 2 << 10;
-/// The largest number of messages of a process that Karat keeps in memory before Karat uses them. If there are more,
-/// the process must wait.
+/// The largest number of unread messages that Karat keeps in memory for a process. If there are more, the process
+/// waits.
 const MOST_UNREAD: usize = 256;
 /// Ten times the interval at which Karat checks if a process has ended.
 const POLL: Duration = Duration::from_millis(50);
 /// The time limit for a program that looks something up, such as git, or a compiler that prints its name. Such programs
 /// take about 30 ms.
 pub const LOOK_UP: Duration = Duration::from_secs(60);
-/// The longest time that Karat waits for a process to end, after the process closed its output or Karat closed its
-/// input.
+/// The longest time that Karat waits for a process to end after the process's output or input was closed.
 const LINGER: Duration = Duration::from_secs(1);
 
 /// The reason why a program can't be run, or a process doesn't answer.
@@ -43,8 +41,7 @@ pub enum Answers {
 }
 
 /// Runs a program without input, and returns its output and exit status. `patience` is the time limit. The function
-/// reads at most `most + 1` bytes from each of stdout and stderr, so the caller can see that there were more than
-/// `most`.
+/// reads at most `most + 1` bytes from stdout, and as many from stderr.
 ///
 /// # Errors
 /// If the program doesn't start, or doesn't end within `patience`.
@@ -73,8 +70,7 @@ pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Ou
     })
 }
 
-/// Reads a stream on another thread. If the stream has more than `most` bytes, the thread reads `most + 1` bytes and
-/// closes the stream.
+/// Reads a stream on another thread. The thread reads at most `most + 1` bytes, then closes the stream.
 fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
@@ -165,8 +161,7 @@ impl Lines {
         }
     }
 
-    /// Closes the process's input, and makes the error for a process that has ended. The error contains the end of the
-    /// process's log.
+    /// Closes the process's input, and returns the error for a process that has ended, with the end of its log.
     fn ended(&mut self) -> Broken {
         self.to = None;
         let status = self.wait().unwrap_or_else(|| "the program closed its output".to_owned());

@@ -121,8 +121,8 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(shown).collect())
 }
 
-/// The length of the longest name, in bytes. A replay command contains several names, and Linux limits an argument of a
-/// command to 128 KiB.
+/// The length of the longest name, in bytes. A replay command has several names, and Linux limits an argument to 128
+/// KiB.
 const LONGEST_NAME: usize = 1000;
 
 /// A name in a form that every output format accepts: on one line (see [`one_line`]), and of at most 1000 bytes. A
@@ -282,8 +282,7 @@ impl<W: Write> Drop for Output<W> {
     }
 }
 
-/// Writes a text to standard error, for messages that aren't a command's result. If standard error is closed, the text
-/// is lost.
+/// Writes a message that isn't a command's result to standard error. If standard error is closed, the text is lost.
 pub fn tell(text: &str) {
     let mut err = Output::stderr();
     // Writing to an `Output` never fails.

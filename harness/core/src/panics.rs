@@ -1,5 +1,4 @@
-//! Catches the panics that some shaders cause in compilers such as naga. The caller gets the panic's message, and
-//! nothing is written to stderr.
+//! Catches panics that shaders cause in compilers, such as naga. The caller gets the message, and stderr gets nothing.
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -53,8 +52,7 @@ thread_local! {
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// The payload of a panic in code that runs inside of [`passing`]. [`caught`] passes such a panic on instead of
-/// catching it.
+/// The payload of a panic inside of [`passing`]. [`caught`] passes such a panic on instead of catching it.
 struct Passing(Box<dyn Any + Send>);
 
 /// Runs `work`, and catches its panic.

@@ -91,8 +91,7 @@ const COVERAGE: &str = "KARAT_COVERAGE";
 const TINT: &str = "KARAT_TINT";
 const BROWSER: &str = "KARAT_BROWSER";
 
-/// The largest allowed value of `KARAT_SCHEDULES`. Karat runs each pass once for each order, so a run with this many
-/// orders takes hours.
+/// The largest allowed value of `KARAT_SCHEDULES`. The engine runs each pass in each order, so such a run takes hours.
 const MOST_SCHEDULES: u64 = 1 << 16;
 
 /// The default limit for the loop iterations of a case: far more than a fast shader needs for a pixel. The engine runs
@@ -152,8 +151,8 @@ pub struct SelectedCase {
     pub check: Option<String>,
     #[doc(hidden)]
     pub case: u64,
-    /// The steps from the case's own value to a simpler value. Each step is an index in the list of values that are
-    /// simpler than the value before the step.
+    /// The steps from the case's own value to a simpler value. Each step is an index in the list of the last value's
+    /// simpler values.
     #[doc(hidden)]
     pub steps: Vec<usize>,
     /// The words of the arguments that replace the case's own arguments.
@@ -409,8 +408,7 @@ pub fn read_words(text: &str) -> Option<Vec<u32>> {
     text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
 }
 
-/// Reads the steps of a simplification from the form that environment variables and files use: `3.0` is step 3, then
-/// step 0.
+/// Reads the steps of a simplification in the form of environment variables and files: `3.0` is step 3, then step 0.
 #[doc(hidden)]
 pub fn read_steps(text: &str) -> Option<Vec<usize>> {
     text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()

@@ -76,13 +76,12 @@ pub struct Abs(pub f64);
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub enum Tolerance {
-    /// Limits the distance between the result and the reference, in `f32` steps. Below `band`, all steps have the same
-    /// size as at `band`.
+    /// Limits the distance between the result and the reference, in `f32` steps. Below `band`, each step counts as
+    /// large as at `band`.
     Ulp {
         /// The largest distance that passes.
         bound: f64,
-        /// The magnitude below which the bound is absolute: there, the error may be `bound` times the size of the `f32`
-        /// step at `band`.
+        /// The magnitude below which the bound is absolute: there, the error may be `bound` times the step at `band`.
         band: f64,
     },
     /// Limits the relative error, as [`Rel`] does.
@@ -291,8 +290,7 @@ pub fn power(value: impl fmt::LowerExp) -> String {
     text.strip_suffix("e0").unwrap_or(&text).to_owned()
 }
 
-/// A bound in scientific notation, as an author would write it. Bounds with many digits, which are usually computed,
-/// are rounded to three digits.
+/// A bound in scientific notation, as an author would write it. Bounds with many digits are rounded to three digits.
 fn exponent(bound: f64) -> String {
     let exact = power(bound);
     if exact.len() <= 7 { exact } else { format!("{bound:.2e}") }
@@ -415,8 +413,7 @@ impl Tolerance {
         }
     }
 
-    /// The error of one `f32` lane. If a [`PerLane`](Self::PerLane) tolerance has no entry for the lane, the lane
-    /// fails.
+    /// The error of one `f32` lane. If a [`PerLane`](Self::PerLane) tolerance lacks the lane, the lane fails.
     ///
     /// ```
     /// use karat::Rel;
@@ -524,8 +521,8 @@ impl Tolerance {
     }
 
     /// Checks quickly, by an estimate, if a lane's ratio is at most `ratio`. `true` is certain, but `false` isn't: the
-    /// lane's exact ratio may still be at most `ratio`. This check is enough for most results, which are neither wrong
-    /// nor the worst so far.
+    /// lane's exact ratio may still be at most `ratio`. Most results are neither wrong nor the worst so far, so this
+    /// check is enough.
     #[inline]
     #[doc(hidden)]
     pub fn is_within(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {

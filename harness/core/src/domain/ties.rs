@@ -42,8 +42,7 @@ enum Relation {
 }
 
 /// Decides if a sampled tuple has ties. Uses no random number if all components have different types. The function runs
-/// for each sample, so it isn't generic: a generic function would be compiled with the tests, which have few
-/// optimisations.
+/// for each sample, so it isn't generic: a generic one would be compiled with the tests, which are hardly optimised.
 pub(super) fn are_drawn(types: &[TypeId], source: &mut Source) -> bool {
     let alike = (1..types.len()).any(|one| (0..one).any(|other| types[one] == types[other]));
     alike && source.below(TIED) == 0

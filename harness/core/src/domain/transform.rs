@@ -8,7 +8,7 @@ use super::{Domain, Emptiness, Source, UnitVector};
 /// The largest absolute logarithm of a scale, to base 2: scales are from 1/4 to 4.
 const SCALES: f64 = 2.0;
 
-/// The sine and the cosine of 45°. A quaternion with these components rotates by 90°.
+/// The sine and the cosine of 45 degrees. A quaternion with these components rotates by 90 degrees.
 const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// The largest distance by which a matrix translates points along each axis.

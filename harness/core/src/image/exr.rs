@@ -99,8 +99,7 @@ impl Part {
 }
 
 impl ExrFile {
-    /// The primaries of ITU-R BT.709 with the white point D65. `OpenEXR` defines these primaries as the default for a
-    /// file that has none.
+    /// The primaries of ITU-R BT.709 with the white point D65. `OpenEXR` files without primaries have these.
     pub const BT709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
     /// Reads all parts that contain colours or greys. The function skips other parts (depth, normals).
@@ -109,9 +108,8 @@ impl ExrFile {
     /// channels, the function prefers colours to greys, and channels without a layer (`R`) to channels of a layer
     /// (`beauty.R`). If the channel A is missing, alpha is 1. A grey part's Y becomes R, G and B. Samples may be 16-bit
     /// or 32-bit floats or 32-bit unsigned integers, and become `f32`. The image has the size of the part's data
-    /// window, and the window's position in the display window doesn't matter. If a part has several mip levels, the
-    /// function reads the largest. The function doesn't convert colours: they keep the file's
-    /// [`chromaticities`](Self::chromaticities).
+    /// window, wherever the window is in the display window. If a part has several mip levels, the function reads the
+    /// largest. The function doesn't convert colours: they keep the file's [`chromaticities`](Self::chromaticities).
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;

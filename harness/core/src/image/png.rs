@@ -22,8 +22,7 @@ pub(super) enum Samples {
 
 impl Image {
     /// Writes an 8-bit sRGB PNG as a preview. The exposure maps the image's key to middle grey. Highlights are
-    /// compressed (Reinhard et al. 2002, eq. 3). Pixels with NaN become magenta, and pixels with an infinity become
-    /// yellow.
+    /// compressed (Reinhard et al. 2002, eq. 3). Pixels with NaN become magenta, pixels with infinities yellow.
     ///
     /// ```no_run
     /// use karat::Image;

@@ -46,8 +46,7 @@ pub fn append_line(folder: &Path, ending: &str, line: &str) {
     }
 }
 
-/// A file that has been written under a temporary name, and not yet renamed. Dropping this value before the rename
-/// removes the file.
+/// A file that was written under a temporary name, and not renamed yet. Dropping this value then removes the file.
 ///
 /// The temporary file stays locked while this value exists, so [`is_leftover`] returns `false` for the file.
 #[derive(Debug)]

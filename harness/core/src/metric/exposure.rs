@@ -10,8 +10,8 @@ use crate::image::luminance;
 /// At the darkest exposure, a display shows the golden's highlights with 0.85 of white. At the brightest exposure, the
 /// display shows the golden's median luminance with 0.85 of white (Andersson et al. 2021, section 3.2). Karat differs
 /// from the paper in two ways. First, highlights are the 99.9th percentile instead of the maximum, because one firefly
-/// can move the maximum by six stops. Second, Karat ignores black pixels for the median and the highlights, because
-/// most pixels may be black.
+/// can move the maximum by six stops. Second, the median and the highlights ignore black pixels, because most pixels
+/// may be black.
 ///
 /// ```
 /// use karat::unstable::metric::ExposureRange;
@@ -26,8 +26,8 @@ pub struct ExposureRange {
     pub stop: f64,
 }
 
-/// The linear value that the tone curve of [`Flip`](super::Flip) maps to 0.85. It is the larger root of `a x^2 + b x +
-/// c`, which is the tone curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
+/// The linear value that the tone curve of [`Flip`](super::Flip) maps to 0.85. It is the larger root of a quadratic
+/// function, which is the tone curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
 const NEAR_WHITE: f64 = {
     let a = 0.6 * 0.6 * (2.51 - 0.85 * 2.43);
     let b = 0.6 * (0.03 - 0.85 * 0.59);
@@ -41,8 +41,7 @@ const NEAR_WHITE: f64 = {
     x
 };
 
-/// The width of the widest range, in stops. Such a range covers all half floats from the smallest normal number to the
-/// largest number.
+/// The width of the widest range, in stops. Such a range covers all normal, positive half floats.
 const WIDEST: f64 = 32.0;
 
 /// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. No exposure may have
@@ -80,8 +79,8 @@ impl ExposureRange {
         Self { start, stop: stop.clamp(start, start + WIDEST) }
     }
 
-    /// The number of exposures that FLIP compares: one for each stop of the range, and at least two. The first and the
-    /// last exposure are the ends of the range.
+    /// The number of exposures that FLIP compares: one for each stop of the range, including both ends, and at least
+    /// two.
     ///
     /// ```
     /// use karat::unstable::metric::ExposureRange;

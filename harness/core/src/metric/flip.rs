@@ -158,8 +158,7 @@ impl Flip {
         self.worst(pair).map(|worst| worst.exposures)
     }
 
-    /// The errors around the differing pixels. For the default viewing distance, `pair` keeps the errors, so they are
-    /// computed only once.
+    /// The errors around the differing pixels. For the default viewing distance, `pair` caches the errors.
     fn worst(&self, pair: &Pair<'_>) -> Result<Worst, FlipFailure> {
         if self.pixels_per_degree == flip_rs::DEFAULT_PPD {
             return pair.memo(|| self.compute(pair));

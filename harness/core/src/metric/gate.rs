@@ -18,8 +18,7 @@ pub const DEFAULT_RELATIVE: f32 = 1e-3;
 const CLEAR: f32 = 0.01;
 
 /// A metric that allows each channel to differ by `relative` times the golden's value, or by `absolute`, whichever is
-/// larger. The metric's value is the largest ratio of a channel's difference to its allowed difference, so the bound is
-/// 1.
+/// larger. The metric's value is the largest ratio of a difference to the allowed difference, so the bound is 1.
 ///
 /// ```
 /// use karat::Image;
@@ -60,8 +59,7 @@ pub struct Outliers {
     pub rect: Rect,
     /// The pixel with the largest ratio.
     pub worst: WorstPixel,
-    /// The percentages of the compared pixels that would be outliers if the tolerance were multiplied by 1, 10, 100 and
-    /// 1000.
+    /// The percentages of pixels that would be outliers if the tolerance were multiplied by 1, 10, 100 and 1000.
     pub sweep: [f32; 4],
 }
 

@@ -8,8 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnostic::FileRead;
 use crate::image::{ExrFile, Image};
 
-/// The name of the part that contains the mask in an OpenEXR file of a frame. The part is 1 for compared pixels, and 0
-/// for all others.
+/// The name of the part with the mask in a frame's OpenEXR file: 1 for compared pixels, and 0 for all others.
 pub const MASK: &str = "mask";
 
 /// A rectangle of pixels.

@@ -76,15 +76,14 @@ pub struct Noise<'a> {
     pub actual: &'a Image,
 }
 
-/// Sums over the pixels of a cell or tile: the weighted differences, their variances, and the other sums that the tests
-/// need.
+/// Sums over the pixels of a cell or tile: weighted differences, their variances, and other sums for the tests.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// The sum of the squared differences of the pixels. Before a difference is squared, the difference that the
-    /// default gate allows is subtracted.
+    /// The sum of the squared differences of the pixels. Only the excess over the default gate's allowed difference is
+    /// squared.
     squares: DVec3,
     variances: DVec3,
     pixels: u32,
@@ -246,8 +245,7 @@ impl Surroundings {
         }
     }
 
-    /// The weight of a pixel's difference in each channel: the inverse of the mean brightness of the pixel's neighbours
-    /// plus [`BLACK`].
+    /// The weight of a pixel's difference in each channel: 1 / (the mean brightness of the neighbours + [`BLACK`]).
     fn weight(&self, index: usize) -> DVec3 {
         let (x, y) = (index % self.width, index / self.width);
         let rows = y.saturating_sub(1)..(y + 2).min(self.lights.len() / self.width);

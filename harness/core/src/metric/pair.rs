@@ -13,8 +13,7 @@ use super::relative;
 use crate::image::{Image, NonFinite};
 use crate::output::counted;
 
-/// The number of pixels in a strip. Metrics process images strip by strip, because a strip of both images fits in the
-/// smallest cache.
+/// The number of pixels in a strip. A strip of both images fits in the smallest cache.
 pub(super) const STRIP: usize = 512;
 
 /// A golden and a frame. The two images have the same size, all compared values are finite, and pixels outside of the

@@ -1,5 +1,4 @@
-//! Maps of errors, and the mean errors of tiles. A small fault changes the mean of a tile, but hardly the mean of the
-//! frame.
+//! Maps of errors, and the mean errors of tiles. A small fault changes a tile's mean, but hardly the frame's mean.
 
 use super::mask::Rect;
 use super::pair::Pair;
@@ -8,8 +7,7 @@ use super::pair::Pair;
 /// single pixel about as far, so even a small fault fills a tile.
 pub const TILE: u32 = 16;
 
-/// The side of a cell, in pixels. A tile consists of two by two cells, and each tile begins one cell after the previous
-/// one.
+/// The side of a cell, in pixels. A tile has two by two cells, and begins one cell after the previous tile.
 const CELL: u32 = TILE / 2;
 
 /// The error of each pixel in a rectangle of a frame. Outside of the rectangle the error is 0.

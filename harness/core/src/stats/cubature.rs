@@ -180,8 +180,7 @@ fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     nodes.iter().flat_map(row).collect()
 }
 
-/// The five nodes of Lobatto's rule in 0..=1, including both ends, with their weights. Source: Abramowitz and Stegun
-/// 25.4.32.
+/// The five nodes of Lobatto's rule in 0..=1, ends included, with weights. Source: Abramowitz and Stegun 25.4.32.
 fn lobatto() -> Vec<(f64, f64)> {
     let inner = 0.5 * (3.0_f64 / 7.0).sqrt();
     let (end, side, middle) = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0);

@@ -6,8 +6,7 @@ use super::{NoVerdict, probability};
 /// The smallest number of samples for which Stephens' approximation of the tail is close enough.
 const FEWEST: u64 = 40;
 
-/// The result of Kolmogorov's test: the difference between the distribution function of the samples and the expected
-/// distribution function.
+/// The result of Kolmogorov's test: the difference between the samples' distribution function and the expected one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kolmogorov {
     /// The largest difference between the two distribution functions.

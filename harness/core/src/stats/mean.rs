@@ -10,8 +10,8 @@ const FEWEST: u64 = 100;
 const PER_SKEWNESS: f64 = 25.0;
 
 /// The count, mean, variance and skewness of a stream of numbers (Welford 1962). You can divide a stream into parts and
-/// merge the moments of the parts (Chan et al. 1983, Pebay 2008). Except for rounding, the result is the same for every
-/// division.
+/// merge the moments of the parts (Chan et al. 1983, Pebay 2008). Except for rounding, every division gives the same
+/// result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     count: u64,
@@ -85,8 +85,8 @@ pub struct Mean {
     pub mean: f64,
     /// The standard error of the mean.
     pub error: f64,
-    /// The difference between the means minus the slack, in standard errors. It is 0 if the difference is within the
-    /// slack.
+    /// The difference between the means beyond the slack, in standard errors. It is 0 if the slack covers the
+    /// difference.
     pub z: f64,
     /// The probability that chance causes a difference at least as large as `z`.
     pub p: f64,

@@ -1,5 +1,4 @@
-//! Computes the power of a statistical test: the probability that the test finds a given fault. Also counts how often a
-//! test rejects.
+//! Computes the power of a test: the probability that it finds a given fault. Also counts how often a test rejects.
 
 use super::chi_square::POOLED;
 use super::tail::{

@@ -23,8 +23,8 @@ pub enum Support {
     Hemisphere,
     /// Points of the unit disk. The measure is the area.
     Disk,
-    /// Numbers from the first value to the second. Karat also evaluates a density at both ends, so the density must be
-    /// finite there.
+    /// Numbers from the first value to the second. A density must be finite at both ends, because Karat evaluates it
+    /// there.
     Interval(f64, f64),
 }
 
@@ -59,8 +59,8 @@ impl Support {
     }
 
     /// The ranges of the two coordinates. The first coordinate is the angle from +Z for a direction, the radius for a
-    /// point of the disk, and the number itself for an interval. The second coordinate is the azimuth. An interval
-    /// doesn't use it.
+    /// point of the disk, and the number itself for an interval. The second coordinate is the azimuth, and unused for
+    /// an interval.
     #[doc(hidden)]
     #[must_use]
     pub fn extent(self) -> [(f64, f64); 2] {
@@ -96,8 +96,8 @@ impl Support {
         }
     }
 
-    /// The point at these coordinates, and the factor between an area in these coordinates and the support's measure at
-    /// this point.
+    /// The point at these coordinates, and the factor that converts an area in coordinates to the support's measure
+    /// there.
     #[doc(hidden)]
     #[must_use]
     pub fn point(self, [a, b]: [f64; 2]) -> ([f64; 3], f64) {

@@ -66,8 +66,8 @@ pub fn normal_tail(z: f64) -> f64 {
     erfc(z.abs() / std::f64::consts::SQRT_2)
 }
 
-/// The distance from 0 that a standard normal variable exceeds, in either direction, with the probability
-/// `significance`.
+/// The distance from 0 that a standard normal variable exceeds with the probability `significance`, in either
+/// direction.
 #[must_use]
 pub fn normal_critical(significance: f64) -> f64 {
     // Beyond 40 standard deviations, the tail is below the smallest double.

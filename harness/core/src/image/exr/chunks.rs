@@ -1,8 +1,7 @@
 //! Finds the chunks of a part by the part's table of offsets, checks the chunks, and decompresses them one by one.
 //!
 //! Karat passes a chunk to the codecs of the `exr` crate only if the chunk is complete, has the position that the table
-//! implies, and isn't longer than the block's pixels. So the codecs reserve at most a small multiple of the memory for
-//! a block.
+//! implies, and isn't longer than the block's pixels. So the codecs reserve only a small multiple of a block's memory.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -18,8 +17,8 @@ use super::block::Block;
 use super::guard;
 use super::header::{Blocks, Bytes, FileHeader, PartHeader, Sample};
 
-/// Calls `each` with the samples of each block in the largest level of a part. The samples are ordered by row, and in
-/// each row by channel.
+/// Calls `each` with the samples of each block in the largest level of a part. Samples are ordered by row, then by
+/// channel.
 pub(super) fn decode(
     bytes: &[u8],
     file: &FileHeader,
@@ -185,8 +184,7 @@ fn decompress(
     }
 }
 
-/// A codec's message without the words that the `exr` crate adds. Messages that give no reason are replaced by clearer
-/// ones.
+/// A codec's message without the words that the `exr` crate adds. Karat replaces messages that give no reason.
 fn unwrapped(message: &str) -> &str {
     let inside = message.split_once("(invalid: ").and_then(|(_, inside)| inside.strip_suffix(')'));
     match inside.unwrap_or(message) {

@@ -58,8 +58,8 @@ pub(super) struct PartHeader {
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// The y coordinate of the part's first row in the file. Each chunk of rows states the y coordinate of its own
-    /// first row.
+    /// The y coordinate of the part's first row in the file. Each chunk of rows states the y coordinate of its first
+    /// row.
     pub(super) top: i32,
     pub(super) channels: Vec<Channel>,
     pub(super) compression: Compression,
@@ -337,8 +337,7 @@ impl Tiles {
         Ok(Self { width, height, levels, round_up: mode >> 4 != 0 })
     }
 
-    /// The number of tiles in all levels of an image. The caller has checked that the image's sides are within the
-    /// limits.
+    /// The number of tiles in all levels of an image whose sides are within the limits.
     fn count(&self, width: u32, height: u32) -> u64 {
         let size = |side: u32, level: u32| {
             let divided = if self.round_up { side.div_ceil(1 << level) } else { side >> level };

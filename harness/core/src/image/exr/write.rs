@@ -28,8 +28,7 @@ pub(super) struct Layer<'a> {
     pub(super) image: &'a Image,
 }
 
-/// The names of the channels, in the alphabetical order that the format requires. The number is the channel's index in
-/// a pixel of [`Image`].
+/// The names of the channels, in alphabetical order as the format requires, with their indices in a pixel of [`Image`].
 const CHANNELS: [(&str, usize); 4] = [("A", 3), ("B", 2), ("G", 1), ("R", 0)];
 
 pub(super) fn write(

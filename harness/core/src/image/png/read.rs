@@ -111,8 +111,7 @@ enum Linear {
 }
 
 impl Linear {
-    /// The conversion that the chunks of a file demand (PNG, third edition, section 4.3). An sRGB chunk overrides a
-    /// gAMA chunk.
+    /// The conversion that a file's chunks demand (PNG, third edition, 4.3). An sRGB chunk overrides a gAMA chunk.
     fn of(info: &Info<'_>) -> Result<Self, String> {
         match info.gama_chunk {
             Some(gamma) if info.srgb.is_none() => {

@@ -55,8 +55,7 @@ fn rendered(seed: u64) -> (Image, Image) {
     (Image::new(WIDTH, HEIGHT, means), Image::new(WIDTH, HEIGHT, variances))
 }
 
-/// Brightens a square of the frame by 5 %. The square has 2 % of the frame's pixels. The square's position depends on
-/// the seed.
+/// Brightens a square with 2 % of the frame's pixels by 5 %. The seed determines the square's position.
 fn brighter((mut mean, mut variance): (Image, Image), seed: u64) -> (Image, Image) {
     let mut random = Pcg32::new(seed, 9);
     let (left, top) = (random.next_u32() % (WIDTH - 68), random.next_u32() % (HEIGHT - 68));
@@ -118,8 +117,7 @@ fn noise_alone_passes_and_a_faint_fault_is_seen() {
     assert_eq!(seen_by_pixels.rejected, 0, "a test of single pixels doesn't find the fault");
 }
 
-/// If the pixels of a pattern change places, the mean of each tile stays the same, so the test of means can't find the
-/// fault.
+/// If pixels of a pattern change places, the mean of each tile stays the same, so the test of means finds no fault.
 // Lesson 46
 #[test]
 fn pixels_that_changed_places_are_seen() {
