@@ -5,7 +5,7 @@
 //! number. NaN fails under every bound.
 //!
 //! [`Gate`] measures the difference of each channel, and allows no outliers. [`Flip`] measures the difference that a
-//! person would see. [`Noise`] measures how much of the difference is more than the noise of the two images.
+//! person would see. [`Noise`] compares the difference with the noise of the two images.
 
 mod exposure;
 mod exposure_map;
@@ -58,8 +58,8 @@ pub trait Metric: fmt::Debug + Send + Sync {
     /// The metric's name in messages: `largest FLIP tile`.
     fn name(&self) -> String;
 
-    /// Measures the difference of the pair. Pixels outside the mask are equal in both images. A mean must leave them
-    /// out (see [`Pair::is_compared`]).
+    /// Measures the difference of the pair. Pixels outside the mask are equal in both images. A metric that computes a
+    /// mean must leave these pixels out (see [`Pair::is_compared`]).
     fn measure(&self, pair: &Pair<'_>) -> Measured;
 
     /// The largest difference that the metric can measure. A tolerance with a bound of at least this size would pass

@@ -151,8 +151,8 @@ pub struct SelectedCase {
     pub check: Option<String>,
     #[doc(hidden)]
     pub case: u64,
-    /// The steps from the case's own value to a simpler value. Each step is an index in the list of the last value's
-    /// simpler values.
+    /// The steps from the case's own value to a simpler value. Each step is an index in the list of values that are
+    /// simpler than the current value.
     #[doc(hidden)]
     pub steps: Vec<usize>,
     /// The words of the arguments that replace the case's own arguments.

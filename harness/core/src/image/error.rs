@@ -56,7 +56,7 @@ pub enum ImageError {
     Corrupt {
         /// The path of the file.
         path: String,
-        /// The format as which Karat tried to read the file.
+        /// The format that Karat expected.
         format: ImageFormat,
         /// The problem with the file.
         reason: String,

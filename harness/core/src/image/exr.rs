@@ -163,7 +163,7 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// The same errors as of [`read`](Self::read), except that the function doesn't notice damaged pixels.
+    /// The same errors as for [`read`](Self::read), except that the function doesn't notice damaged pixels.
     pub fn part_names(path: &Path) -> Result<Vec<String>, ImageError> {
         let names = |bytes: &[u8]| {
             let file = FileHeader::parse(bytes)?;
@@ -191,7 +191,7 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// The same errors as of [`read`](Self::read), except that the function doesn't notice damaged pixels.
+    /// The same errors as for [`read`](Self::read), except that the function doesn't notice damaged pixels.
     pub fn chromaticities(path: &Path) -> Result<[f32; 8], ImageError> {
         let of = |bytes: &[u8]| {
             let file = FileHeader::parse(bytes)?;

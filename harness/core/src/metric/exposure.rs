@@ -7,8 +7,8 @@ use crate::image::luminance;
 
 /// A range of exposures, in stops: an exposure of `e` multiplies linear colours by 2^e.
 ///
-/// At the darkest exposure, a display shows the golden's highlights with 0.85 of white. At the brightest exposure, the
-/// display shows the golden's median luminance with 0.85 of white (Andersson et al. 2021, section 3.2). Karat differs
+/// At the darkest exposure, a display shows the golden's highlights at 85 % of white. At the brightest exposure, the
+/// display shows the golden's median luminance at 85 % of white (Andersson et al. 2021, section 3.2). Karat differs
 /// from the paper in two ways. First, highlights are the 99.9th percentile instead of the maximum, because one firefly
 /// can move the maximum by six stops. Second, the median and the highlights ignore black pixels, because most pixels
 /// may be black.
@@ -95,14 +95,14 @@ impl ExposureRange {
     }
 
     /// The exposures below this range, in whole stops, down to the first exposure at which a display shows the given
-    /// luminance with at most 0.85 of white. `None` if this range has such an exposure.
+    /// luminance at 85 % of white or less. `None` if this range has such an exposure.
     pub(super) fn below(&self, luminance: f32) -> Option<Self> {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
         (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
-    /// The exposures above this range, up to the first exposure at which a display shows the given luminance with at
-    /// least 0.85 of white. `None` if this range has such an exposure.
+    /// The exposures above this range, up to the first exposure at which a display shows the given luminance at 85 % of
+    /// white or more. `None` if this range has such an exposure.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })
@@ -115,7 +115,7 @@ impl ExposureRange {
     }
 }
 
-/// The exposure at which a display shows a luminance with 0.85 of white, rounded to a hundredth of a stop.
+/// The exposure at which a display shows a luminance at 85 % of white, rounded to a hundredth of a stop.
 fn stops(luminance: f64) -> f64 {
     ((NEAR_WHITE / luminance).log2() * 100.0).round() / 100.0
 }

@@ -6,7 +6,7 @@
 //! `harness/tests/metric.rs` compares them with the errors of NVIDIA's implementation.
 //!
 //! HDR-FLIP is made for colours that a display can show, so it ignores alpha and negative light. If alpha or a negative
-//! value differs by more than the default gate allows, measuring fails.
+//! value differs by more than the default gate allows, the frame fails.
 
 use flip_rs::{HdrOptions, RgbImage, hdr_flip};
 

@@ -47,8 +47,8 @@ const SIGNIFICANCE: f64 = 0.01;
 const SCATTER: f64 = 2.0;
 
 /// The brightness, as a share of the golden's key, that is added to the brightness of the neighbours before the
-/// division. If the key is middle grey, this is 6 of a screen's 255 steps. Without it, hardly visible noise in black
-/// regions would outweigh other differences.
+/// division. If the key is middle grey, this is 6 of a screen's 255 steps. Without this addition, hardly visible noise
+/// in black regions would outweigh other differences.
 const BLACK: f64 = 0.01;
 
 /// A metric for noisy images. Its value is the larger of two ratios, and a frame passes if the value is at most 1. The
