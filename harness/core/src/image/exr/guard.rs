@@ -53,8 +53,8 @@ pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<
 }
 
 /// Checks if a decoded value in a square of 4 by 4 values is below zero. The compressed square consists of the first
-/// value (16 bits), a shift (6 bits), and 15 differences (6 bits each). The first column's values differ from the
-/// values above them, and all other values differ from the values to their left.
+/// value (16 bits), a shift (6 bits), and 15 differences (6 bits each). In the first column, a difference is relative
+/// to the value above. In all other columns, it is relative to the value on the left.
 fn leads_below_zero(square: &[u8; 14]) -> bool {
     let field = |bit: usize| {
         let two = u16::from_be_bytes([square[bit / 8], *square.get(bit / 8 + 1).unwrap_or(&0)]);

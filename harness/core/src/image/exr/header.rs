@@ -58,8 +58,7 @@ pub(super) struct PartHeader {
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// The y coordinate of the part's first row in the file. Each chunk of rows states the y coordinate of its first
-    /// row.
+    /// The y coordinate of the part's first row in the file. Each chunk of rows states the y of its first row.
     pub(super) top: i32,
     pub(super) channels: Vec<Channel>,
     pub(super) compression: Compression,
