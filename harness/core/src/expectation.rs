@@ -1,26 +1,25 @@
-//! The packages of expectations, such as `expect_near`, for tests in WGSL: their texts, and the layout of the values
+//! The packages of expectations, such as `expect_near`, for tests in WGSL: their WGSL, and the layout of the values
 //! that a failing expectation stores.
 //!
 //! `karat` contains Karat's own expectations, and `wgsl_test` has the expectations of the WGSL community's test runner.
 //! The first argument of each expectation is a number that identifies the call. The linker inserts this number after
-//! the `(`. If an expectation may have failed, private variables store its values. The host then uses [`Wanted`] to
-//! decide if the expectation failed.
+//! the `(`. The shader tests each expectation with a slightly narrower bound than the author's. If this test fails,
+//! private variables store the expectation's values, and the host decides, by the kind of the expectation ([`Wanted`]),
+//! if the expectation really failed.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::sync::LazyLock;
 
-/// The number of `u32`s that an expectation stores if it may have failed: the number of the call, the kind of the
-/// expectation with the number of components, four for the values, four for the expected values, and two for the
-/// bounds.
+/// The number of `u32`s that an expectation stores if it may have failed: one for the number of the call, one for the
+/// kind and the number of components, four for the values, four for the expected values, and two for the bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// The largest number of failed expectations that a case stores. A message lists these expectations, and counts all
-/// other failed expectations.
+/// The largest number of expectations whose values a case stores. A message only counts further failures.
 pub const MOST_KEPT: usize = 3;
 
 /// The number of `u32`s in a test's result: the number of evaluated expectations, the number of expectations that may
-/// have failed, and the stored values of the first of these expectations.
+/// have failed, and the stored values of the first [`MOST_KEPT`] of these expectations.
 pub const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
 
 /// The kind of an expectation. The generated WGSL uses the numbers of these variants.
@@ -89,7 +88,7 @@ pub fn package(name: &str) -> Option<&'static Expectations> {
     }
 }
 
-/// The suffixes of the functions for one to four components, with the components' types.
+/// The suffixes of the generated functions for one to four components, each with the type of the values.
 const FLOATS: [(&str, &str); 4] =
     [("", "f32"), ("_vec2", "vec2f"), ("_vec3", "vec3f"), ("_vec4", "vec4f")];
 const WHOLES: [(&str, &str); 4] =
@@ -97,7 +96,7 @@ const WHOLES: [(&str, &str); 4] =
 const SIGNED: [(&str, &str); 4] =
     [("_i32", "i32"), ("_vec2i", "vec2i"), ("_vec3i", "vec3i"), ("_vec4i", "vec4i")];
 
-/// WGSL for a `vec4u` with the bits of `x`, followed by zeros.
+/// A WGSL expression for a `vec4u` with the bits of `x`, followed by zeros.
 fn words(x: &str, width: usize) -> String {
     match width {
         1 => format!("vec4u(bitcast<u32>({x}), 0u, 0u, 0u)"),
@@ -107,7 +106,7 @@ fn words(x: &str, width: usize) -> String {
     }
 }
 
-/// WGSL for a `vec4f` with the components of `x`, followed by zeros, for comparisons.
+/// A WGSL expression for a `vec4f` with the components of `x`, followed by zeros.
 fn four(x: &str, width: usize) -> String {
     match width {
         1 => format!("vec4f({x}, 0.0, 0.0, 0.0)"),
@@ -118,7 +117,7 @@ fn four(x: &str, width: usize) -> String {
 }
 
 /// Declares the variables that store expectations that may have failed. Each stored expectation has its own variables,
-/// because drivers would need tens of times longer to compile an array with a variable index.
+/// because an array with a variable index makes compilation tens of times slower in some drivers.
 fn report() -> String {
     let mut text = "\nvar<private> evaluated: u32;\nvar<private> suspected: u32;\n".to_owned();
     let (mut stored, mut listed) = (String::new(), String::new());

@@ -1,6 +1,6 @@
-//! The kinds of hazards in shaders. The checks of operations, the checks of passes and the reports use these kinds.
+//! The kinds of hazards in shaders.
 
-/// The kind of a hazard. The worst kinds come first.
+/// The kind of a hazard. The kinds are ordered from the worst to the least serious.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
 )]
@@ -42,7 +42,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind's name. `karat.toml` and JSON use the name in lower case, with `_` instead of blanks.
+    /// The kind's name. `karat.toml` and JSON use the name in lower case, with `_` instead of spaces.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -64,7 +64,7 @@ impl Kind {
         }
     }
 
-    /// The meaning of the kind, in a clause for messages.
+    /// An explanation of the kind, as a clause for messages.
     #[must_use]
     pub fn about(self) -> &'static str {
         match self {
@@ -107,14 +107,14 @@ impl Kind {
         }
     }
 
-    /// Checks if a pass with this hazard fails its test, because WGSL leaves the result open. Unwritten workgroup
-    /// memory is zero, so reading it is a hazard, but not a failure.
+    /// Checks if a test of a pass fails when the pass has a hazard of this kind. Only reading unwritten workgroup
+    /// memory isn't a failure, because WGSL says that this memory is zero.
     #[must_use]
     pub fn fails(self) -> bool {
         self != Self::Unwritten
     }
 
-    /// Checks if a hazard of this kind is an index that selects a wrong element.
+    /// Checks if hazards of this kind are indices that select a wrong element.
     #[must_use]
     pub fn is_of_index(self) -> bool {
         matches!(self, Self::OutOfRange | Self::Wrapped)

@@ -47,7 +47,7 @@ impl PartialEq for Image {
     }
 }
 
-/// The numbers of pixels in an image that contain NaN or an infinity.
+/// Counts of the pixels that contain NaN or an infinity.
 ///
 /// ```
 /// use karat::Image;
@@ -61,7 +61,7 @@ pub struct NonFinite {
     pub nan: usize,
     /// The number of pixels with an infinity and no NaN.
     pub infinite: usize,
-    /// Column and row of the first pixel with a NaN or an infinity.
+    /// The column and the row of the first pixel with a NaN or an infinity.
     pub first: Option<(u32, u32)>,
 }
 
@@ -84,13 +84,13 @@ impl Image {
         Self { width, height, pixels, origin: None }
     }
 
-    /// The same image, marked as read from `file` with the contents `bytes`.
+    /// The same image, with `file` recorded as its origin. `bytes` are the contents of the file.
     #[doc(hidden)]
     pub fn read_from(self, file: &std::path::Path, bytes: &[u8]) -> Self {
         Self { origin: Some(Arc::new(FileRead::of(file, bytes))), ..self }
     }
 
-    /// The file from which the image was read, even after changes to its pixels.
+    /// The file from which the image was read. Changing the image's pixels doesn't change its origin.
     #[doc(hidden)]
     pub fn origin(&self) -> Option<&FileRead> {
         self.origin.as_deref()
@@ -149,7 +149,7 @@ impl Image {
         &mut self.pixels
     }
 
-    /// Rounds the pixels in the same way as writing the image to a file of this precision and reading the file.
+    /// A copy whose pixels are rounded as if the image were written to a file of this precision and read again.
     ///
     /// ```
     /// use karat::Image;
@@ -195,7 +195,7 @@ impl Image {
         hasher.finalize().to_hex().to_string()
     }
 
-    /// Counts the pixels with NaN and infinities.
+    /// Counts the pixels that contain NaN or an infinity.
     ///
     /// ```
     /// use karat::Image;
@@ -222,9 +222,9 @@ impl Image {
         census
     }
 
-    /// The image's key: the logarithmic mean of the pixels' luminance. A photographer's exposure would map this
-    /// brightness to middle grey. Black and non-finite pixels don't count. If all pixels are black or non-finite, the
-    /// key is 1.
+    /// The image's key: the logarithmic mean of the pixels' luminance. A photographer would choose the exposure so that
+    /// this brightness becomes middle grey. Black and non-finite pixels don't count. If all pixels are black or
+    /// non-finite, the key is 1.
     ///
     /// ```
     /// use karat::Image;
@@ -247,13 +247,13 @@ impl Image {
     }
 }
 
-/// Luminance of linear sRGB (ITU-R BT.709).
+/// The luminance of a linear sRGB colour (ITU-R BT.709).
 #[doc(hidden)]
 pub fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Converts linear light to sRGB (IEC 61966-2-1). Argument and result are from 0 to 1.
+/// Encodes linear light as sRGB (IEC 61966-2-1). The argument and the result are from 0 to 1.
 #[doc(hidden)]
 pub fn encode_srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
@@ -277,8 +277,8 @@ impl approx::RelativeEq for Image {
         f32::EPSILON
     }
 
-    /// Compares sizes, and checks that each channel differs by at most `epsilon`, or relatively by at most
-    /// `max_relative`.
+    /// Compares sizes, and checks that each channel differs by at most `epsilon`, or by at most `max_relative` times
+    /// the larger value.
     fn relative_eq(&self, other: &Self, epsilon: f32, max_relative: f32) -> bool {
         self.all_channels(other, |a, b| a.relative_eq(&b, epsilon, max_relative))
     }

@@ -2,10 +2,10 @@
 //! images and messages.
 //!
 //! Test authors use these parts through the crate `karat`, which exports them. They are a separate crate so that cargo
-//! compiles them in parallel with the shader compilers. Items that are hidden in the documentation are internal to
+//! compiles them in parallel with the shader compilers. Items that this documentation doesn't show are internal to
 //! Karat.
 
-/// The version of glam that this crate uses, for Karat's macros.
+/// The version of glam that this crate uses. The code that Karat's macros generate refers to it.
 pub use glam;
 
 pub mod diagnostic;

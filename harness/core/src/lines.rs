@@ -1,5 +1,4 @@
-//! Talks to other programs: to a process that answers messages until Karat closes its input, or to a program that runs
-//! once.
+//! Runs other programs: programs that answer messages until Karat closes their input, and programs that run once.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, Output, Stdio};
@@ -7,19 +6,20 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel}
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The number of bytes that are kept from the end of a process's log, for error messages.
+/// The number of bytes that Karat keeps from the end of a process's log, for error messages.
 const LAST_WORDS: usize = 2 << 10;
-/// The number of messages that a process can send before it must wait for Karat to read them.
+/// The largest number of unread messages that Karat keeps in memory for a process. If there are more, the process
+/// waits.
 const MOST_UNREAD: usize = 256;
-/// The interval at which Karat checks if a process has ended.
+/// Ten times the interval at which Karat checks if a process has ended.
 const POLL: Duration = Duration::from_millis(50);
 /// The time limit for a program that looks something up, such as git, or a compiler that prints its name. Such programs
 /// take about 30 ms.
 pub const LOOK_UP: Duration = Duration::from_secs(60);
-/// The longest time that Karat waits for a process to end after the process has closed its output.
+/// The longest time that Karat waits for a process to end after the process's output or input was closed.
 const LINGER: Duration = Duration::from_secs(1);
 
-/// The reason why a process doesn't answer.
+/// The reason why a program can't be run, or a process doesn't answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[doc(hidden)]
 pub enum Broken {
@@ -40,8 +40,8 @@ pub enum Answers {
     Stderr,
 }
 
-/// Runs a program without input, and returns its output and exit status. `patience` is the time limit. From each
-/// stream, at most `most + 1` bytes are read.
+/// Runs a program without input, and returns its output and exit status. `patience` is the time limit. The function
+/// reads at most `most + 1` bytes from stdout, and as many from stderr.
 ///
 /// # Errors
 /// If the program doesn't start, or doesn't end within `patience`.
@@ -70,8 +70,7 @@ pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Ou
     })
 }
 
-/// Reads a stream on another thread. If the stream has more than `most` bytes, the function reads one byte more, so
-/// that the caller sees this, and closes the stream.
+/// Reads a stream on another thread. The thread reads at most `most + 1` bytes, then closes the stream.
 fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
@@ -93,7 +92,7 @@ pub struct Lines {
     from: Receiver<String>,
     end: u8,
     said: Arc<Mutex<Vec<u8>>>,
-    /// A channel that disconnects when another thread has read the process's log to its end.
+    /// A channel that disconnects when the thread that reads the process's log reaches the log's end.
     silent: Receiver<()>,
 }
 
@@ -144,7 +143,8 @@ impl Lines {
         Ok(Self { child, to: Some(to), from, end, said, silent })
     }
 
-    /// Sends a message. If the process can't receive the message, [`receive`](Self::receive) returns the error.
+    /// Queues a message for the process. If the process can't receive the message, the next [`send`](Self::send) or
+    /// [`receive`](Self::receive) returns the error.
     #[doc(hidden)]
     pub fn send(&mut self, message: &str) -> Result<(), Broken> {
         let bytes = [message.as_bytes(), &[self.end]].concat();
@@ -161,7 +161,7 @@ impl Lines {
         }
     }
 
-    /// The error for a process that has ended, with the end of its log.
+    /// Closes the process's input, and returns the error for a process that has ended, with the end of its log.
     fn ended(&mut self) -> Broken {
         self.to = None;
         let status = self.wait().unwrap_or_else(|| "the program closed its output".to_owned());
@@ -176,7 +176,7 @@ impl Lines {
         Broken::Ended { status, said }
     }
 
-    /// Waits up to [`LINGER`] for the end of the process, and returns its status.
+    /// Waits up to [`LINGER`] for the end of the process, and returns the process's status.
     fn wait(&mut self) -> Option<String> {
         let until = Instant::now() + LINGER;
         loop {

@@ -1,11 +1,11 @@
 //! Metrics: numbers that measure the difference between a frame and its golden.
 //!
 //! A [`Pair`] is a golden and a frame of the same size. All pixels of both images are finite. Pixels outside a [`Mask`]
-//! are equal in both images. A [`Metric`] measures one number for the pair, and the frame's tolerance decides if the
-//! number is small enough. NaN fails.
+//! are equal in both images. A [`Metric`] computes one number for the pair. The frame's tolerance has a bound for this
+//! number. NaN fails under every bound.
 //!
 //! [`Gate`] measures the difference of each channel, and allows no outliers. [`Flip`] measures the difference that a
-//! person would see. [`Noise`] measures the difference that the noise of the two images doesn't explain.
+//! person would see. [`Noise`] compares the difference with the noise of the two images.
 
 mod exposure;
 mod exposure_map;
@@ -58,11 +58,12 @@ pub trait Metric: fmt::Debug + Send + Sync {
     /// The metric's name in messages: `largest FLIP tile`.
     fn name(&self) -> String;
 
-    /// Measures the pair. Pixels outside the mask are equal in both images, and aren't [compared](Pair::is_compared).
+    /// Measures the difference of the pair. Pixels outside the mask are equal in both images. A metric that computes a
+    /// mean must leave these pixels out (see [`Pair::is_compared`]).
     fn measure(&self, pair: &Pair<'_>) -> Measured;
 
-    /// The largest difference that the metric can measure. If the bound is at least this large, every frame passes. The
-    /// default is infinity.
+    /// The largest difference that the metric can measure. A tolerance with a bound of at least this size would pass
+    /// every frame. The default is infinity.
     fn most(&self) -> f64 {
         f64::INFINITY
     }
@@ -79,11 +80,11 @@ pub trait Metric: fmt::Debug + Send + Sync {
 pub struct Measured {
     /// The difference. It is 0 if the images are equal. NaN and infinity fail under every bound.
     pub value: f64,
-    /// The rectangle with the largest difference.
+    /// The rectangle in which the difference is largest.
     pub place: Option<Rect>,
-    /// The difference of each pixel, if the metric measures pixels.
+    /// The difference of each pixel, if the metric computes a difference for each pixel.
     pub map: Option<ErrorMap>,
-    /// A remark for messages.
+    /// A remark about the difference, for messages.
     pub note: Option<String>,
 }
 

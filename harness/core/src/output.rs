@@ -1,9 +1,9 @@
-//! Writes text for people. The text can't send commands to a terminal. If the output has no reader, a command still
-//! does its work.
+//! Writes text for people. The text can't send commands to a terminal. If the program that reads the output ends early,
+//! as in `karat test | head`, the command still does its work.
 //!
-//! Names of files and drivers, and the texts of shaders, can't be trusted. So every character is escaped (`\u{1b}`)
-//! unless the character is printable, a line end or a tab. Karat's own colours stay, because each [`Style`] is marked
-//! with a random number that only this process knows.
+//! Karat doesn't trust the names of files and drivers, and the texts of shaders. So Karat escapes every character, as
+//! in `\u{1b}`, except for printable characters, line ends and tabs. Karat's own colours stay: a random number, which
+//! only this process knows, marks each [`Style`].
 
 use std::borrow::Cow;
 use std::fmt;
@@ -23,16 +23,16 @@ impl Style {
     pub const KNOWN: Self = Self("\u{1b}[33m");
     /// The style for failures.
     pub const BAD: Self = Self("\u{1b}[1m\u{1b}[31m");
-    /// The style for the text that the reader looks for first.
+    /// The style for headings and the most important text.
     pub const HEAD: Self = Self("\u{1b}[1m");
-    /// The style for the text that the reader looks for last.
+    /// The style for the least important text.
     pub const DIM: Self = Self("\u{1b}[2m");
     /// No style.
     pub const PLAIN: Self = Self("");
 }
 
-/// Stands for the escape character in Karat's own styles until the text is written. The mark consists of random digits,
-/// so no program can guess the mark and write it into a text.
+/// The mark that replaces the escape character in Karat's own styles until an [`Output`] writes the text. The mark
+/// contains random digits, so no program can guess it and put it into a name.
 static MARK: LazyLock<String> = LazyLock::new(|| {
     let number = || RandomState::new().build_hasher().finish();
     format!("\u{1b}{:016x}{:016x}", number(), number())
@@ -51,8 +51,8 @@ pub fn trusted(text: &str) -> String {
     text.replace('\u{1b}', &MARK)
 }
 
-/// Marks a text of another program, so that an [`Output`] writes the text's colours unchanged. All other terminal
-/// commands in the text are escaped.
+/// Marks the colours in a text of another program, so that an [`Output`] writes them unchanged. The output still
+/// escapes all other terminal commands in the text.
 #[must_use]
 pub fn with_colours(text: &str) -> String {
     let mut parts = text.split('\u{1b}');
@@ -77,8 +77,8 @@ pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
     }
 }
 
-/// Checks if a terminal interprets the character as a command, or if the character changes the order of the text that
-/// follows. Line ends and tabs don't count as commands.
+/// Checks if Karat escapes a character: terminals interpret it as a command, it changes the direction of text, or XML
+/// can't contain it. `\n` and tabs are allowed.
 fn commands(character: char) -> bool {
     match character {
         '\n' | '\t' => false,
@@ -90,7 +90,7 @@ fn commands(character: char) -> bool {
     }
 }
 
-/// Escapes terminal commands in a text: `\u{1b}`. The line ends `\n` and `\r\n` stay.
+/// Escapes terminal commands in a text, as in `\u{1b}`. The line ends `\n` and `\r\n` stay.
 #[must_use]
 pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
@@ -125,14 +125,14 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
 /// KiB.
 const LONGEST_NAME: usize = 1000;
 
-/// A name in a form that every output format accepts: on one line, see [`one_line`]. A name of more than 1000 bytes is
-/// cut and ends with the beginning of a hash, so that two long names stay different.
+/// A name in a form that every output format accepts: on one line (see [`one_line`]), and of at most 1000 bytes. A
+/// longer name is cut and gets a hash at its end, so that two long names stay different.
 #[must_use]
 pub fn name(text: &str) -> Cow<'_, str> {
     name_within(text, LONGEST_NAME)
 }
 
-/// Like [`name`], with the limit `most` in bytes. For example, a file's name can have 255 bytes.
+/// Like [`name`], with at most `most` bytes. For example, the name of a file can have only 255 bytes.
 #[doc(hidden)]
 pub fn name_within(text: &str, most: usize) -> Cow<'_, str> {
     let shown = one_line(text);
@@ -144,8 +144,8 @@ pub fn name_within(text: &str, most: usize) -> Cow<'_, str> {
     Cow::Owned(format!("{}..{hash}", &shown[..kept]))
 }
 
-/// A text in Markdown that neither Markdown nor HTML interprets: the text can't end a table cell, and can't contain a
-/// tag, a link, an image or code.
+/// Escapes a text for a Markdown table: the text can't end the table's cell, and can't contain an HTML tag, a link, an
+/// image or code.
 #[must_use]
 pub fn markdown(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
@@ -176,7 +176,7 @@ fn escaped(text: &str, escape: impl Fn(char) -> String) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Turns Karat's styles into terminal commands, and makes the rest of the text [`visible`].
+/// Turns Karat's marks into terminal commands, and escapes the rest of the text as [`visible`] does.
 fn styled(text: &str) -> String {
     let parts: Vec<_> = text.split(MARK.as_str()).map(visible).collect();
     parts.join("\u{1b}")
@@ -184,8 +184,9 @@ fn styled(text: &str) -> String {
 
 /// A writer of text for people, line by line.
 ///
-/// Writing never fails. If the reader closes the stream, the rest of the text is dropped. So a command does the same
-/// work and has the same exit code if its output has no reader. [`finish`](Self::finish) returns any other error.
+/// Writing never fails. If the program that reads the output closes the stream, the rest of the text is dropped. So a
+/// command does the same work and has the same exit code as if all its output were read. [`finish`](Self::finish)
+/// returns any other error.
 #[derive(Debug)]
 pub struct Output<W: Write> {
     inner: W,
@@ -197,13 +198,13 @@ pub struct Output<W: Write> {
 #[derive(Debug)]
 enum State {
     Open,
-    /// The reader closed the stream.
+    /// The program that reads the output closed the stream.
     Unread,
     Failed(io::Error),
 }
 
 impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
-    /// Standard output, with colours if it is a terminal that supports them.
+    /// A writer to standard output, with colours if standard output is a terminal that supports colours.
     #[must_use]
     pub fn stdout() -> Self {
         Self::new(anstream::stdout().lock())
@@ -211,7 +212,7 @@ impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
 }
 
 impl Output<anstream::AutoStream<io::Stderr>> {
-    /// Standard error. Other code may write to standard error at the same time.
+    /// A writer to standard error. It takes no lock, so other code may write to standard error at the same time.
     #[must_use]
     pub fn stderr() -> Self {
         Self::new(anstream::stderr())
@@ -224,10 +225,10 @@ impl<W: Write> Output<W> {
         Self { inner, line: Vec::new(), state: State::Open }
     }
 
-    /// Writes the rest of the text.
+    /// Writes the text after the last line end, and flushes the stream.
     ///
     /// # Errors
-    /// If a write failed, and the reader hadn't closed the stream.
+    /// If a write failed for another reason than a closed stream.
     pub fn finish(mut self) -> io::Result<()> {
         self.pass_on(self.line.len());
         self.attempt(Write::flush);
@@ -281,7 +282,7 @@ impl<W: Write> Drop for Output<W> {
     }
 }
 
-/// Writes a text that isn't a result to standard error. If standard error is closed, the text is lost.
+/// Writes a message that isn't a command's result to standard error. If standard error is closed, the text is lost.
 pub fn tell(text: &str) {
     let mut err = Output::stderr();
     // Writing to an `Output` never fails.
@@ -348,7 +349,7 @@ mod tests {
         assert_eq!(written(&[other.as_bytes()]), expected);
     }
 
-    /// A writer that accepts some bytes, and then fails.
+    /// A writer that accepts a given number of bytes, and then fails with a given error. It keeps the accepted bytes.
     struct Failing(usize, ErrorKind, Vec<u8>);
 
     impl Write for Failing {

@@ -1,4 +1,4 @@
-//! Catches panics of compilers, which shaders can cause. The caller gets the message, and nothing is written to stderr.
+//! Catches panics that shaders cause in compilers, such as naga. The caller gets the message, and stderr gets nothing.
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -47,12 +47,12 @@ impl fmt::Display for Panicked {
 }
 
 thread_local! {
-    /// `true` while panics of this thread are caught.
+    /// `true` while [`caught`] runs code on this thread.
     static CAUGHT: Cell<bool> = const { Cell::new(false) };
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// A panic of a caller's own code. [`caught`] doesn't catch this panic, although the code runs inside of [`caught`].
+/// The payload of a panic inside of [`passing`]. [`caught`] passes such a panic on instead of catching it.
 struct Passing(Box<dyn Any + Send>);
 
 /// Runs `work`, and catches its panic.
@@ -92,7 +92,8 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     }
 }
 
-/// Runs a caller's own code inside of [`caught`]. A panic of this code reaches the caller, with its message.
+/// Runs code inside of [`caught`] whose panics [`caught`] must not catch, such as a closure of a test. A panic of this
+/// code reaches the caller of [`caught`] with its usual message.
 pub fn passing<T>(work: impl FnOnce() -> T) -> T {
     if !CAUGHT.replace(false) {
         return work();
@@ -102,14 +103,15 @@ pub fn passing<T>(work: impl FnOnce() -> T) -> T {
     done.unwrap_or_else(|payload| resume_unwind(Box::new(Passing(payload))))
 }
 
-/// Checks if panics of this thread are caught. Pass the result to [`helping`] on other threads that do a part of this
-/// thread's work.
+/// Checks if this thread runs code inside of [`caught`]. If other threads do a part of this thread's work, they pass
+/// this result to [`helping`].
 #[must_use]
 pub fn are_caught() -> bool {
     CAUGHT.get()
 }
 
-/// Runs a part of another thread's work. `caught` is the result of [`are_caught`] in that thread.
+/// Runs a part of another thread's work. `caught` is the result of [`are_caught`] in that thread. If it is `true`, a
+/// panic isn't written to stderr, and goes to that thread's [`caught`].
 pub fn helping<T>(caught: bool, work: impl FnOnce() -> T) -> T {
     match caught {
         true => self::caught(work).unwrap_or_else(|panicked| resume_unwind(Box::new(panicked))),
@@ -117,7 +119,7 @@ pub fn helping<T>(caught: bool, work: impl FnOnce() -> T) -> T {
     }
 }
 
-/// The file and line of a panic, without the folder in which cargo stores crates.
+/// The file and line of a panic as text, without the folder in which cargo stores crates.
 fn short(file: &str, line: u32) -> String {
     let file = file.replace('\\', "/");
     let behind = file.split_once("/registry/src/").and_then(|(_, own)| own.split_once('/'));

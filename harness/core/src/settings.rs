@@ -1,7 +1,8 @@
-//! The settings in environment variables. Karat reads and checks every variable whose name begins with `KARAT_`, once.
+//! Reads Karat's settings from environment variables. Karat reads and checks all variables whose names begin with
+//! `KARAT_`, once for each process.
 //!
-//! If Karat ignored a misspelt variable, a run that should require a path or replay a case could pass although the path
-//! is missing or the case didn't run. So an unknown name or value is an error, with a suggestion. A variable with an
+//! An unknown name or value is an error, with a suggestion. If Karat ignored a misspelt `KARAT_REQUIRE` or
+//! `KARAT_CASE`, a run could pass although the required path is missing or the case didn't run. A variable with an
 //! empty value counts as not set.
 
 use std::collections::BTreeMap;
@@ -90,14 +91,14 @@ const COVERAGE: &str = "KARAT_COVERAGE";
 const TINT: &str = "KARAT_TINT";
 const BROWSER: &str = "KARAT_BROWSER";
 
-/// The largest number of orders. Karat runs all passes in each order, so a run with this many orders takes hours.
+/// The largest allowed value of `KARAT_SCHEDULES`. The engine runs each pass in each order, so such a run takes hours.
 const MOST_SCHEDULES: u64 = 1 << 16;
 
-/// The default limit for the loop iterations of a case: far more than a pixel of a fast shader needs. The engine runs
-/// this many iterations in at most a few seconds, so it soon detects an endless loop.
+/// The default limit for the loop iterations of a case: far more than a fast shader needs for a pixel. The engine runs
+/// this many iterations in at most a few seconds, so endless loops are detected soon.
 const FUEL_ROUNDS: u64 = 1 << 20;
 
-/// The default time limit of a shader: long enough for any test's shader on a software rasteriser.
+/// The default time limit of a shader, in seconds: long enough for the shader of any test on a software rasteriser.
 #[doc(hidden)]
 pub const DEADLINE_SECONDS: f64 = 60.0;
 
@@ -105,13 +106,13 @@ pub const DEADLINE_SECONDS: f64 = 60.0;
 #[derive(Clone, Debug, PartialEq)]
 #[doc(hidden)]
 pub struct Settings {
-    /// The names of the paths to run on, or `all`; `None` selects the first path that opens.
+    /// The paths on which checks run, such as `vulkan,gl`, or `all`. `None` selects the first path that opens.
     #[doc(hidden)]
     pub paths: Option<String>,
-    /// The names of paths that must open.
+    /// The paths that must open, such as `vulkan,gl`.
     #[doc(hidden)]
     pub require: Option<String>,
-    /// Programs that run jobs. Each executor has a name, a program, and the program's arguments.
+    /// The programs that run jobs: for each executor its name, and its command with arguments.
     #[doc(hidden)]
     pub executors: Vec<(String, Vec<String>)>,
     /// A part of the name of the adapter to use.
@@ -120,11 +121,11 @@ pub struct Settings {
     /// The time limit of a shader.
     #[doc(hidden)]
     pub deadline: Duration,
-    /// The largest number of iterations of all loops together that a case may run in the engine. If the IR shows a
-    /// bound for a loop, the loop's iterations don't count.
+    /// The largest number of loop iterations that a case may run in the engine, over all loops. Loops don't count if
+    /// naga's IR shows a bound for their iterations.
     #[doc(hidden)]
     pub fuel: u64,
-    /// The number of orders of invocations in which the engine runs compute passes.
+    /// The number of orders in which the engine runs the invocations of a pass.
     #[doc(hidden)]
     pub schedules: Option<u64>,
     /// The seed of the selected check, or of all checks if no check is selected.
@@ -141,7 +142,7 @@ pub struct Settings {
     pub frames: bool,
 }
 
-/// The case that a replay runs: a case of the check that the replay command names, or the same case of every check.
+/// The case that a replay runs. If the replay command names no check, every check runs its case with this number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub struct SelectedCase {
@@ -150,11 +151,11 @@ pub struct SelectedCase {
     pub check: Option<String>,
     #[doc(hidden)]
     pub case: u64,
-    /// The steps of the simplification. Each step is the index of a value in the list of simpler values. The first step
-    /// begins at the case's own value.
+    /// The steps from the case's own value to a simpler value. Each step is an index in the list of values that are
+    /// simpler than the current value.
     #[doc(hidden)]
     pub steps: Vec<usize>,
-    /// The lanes (32-bit words) of the arguments that replace the case's own arguments.
+    /// The words of the arguments that replace the case's own arguments.
     #[doc(hidden)]
     pub input: Option<Vec<u32>>,
 }
@@ -188,12 +189,12 @@ pub enum SettingsError {
         /// The most similar possible value.
         nearest: Option<&'static str>,
     },
-    /// There are arguments for a case, but no case is named.
+    /// The variable `KARAT_INPUT` is set, but `KARAT_CASE` isn't.
     #[error("KARAT_INPUT needs KARAT_CASE, which selects the check")]
     InputWithoutCase,
 }
 
-/// The settings of this process.
+/// The settings of this process, from its environment.
 ///
 /// # Errors
 /// If a variable is unknown, or has an invalid value.
@@ -227,38 +228,38 @@ fn set(name: &str) -> Option<OsString> {
     std::env::var_os(name).filter(|value| !value.is_empty())
 }
 
-/// The folder with files that Karat uses instead of the package's modules.
+/// The folder with files that Karat uses instead of the package's modules of the same names.
 #[doc(hidden)]
 pub fn overlay() -> Option<PathBuf> {
     set(OVERLAY).map(PathBuf::from)
 }
 
-/// The path to Tint, or `off`.
+/// The path of the Tint that Karat uses, or `off`.
 #[doc(hidden)]
 pub fn tint() -> Option<PathBuf> {
     set(TINT).map(PathBuf::from)
 }
 
-/// The folder for verdicts. Karat writes into this folder even if another setting is invalid.
+/// The folder for records of verdicts. Karat writes into this folder even if another setting is invalid.
 #[doc(hidden)]
 pub fn record() -> Option<PathBuf> {
     set(RECORD).map(PathBuf::from)
 }
 
-/// The folder for counts of statements.
+/// The folder into which tests write how often each statement ran.
 #[doc(hidden)]
 pub fn coverage() -> Option<PathBuf> {
     set(COVERAGE).map(PathBuf::from)
 }
 
 /// The largest number of loop iterations that a case may run in the engine. If a setting is invalid, the function
-/// returns the default, because other callers report the error.
+/// returns the default, because [`check`] reports the error.
 #[doc(hidden)]
 pub fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
 }
 
-/// The number of orders of invocations for compute passes. `None` if the setting isn't set.
+/// The number of orders in which the engine runs the invocations of a pass. `None` if `KARAT_SCHEDULES` isn't set.
 #[doc(hidden)]
 pub fn schedules() -> Option<u64> {
     current().ok()?.schedules
@@ -271,13 +272,13 @@ pub fn deadline() -> Duration {
     current().map_or(usual, |settings| settings.deadline)
 }
 
-/// Checks if Karat skips frames. Returns `false` if a setting is invalid, because other callers report the error.
+/// Checks if Karat skips frames. Returns `false` if a setting is invalid, because [`check`] reports the error.
 #[doc(hidden)]
 pub fn leaves_frames_out() -> bool {
     current().is_ok_and(|settings| !settings.frames)
 }
 
-/// The case to replay, as the user typed it.
+/// The text of `KARAT_CASE`.
 #[doc(hidden)]
 pub fn case_as_typed() -> String {
     set(CASE).unwrap_or_default().to_string_lossy().into_owned()
@@ -390,7 +391,7 @@ fn refused(name: &'static str, value: &str, expected: &'static str) -> SettingsE
 }
 
 impl SelectedCase {
-    /// Reads `function/check/index` or `index`. After the index, a colon and the steps of a simplification may follow.
+    /// Reads `function/check/index` or `index`. A colon and the steps of a simplification may follow: `f/near/12:3.0`.
     fn parse(text: &str) -> Option<Self> {
         let (check, case) = match text.rsplit_once('/') {
             Some((check, case)) => (Some(check.to_owned()), case),
@@ -401,13 +402,13 @@ impl SelectedCase {
     }
 }
 
-/// Reads lanes (32-bit words in hexadecimal) as written in environment variables and files: `3f800000,00000000`.
+/// Reads 32-bit words from the hexadecimal form that environment variables and files use: `3f800000,00000000`.
 #[doc(hidden)]
 pub fn read_words(text: &str) -> Option<Vec<u32>> {
     text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
 }
 
-/// Reads simplification steps as written in environment variables and files: `3.0`.
+/// Reads the steps of a simplification in the form of environment variables and files: `3.0` is step 3, then step 0.
 #[doc(hidden)]
 pub fn read_steps(text: &str) -> Option<Vec<usize>> {
     text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()
@@ -443,8 +444,8 @@ fn duration(text: &str) -> Option<Duration> {
     (!duration.is_zero()).then_some(duration)
 }
 
-/// The path, in cargo's home, of a file that Karat can make again. Cargo's home outlives the `target` folder of a
-/// project.
+/// The path of a cached file in cargo's home, which outlives the `target` folder of a project. Karat can make the file
+/// again if it is lost.
 #[doc(hidden)]
 pub fn kept(file: &str) -> Option<PathBuf> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);

@@ -1,13 +1,12 @@
 //! Statistical tests of random samples. The tests run on the CPU, without a GPU.
 //!
-//! Each test compares observed values with expected values. The test returns a p-value: the probability that chance
-//! causes a difference at least as large as the observed one. The test returns [`NoVerdict`] if there are too few
-//! samples, only one cell, or a value that isn't a number. A test never returns NaN. [`accepts`] decides if a p-value
-//! is large enough, and rejects NaN.
+//! Each test compares observed values with expected values. Its result is a p-value: the probability that chance causes
+//! a difference at least as large as the observed one. [`accepts`] decides if a p-value is large enough. If a test gets
+//! too few samples, only one cell, or a value that isn't a number, its result is [`NoVerdict`], never a p-value of NaN.
 //!
-//! [`Cells`] divides the support into the cells of a histogram: a pilot run chooses the cells so that all cells get
-//! about the same number of samples. The expected number of samples in a cell is an adaptive integral of the density
-//! ([`integrate`]).
+//! [`Cells`] divides the support of a density into the cells of a histogram. A pilot run of the sampler chooses the
+//! cells so that all cells get about the same number of samples. The expected number of samples in a cell is the
+//! integral of the density over the cell, which [`integrate`] computes adaptively.
 
 mod cells;
 mod chi_square;
@@ -32,11 +31,11 @@ pub use tail::{
     normal_critical, normal_tail,
 };
 
-/// The reason why a test has no verdict.
+/// The reason why a statistical test has no p-value.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoVerdict {
-    /// There are too few samples for the test's approximation.
+    /// There are too few samples for the approximation that the test uses.
     #[error("{found} samples are too few: the test needs at least {needed}")]
     TooFew {
         /// The number of samples.
@@ -52,15 +51,16 @@ pub enum NoVerdict {
         /// The number of cells that are left. All pooled cells count as one cell.
         cells: usize,
     },
-    /// The numbers of observed and expected cells differ.
+    /// The number of observed counts differs from the number of expected counts.
     #[error("{observed} cells have observed values, but {expected} cells have expected values")]
     Length {
-        /// The number of observed cells.
+        /// The number of cells with observed counts.
         observed: usize,
-        /// The number of expected cells.
+        /// The number of cells with expected counts.
         expected: usize,
     },
-    /// A few of the samples decide the mean, so the test can't judge the mean's error.
+    /// The mean differs from the expected mean, but depends on very few of the samples, so the test can't estimate the
+    /// mean's error.
     #[error(
         "the mean {mean:e} of {found} samples differs from the expected {expected:e}, but this mean depends on \
          too few samples (skewness {skewness:.0}) to judge the difference: take more samples, or draw \
@@ -86,7 +86,7 @@ pub enum NoVerdict {
     },
 }
 
-/// Checks if a p-value is large enough to accept the hypothesis at this threshold. NaN is never accepted.
+/// Checks if a p-value is at least `threshold`, so that the test passes. NaN is never accepted.
 #[must_use]
 pub fn accepts(p: f64, threshold: f64) -> bool {
     p >= threshold

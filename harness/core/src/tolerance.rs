@@ -1,9 +1,8 @@
 //! Tolerances: the allowed difference between a shader's result and its reference.
 //!
-//! A tolerance is a tree of bounds. Each bound turns a lane's error into the ratio error / bound. The lane passes if
-//! the ratio is at most 1. `any` takes the smallest ratio of its parts, `all` takes the largest. NaN and infinite
-//! results have an infinite ratio under every tolerance. Only `ratio <= 1` passes, so a comparison with NaN never
-//! passes.
+//! A tolerance is a tree of bounds. The ratio of a lane is the lane's error divided by the bound, and the lane passes
+//! if its ratio is at most 1. [`Tolerance::Any`] uses the smallest ratio of its parts, and [`Tolerance::All`] uses the
+//! largest. NaN and infinite results have an infinite ratio under every tolerance, so they never pass.
 
 mod line;
 mod spec;
@@ -16,15 +15,15 @@ use std::fmt;
 
 use crate::value::Scalar;
 
-/// A factor that is larger than the rounding error of a few `f64` operations. This factor turns an estimate of a ratio
-/// into an upper bound.
+/// A factor that exceeds 1 by more than the relative rounding error of a few `f64` operations. An estimated error times
+/// this factor is an upper bound of the error.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
 /// Units in the last place: the number of `f32` steps between the result and the reference.
 ///
-/// Distances are measured on the ordered line of all `f32` values: `-0` equals `+0`, denormals count as steps, and the
-/// powers of two cause no jumps. WGSL allows drivers to flush results below `f32::MIN_POSITIVE` to zero, so two values
-/// closer than `f32::MIN_POSITIVE` count as equal. If a function subtracts nearly equal values, use
+/// The steps are counted in the ordered list of all `f32` values: `-0` equals `+0`, and steps between denormals count
+/// as well. WGSL allows drivers to flush results below `f32::MIN_POSITIVE` to zero, so two values that differ by less
+/// than `f32::MIN_POSITIVE` count as equal. If a function subtracts nearly equal values, use
 /// [`near_zero`](Tolerance::near_zero), which allows larger errors near zero.
 ///
 /// ```
@@ -49,7 +48,7 @@ pub struct Ulp(pub f64);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rel(pub f64);
 
-/// Absolute error, in the unit of the value.
+/// Absolute error: `|result - reference| <= bound`.
 ///
 /// ```
 /// use karat::{Abs, Tolerance};
@@ -77,16 +76,17 @@ pub struct Abs(pub f64);
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub enum Tolerance {
-    /// Limits the distance in `f32` steps. Below `band`, all steps count as being as large as the step at `band`.
+    /// Limits the distance between the result and the reference, in `f32` steps. Below `band`, each step counts as
+    /// large as at `band`.
     Ulp {
         /// The largest distance that passes.
         bound: f64,
-        /// The magnitude below which the bound is absolute: the error may be `bound` times the step at `band`.
+        /// The magnitude below which the bound is absolute: there, the error may be `bound` times the step at `band`.
         band: f64,
     },
-    /// The relative error, as in [`Rel`].
+    /// Limits the relative error, as [`Rel`] does.
     Rel(f64),
-    /// The absolute error, as in [`Abs`].
+    /// Limits the absolute error, as [`Abs`] does.
     Abs(f64),
     /// Passes if any part passes.
     Any(Vec<Tolerance>),
@@ -111,26 +111,26 @@ pub enum Unit {
     Ulp,
     /// The error divided by the reference.
     Rel,
-    /// The difference between the result and the reference, in the unit of the value.
+    /// The difference between the result and the reference.
     Abs,
-    /// For integers and booleans: 0 if equal, 1 if not.
+    /// The unit for integers and booleans: the error is 0 if the values are equal, and 1 if they differ.
     Exact,
-    /// For a property that a test states: 0 if the property holds, 1 if it doesn't hold.
+    /// The unit for a property that a test states: the error is 0 if the property holds, and 1 if it doesn't hold.
     Statement,
-    /// The distance of the reference from the range that the function may return.
+    /// The distance between the reference and the range of values that the shader's function may return.
     Shader,
-    /// The distance of the result from the range that WGSL allows.
+    /// The distance between the result and the range that WGSL allows.
     Driver,
-    /// The distance of the result from the range that was measured for the adapter.
+    /// The distance between the result and the range that Karat measured for the adapter.
     Measured,
-    /// The width of the range of allowed results.
+    /// The width of the range of results that WGSL allows.
     Conditioning,
     /// There is no bound: WGSL allows any result.
     Unbounded,
 }
 
 impl Unit {
-    /// The short name that messages print after a number.
+    /// The text that messages print with the error, such as `ulp`.
     ///
     /// ```
     /// use karat::unstable::tolerance::Unit;
@@ -193,7 +193,7 @@ impl LaneError {
         Self::new(if equal { 0.0 } else { 1.0 }, 0.0, Unit::Exact)
     }
 
-    /// Measures by how much `value` exceeds `bound`. An excess up to `slack` passes.
+    /// An error that is the excess of `value` over `bound`. An excess up to `slack` passes.
     #[doc(hidden)]
     pub fn excess(value: f64, bound: f64, slack: f64) -> Self {
         Self::new(if value <= bound { 0.0 } else { value - bound }, slack, Unit::Abs)
@@ -204,7 +204,7 @@ impl LaneError {
         Self { unit: Unit::Statement, ..Self::equality(holds) }
     }
 
-    /// Checks if the error is within the bound. NaN never is.
+    /// Checks if the error is within the bound. An error of NaN never passes.
     ///
     /// ```
     /// use karat::Abs;
@@ -221,8 +221,8 @@ impl LaneError {
 }
 
 impl LaneError {
-    /// Checks if this error has a larger ratio than `other`, or the same ratio and a larger absolute error. NaN counts
-    /// as the largest ratio.
+    /// Checks if this error has a larger ratio than `other`, or the same ratio and a larger error. NaN counts as the
+    /// largest ratio.
     #[doc(hidden)]
     #[must_use]
     pub fn is_worse_than(&self, other: &Self) -> bool {
@@ -246,7 +246,7 @@ impl fmt::Display for LaneError {
     }
 }
 
-/// The size of an error relative to its bound: `20 times what is allowed`.
+/// A phrase for the ratio of an error: `20 times what is allowed`.
 #[doc(hidden)]
 pub fn times_allowed(ratio: f64) -> String {
     match ratio.is_infinite() {
@@ -283,14 +283,14 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// A number with its exponent, unless the exponent is 0: `1e-3`, `2.5`.
+/// A number in scientific notation, without the exponent if it is 0: `1e-3`, `2.5`.
 #[doc(hidden)]
 pub fn power(value: impl fmt::LowerExp) -> String {
     let text = format!("{value:e}");
     text.strip_suffix("e0").unwrap_or(&text).to_owned()
 }
 
-/// A bound in the notation that an author would use. A computed bound is shown with three digits.
+/// A bound in scientific notation, as an author would write it. Bounds with many digits are rounded to three digits.
 fn exponent(bound: f64) -> String {
     let exact = power(bound);
     if exact.len() <= 7 { exact } else { format!("{bound:.2e}") }
@@ -347,8 +347,9 @@ impl Tolerance {
         }
     }
 
-    /// Counts ulps near zero in steps that are as large as the steps at `magnitude`. A function that subtracts values
-    /// of this magnitude can't be more exact. Bounds in other units stay unchanged.
+    /// Sets the size of the steps in which ulps near zero are counted: below `magnitude`, all steps are as large as the
+    /// steps at `magnitude`. The result of a function that subtracts values of this magnitude can't be more exact.
+    /// Bounds in other units stay unchanged.
     ///
     /// ```
     /// use karat::{Abs, Ulp};
@@ -368,7 +369,7 @@ impl Tolerance {
         }
     }
 
-    /// The number of lanes for which this tolerance was declared. `None` if it fits any number of lanes.
+    /// The number of lanes that a value must have for this tolerance. `None` if the tolerance fits any number of lanes.
     ///
     /// ```
     /// use karat::tolerance::Tolerance;
@@ -388,7 +389,7 @@ impl Tolerance {
         }
     }
 
-    /// The first unusable bound: NaN, a negative bound, or a bound so large that every two `f32` are within it.
+    /// The first unusable bound: NaN, a negative bound, or a bound that even the two most distant `f32` don't exceed.
     #[doc(hidden)]
     pub fn unusable(&self) -> Option<f64> {
         // The largest bounds: the distance from the smallest to the largest number, the largest quotient of two
@@ -412,7 +413,7 @@ impl Tolerance {
         }
     }
 
-    /// The error of one `f32` lane. In a `PerLane` tolerance, a lane without a tolerance of its own fails.
+    /// The error of one `f32` lane. If a [`PerLane`](Self::PerLane) tolerance lacks the lane, the lane fails.
     ///
     /// ```
     /// use karat::Rel;
@@ -428,8 +429,8 @@ impl Tolerance {
         self.measure_sum(lane, f64::from(actual), expected)
     }
 
-    /// Measures a value in 32-bit lanes. Returns the index of the component with the largest error, and that error.
-    /// Integer components pass only if they are equal.
+    /// Measures each component of a value, given as 32-bit words. Returns the index of the component with the largest
+    /// ratio, and the error of this component. Integer components pass only if they are equal.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -442,7 +443,7 @@ impl Tolerance {
     /// ```
     ///
     /// # Panics
-    /// If there are fewer words, or fewer expected numbers, than scalar types.
+    /// If `words` or `expected` has fewer elements than `scalars`.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
@@ -467,7 +468,7 @@ impl Tolerance {
         worst
     }
 
-    /// Like [`measure`](Self::measure), for a sum computed in `f64`. The sum isn't rounded to `f32` first.
+    /// Like [`measure`](Self::measure), for a value that was summed up in `f64`, and isn't rounded to `f32` first.
     #[doc(hidden)]
     pub fn measure_sum(&self, lane: usize, value: f64, expected: f64) -> LaneError {
         let error = (value - expected).abs();
@@ -519,8 +520,9 @@ impl Tolerance {
         }
     }
 
-    /// Checks quickly, by an estimate, if the ratio of a lane's error is at most `ratio`. `false` means that the ratio
-    /// may still be at most `ratio`. Most results are neither wrong nor the worst so far, and need only this estimate.
+    /// Checks quickly, by an estimate, if a lane's ratio is at most `ratio`. `true` is certain, but `false` isn't: the
+    /// lane's exact ratio may still be at most `ratio`. Most results are neither wrong nor the worst so far, so this
+    /// check is enough.
     #[inline]
     #[doc(hidden)]
     pub fn is_within(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {

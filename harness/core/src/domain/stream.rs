@@ -1,9 +1,10 @@
-//! Cases for code that doesn't know their types. A case is a row of words, or a value of a type that only the check's
-//! closures know.
+//! Domains that hide the types of their values. To the code that uses such a domain, a case is a row of words, or a
+//! value whose type only the closures of the check know.
 //!
-//! The code that samples, runs, compares and simplifies cases is compiled only once. This code uses a [`Stream`]:
-//! either a domain of Rust types ([`Typed`], compiled for each type), or a domain that is made at run time. A row
-//! contains the words (`u32`s with the bits of each component) of all arguments of a case, one after another.
+//! The code that samples, runs, compares and simplifies cases is compiled only once, because it uses the trait
+//! [`Stream`] instead of concrete types. A stream is either a domain of Rust types ([`Typed`], compiled for each type),
+//! or a domain that is made at run time. A row contains the words (`u32`s with the bits of each component) of all
+//! arguments of a case, one after another.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -46,27 +47,27 @@ pub trait Stream: Send + Sync {
         index - range.start
     }
 
-    /// A value with its row.
+    /// The value at `origin`, with its row.
     fn value(&self, origin: Origin<'_>) -> Option<Held>;
 
-    /// A value with its row, and its simpler values.
+    /// The value at `origin` with its row, and simpler values.
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>>;
 
-    /// Returns `Some(true)` if the domain has a value with this row, and `Some(false)` if not. `None` if the domain
-    /// can't decide.
+    /// Returns `Some(true)` if the domain has a value with this row, `Some(false)` if it has none, and `None` if the
+    /// domain can't check rows.
     fn admits(&self, row: &[u32]) -> Option<bool>;
 
-    /// Two rows that bound all values: each lane of a value lies between the same lanes of the two rows. `None` if the
-    /// domain has no such bounds.
+    /// The lower and the upper bound of each lane, as two rows: each lane of every value is between the same lanes of
+    /// these rows. `None` if the domain has no such bounds.
     fn ends(&self) -> Option<[Vec<u32>; 2]> {
         None
     }
 
-    /// The rows of simpler values, the simplest first.
+    /// The rows of values that are simpler than the value of `row`, the simplest first.
     fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>>;
 
-    /// A description of each argument's domain, for readers who didn't choose the domain. The description is empty if
-    /// the test's author chose the domain.
+    /// A description of each argument's domain, for messages. The description is empty if the test's author chose the
+    /// domain, and so knows it.
     fn described(&self) -> String {
         String::new()
     }
@@ -97,7 +98,7 @@ impl Held {
     /// The value.
     ///
     /// # Panics
-    /// If the value has another type. The closures of a check always get values of their own domain.
+    /// If the value isn't a `V`. The closures of a check always use the type of the check's domain.
     #[doc(hidden)]
     pub fn get<V: 'static>(&self) -> &V {
         let value: &dyn Any = &*self.value;
@@ -117,7 +118,7 @@ impl Held {
     }
 }
 
-/// Assigns a value of a domain to each case.
+/// The cases of a check: assigns a value of the domain to each case number.
 #[derive(Clone, Copy, Debug)]
 #[doc(hidden)]
 pub struct Numbering {
@@ -151,14 +152,15 @@ impl Numbering {
         Self { seed, ..*self }
     }
 
-    /// The random numbers of a case.
+    /// The random numbers from which the value of case `index` is sampled.
     #[inline]
     #[doc(hidden)]
     pub fn source(&self, index: u64) -> Source {
         Source::new(self.seed, index)
     }
 
-    /// The origin of a case. `source` has the case's own random numbers.
+    /// The origin of the value of case `index`: a number in the domain, an edge, or random numbers from `source`, which
+    /// must be the source of this case.
     #[inline]
     #[doc(hidden)]
     pub fn origin<'s>(&self, index: u64, source: &'s mut Source) -> Origin<'s> {
@@ -189,13 +191,13 @@ struct Words<V> {
 }
 
 impl<D: Domain> Typed<D> {
-    /// A domain of values that needn't consist of words. Its rows are empty.
+    /// A stream of values that needn't consist of words. Its rows are empty.
     #[doc(hidden)]
     pub fn values(domain: D) -> Self {
         Self { domain, edges: OnceLock::new(), words: None, hold: |value| Held::of(value, vec![]) }
     }
 
-    /// A domain of arguments. The rows of this domain contain the arguments' words.
+    /// A stream of arguments. Its rows contain the arguments' words.
     #[doc(hidden)]
     pub fn arguments(domain: D) -> Self
     where

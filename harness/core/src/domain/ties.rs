@@ -1,10 +1,10 @@
 //! Ties components of a tuple to each other.
 //!
 //! Many functions fail if two arguments are related: two equal directions have no angle between them, and two opposite
-//! directions have no half vector. Independent components are related only at edges. So some samples replace one
-//! component by a value made from another component of the same type: an equal value, the opposite value, or a value
-//! close to the equal or the opposite value. If the component's own domain doesn't have this value, the component keeps
-//! its sampled value.
+//! directions have no half vector. If Karat sampled each component independently, only edges would be related. So some
+//! samples replace one component by a value made from another component of the same type: an equal value, the opposite
+//! value, or a value close to the equal or the opposite value. If the component's own domain doesn't have this value,
+//! the component keeps its sampled value.
 
 use std::any::{Any, TypeId};
 
@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3, Vec4};
 use super::direction::LENGTH;
 use super::{Domain, Origin, Shrinkable, Source};
 
-/// One in `TIED` samples of a tuple has a tie, if two components have the same type.
+/// If a tuple has two components of the same type, one in `TIED` of its samples has a tie.
 const TIED: u64 = 8;
 
 /// One in `TIED_AGAIN` samples with a tie has a second tie, which ties a third component.
@@ -27,8 +27,8 @@ pub(super) struct Tie {
     /// The component that is replaced.
     pub(super) to: usize,
     relation: Relation,
-    /// The random numbers from which the component `from` was sampled. A mapped domain can't check if it has a given
-    /// value. So it samples an equal value from the same random numbers.
+    /// The random numbers from which the component `from` was sampled. If the domain of `to` is mapped, it can't check
+    /// if it has a given value. For an equal value, Karat then samples `to` from the same random numbers.
     start: Source,
     place: Source,
 }
@@ -41,17 +41,16 @@ enum Relation {
     NearOpposite,
 }
 
-/// Decides if a sampled tuple has ties. Uses no random number if all components have different types. The function
-/// isn't generic, so it is compiled in this crate. A generic function would be compiled with the tests, which have few
-/// optimisations, and this one runs for each sample.
+/// Decides if a sampled tuple has ties. Uses no random number if all components have different types. The function runs
+/// for each sample, so it isn't generic: a generic one would be compiled with the tests, which are hardly optimised.
 pub(super) fn are_drawn(types: &[TypeId], source: &mut Source) -> bool {
     let alike = (1..types.len()).any(|one| (0..one).any(|other| types[one] == types[other]));
     alike && source.below(TIED) == 0
 }
 
 /// Samples the ties of a tuple. `types` are the types of the components, and `starts` are the random numbers from which
-/// the components were sampled. `apply` ties one component, and returns `false` if it can't. Returns the ties that were
-/// applied.
+/// the components were sampled. `apply` replaces a component as a tie demands, and returns `false` if the component's
+/// domain doesn't have the new value. `draw` returns the applied ties.
 pub(super) fn draw(
     types: &[TypeId],
     starts: &[Source],
@@ -80,14 +79,14 @@ pub(super) fn draw(
     ties
 }
 
-/// Chooses two random components of the same type, such that the second component has no tie yet. `None` if there are
+/// Chooses two random components of the same type, such that no tie uses the second component yet. `None` if there are
 /// no such components.
 fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, usize)> {
     let index = source.below(pairs(types, ties, usize::MAX).0 as u64);
     pairs(types, ties, usize::try_from(index).ok()?).1
 }
 
-/// Returns the number of pairs of components of the same type in which the second component has no tie yet, and the
+/// Returns the number of pairs of components of the same type in which no tie uses the second component yet, and the
 /// pair with the index `wanted`. The function runs for one sample in eight, so it is a plain loop, which is fast even
 /// with few optimisations.
 fn pairs(types: &[TypeId], ties: &[Tie], wanted: usize) -> (usize, Option<(usize, usize)>) {
@@ -303,7 +302,7 @@ mod tests {
         assert!(colours.iter().filter(|(a, b)| a == b && a.x != a.y).count() > 1000);
     }
 
-    /// A mapped domain can't check if it has a value, so it samples an equal value from the same random numbers.
+    /// A mapped domain can't check if it has a given value. So Karat samples equal values from the same random numbers.
     // Lesson 64
     #[test]
     fn mapped_components_are_equal_in_some_cases() {

@@ -5,17 +5,16 @@ use glam::{DMat4, DQuat, DVec3};
 use super::words::Words;
 use super::{Domain, Emptiness, Source, UnitVector};
 
-/// The largest logarithm of a scale, to base 2: scales are from a quarter to four.
+/// The largest absolute logarithm of a scale, to base 2: scales are from 1/4 to 4.
 const SCALES: f64 = 2.0;
 
-/// The sine and the cosine of an eighth of a turn. A quaternion with this sine and this cosine rotates by a quarter
-/// turn.
+/// The sine and the cosine of 45 degrees. A quaternion with these components rotates by 90 degrees.
 const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// The largest distance that a matrix moves along each axis.
+/// The largest distance by which a matrix translates points along each axis.
 const DISTANCE: f64 = 8.0;
 
-/// Matrices like those that hosts pass to shaders: they rotate, scale, move and mirror, and have an inverse.
+/// Matrices like those that hosts pass to shaders: they rotate, scale, translate and mirror, and have an inverse.
 pub(super) struct Transform {
     columns: usize,
     rows: usize,
@@ -23,8 +22,8 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// `None` if matrices of this size don't transform points. Only square matrices and matrices of three by four
-    /// transform points. If `perspective` is `true`, one matrix of four rows and columns is a perspective projection.
+    /// `None` if matrices of this size don't transform points. Only square matrices, and matrices of 3 by 4 or 4 by 3,
+    /// transform points. If `perspective` is `true`, one of the edges of 4 by 4 matrices is a perspective projection.
     pub(super) fn of(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
         let (columns, rows) = (usize::from(columns), usize::from(rows));
         // A matrix of three columns and four rows is the transpose of a matrix of four columns and three rows.
@@ -32,7 +31,7 @@ impl Transform {
         is_known.then_some(Self { columns, rows, perspective })
     }
 
-    /// Takes the part of a three-dimensional transform that fits into the matrix.
+    /// The words of a three-dimensional transform, without the columns and rows that a smaller matrix doesn't have.
     fn words(&self, whole: DMat4) -> Vec<u32> {
         let whole = if (self.columns, self.rows) == (3, 4) { whole.transpose() } else { whole };
         let column = |at: usize| {

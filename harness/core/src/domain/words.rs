@@ -14,6 +14,6 @@ pub(super) trait Words: Send + Sync {
     fn ends(&self) -> Option<[Vec<u32>; 2]> {
         None
     }
-    /// The simpler values, the simplest first.
+    /// Values that are simpler than the value with these words, the simplest first.
     fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>>;
 }

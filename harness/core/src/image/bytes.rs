@@ -1,4 +1,4 @@
-//! Checks the bytes of files that may be images: their size, and their beginning.
+//! Reads files that may be images, and checks their size and their first bytes.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read};
@@ -7,12 +7,12 @@ use std::path::Path;
 use super::ImageError;
 use crate::diagnostic::shown;
 
-/// The longest side of an image that Karat reads or writes. It is the side of a 16k texture.
+/// The longest side, in pixels, of an image that Karat reads or writes. Many GPUs support no larger textures.
 pub(super) const LONGEST_SIDE: u32 = 16_384;
-/// The largest memory for the pixels of a file, and the length of the longest file that Karat reads.
+/// The largest number of bytes for the pixels of a file, and the largest length of a file that Karat reads.
 pub(super) const LARGEST_DECODED: u64 = 512 << 20;
 /// The largest ratio of the size of an image's pixels to the size of its file, both in bytes. Deflate reaches 1032:1 on
-/// constant images, so a file with a larger ratio than this isn't an image.
+/// constant images, so a file whose header announces a much larger ratio is damaged or hostile.
 pub(super) const LARGEST_RATIO: u64 = 2000;
 
 /// The first bytes of formats that people often rename to `.exr` or `.png`.
@@ -30,7 +30,7 @@ const BEGINNINGS: [(&[u8], &str); 10] = [
 ];
 pub(super) const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// The name of a file's format, for a message about an unexpected format.
+/// The name of the format that a file's first bytes indicate, for a message about an unexpected format.
 pub(super) fn found(bytes: &[u8]) -> &'static str {
     let known = BEGINNINGS.iter().find(|(beginning, _)| bytes.starts_with(beginning));
     match known {
@@ -40,7 +40,7 @@ pub(super) fn found(bytes: &[u8]) -> &'static str {
     }
 }
 
-/// The bytes of a file, if the file can be an image.
+/// Reads a file. Fails if the file is longer than [`LARGEST_DECODED`], or is a Git LFS pointer.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     let failed = |cause: Error| match cause.kind() {
         ErrorKind::NotFound => ImageError::Missing { path: shown(path) },

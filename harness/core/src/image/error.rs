@@ -1,4 +1,4 @@
-//! Errors when reading and writing image files.
+//! Errors of reading and writing image files.
 
 use std::path::Path;
 
@@ -56,7 +56,7 @@ pub enum ImageError {
     Corrupt {
         /// The path of the file.
         path: String,
-        /// The format in which Karat tried to read it.
+        /// The format that Karat expected.
         format: ImageFormat,
         /// The problem with the file.
         reason: String,
@@ -69,7 +69,7 @@ pub enum ImageError {
         /// The format that the file's first bytes suggest.
         found: &'static str,
     },
-    /// A part of an image can't have this name.
+    /// A part of an OpenEXR file can't have this name.
     #[error("an image's part can't have the name `{name}`: {reason}")]
     PartName {
         /// The name of the part.
@@ -88,7 +88,7 @@ pub enum ImageError {
 }
 
 impl ImageError {
-    /// Makes an error from a reason, for `map_err`.
+    /// A function that makes an error from a reason, for `map_err`.
     pub(super) fn corrupt(path: &Path, format: ImageFormat) -> impl FnOnce(String) -> Self {
         move |reason| Self::Corrupt { path: shown(path), format, reason }
     }

@@ -2,7 +2,7 @@
 //!
 //! A file may be hostile or damaged: one wrong byte in a header can announce gigabytes. So `header` checks the header
 //! against the file's length and Karat's limits before Karat reserves memory, and `chunks` and `guard` check each chunk
-//! before it is decompressed. The codecs and the writer are those of the `exr` crate.
+//! before it is decompressed. The `exr` crate compresses, decompresses and writes.
 
 mod block;
 mod chunks;
@@ -21,7 +21,7 @@ use self::select::{Selection, select};
 use super::bytes::bytes;
 use super::{Image, ImageError, ImageFormat};
 
-/// The format of stored samples.
+/// The number format in which a file stores samples.
 ///
 /// ```
 /// use karat::Image;
@@ -40,7 +40,7 @@ pub enum Precision {
     Float,
 }
 
-/// An OpenEXR file of one or more parts: a frame, and further data of the frame's pixels.
+/// An OpenEXR file of one or more parts: a frame, and further data about the frame's pixels, such as their variance.
 ///
 /// ```no_run
 /// use karat::Image;
@@ -99,18 +99,17 @@ impl Part {
 }
 
 impl ExrFile {
-    /// The primaries of ITU-R BT.709 with the white point D65. They are `OpenEXR`'s default for a file without
-    /// primaries.
+    /// The primaries of ITU-R BT.709 with the white point D65. `OpenEXR` files without primaries have these.
     pub const BT709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
     /// Reads all parts that contain colours or greys. The function skips other parts (depth, normals).
     ///
     /// From each part, the function reads the channels R, G, B and A, or Y and A. If a part has several sets of
     /// channels, the function prefers colours to greys, and channels without a layer (`R`) to channels of a layer
-    /// (`beauty.R`). If the channel A is missing, alpha is 1. Y is copied to R, G and B. Samples may be 16-bit or
-    /// 32-bit floats or 32-bit unsigned integers, and become `f32`. The image is the part's data window, wherever it is
-    /// in the display window. If a part has several levels, the function reads the largest. The function doesn't
-    /// convert values to other [`chromaticities`](Self::chromaticities).
+    /// (`beauty.R`). If the channel A is missing, alpha is 1. A grey part's Y becomes R, G and B. Samples may be 16-bit
+    /// or 32-bit floats or 32-bit unsigned integers, and become `f32`. The image has the size of the part's data
+    /// window, wherever the window is in the display window. If a part has several mip levels, the function reads the
+    /// largest. The function doesn't convert colours: they keep the file's [`chromaticities`](Self::chromaticities).
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -144,7 +143,8 @@ impl ExrFile {
         Ok(Self { parts, metadata: file.parts.swap_remove(0).metadata })
     }
 
-    /// The first part with colours, or else the first part with greys, and the metadata.
+    /// Decodes the first part with colours, or else the first part with greys. Also returns the metadata of the file's
+    /// first part.
     pub(super) fn decode_first(bytes: &[u8]) -> Result<(Image, Option<String>), String> {
         let mut file = FileHeader::parse(bytes)?;
         let (index, selection) = first(&file).ok_or_else(|| colourless(&file))?;
@@ -152,8 +152,8 @@ impl ExrFile {
         Ok((image, file.parts.swap_remove(0).metadata))
     }
 
-    /// The names of the parts that [`read`](Self::read) would read, without reading their pixels. The first name is
-    /// that of the part that [`Image::read_exr`] reads. The other names are in the file's order.
+    /// The names of the parts that [`read`](Self::read) would read, without reading their pixels. The part that
+    /// [`Image::read_exr`] would read comes first, and the other parts follow in the file's order.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -163,7 +163,7 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// The same as for [`read`](Self::read), except that damaged pixels are no error.
+    /// The same errors as for [`read`](Self::read), except that the function doesn't notice damaged pixels.
     pub fn part_names(path: &Path) -> Result<Vec<String>, ImageError> {
         let names = |bytes: &[u8]| {
             let file = FileHeader::parse(bytes)?;
@@ -179,8 +179,8 @@ impl ExrFile {
         names(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
-    /// The primaries of a file's colours: the CIE x and y of red, green, blue and white, for the part that
-    /// [`Image::read_exr`] reads. Returns [`Self::BT709`] if the file has no primaries.
+    /// The primaries of the part that [`Image::read_exr`] reads: the CIE x and y of red, green, blue and white. Returns
+    /// [`Self::BT709`] if the file has no primaries.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -191,7 +191,7 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// The same as for [`read`](Self::read), except that damaged pixels are no error.
+    /// The same errors as for [`read`](Self::read), except that the function doesn't notice damaged pixels.
     pub fn chromaticities(path: &Path) -> Result<[f32; 8], ImageError> {
         let of = |bytes: &[u8]| {
             let file = FileHeader::parse(bytes)?;
@@ -217,13 +217,13 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// If there are no parts, if a name can't be used or occurs twice, if a side is 0 or longer than 16384 pixels, or
-    /// if the folder or file can't be written.
+    /// If there are no parts, if a part's name has invalid characters or occurs twice, if a side is 0 or longer than
+    /// 16384 pixels, or if the folder or file can't be written.
     pub fn write(&self, path: &Path) -> Result<(), ImageError> {
         write::write(path, &self.layers(), self.metadata.as_deref())
     }
 
-    /// The bytes that [`write`](Self::write) would write to this path.
+    /// The bytes that [`write`](Self::write) would write. Errors name `path`.
     #[doc(hidden)]
     pub fn bytes(&self, path: &Path) -> Result<Vec<u8>, ImageError> {
         write::bytes(path, &self.layers(), self.metadata.as_deref())
@@ -262,7 +262,7 @@ impl Image {
         Ok((image.read_from(path, &bytes), metadata))
     }
 
-    /// Writes an OpenEXR file with one part, which has no name, as [`ExrFile::write`] does.
+    /// Writes an OpenEXR file as [`ExrFile::write`] does, with this image as its only part. The part has no name.
     ///
     /// ```no_run
     /// use karat::Image;

@@ -8,13 +8,13 @@ use super::{ExrFile, Image, ImageError, ImageFormat};
 use crate::diagnostic::shown;
 
 impl Image {
-    /// Reads an OpenEXR image, as [`read_exr`](Self::read_exr) does, or a PNG image. The file's content decides the
-    /// format, not its name.
+    /// Reads an OpenEXR image, as [`read_exr`](Self::read_exr) does, or a PNG image. The function recognizes the format
+    /// by the file's content, not by its name.
     ///
-    /// A PNG is converted to linear values. The values of a PNG count as encoded in sRGB, unless the file has a gAMA
-    /// chunk and no sRGB chunk. Karat ignores colour profiles and cICP chunks. Greys become RGB. Alpha stays unchanged,
-    /// and isn't multiplied into the colours. If the file has no alpha, alpha is 1. From an animation, Karat reads the
-    /// first frame.
+    /// The colours of a PNG are converted to linear values. Karat decodes them as sRGB, or by the gAMA chunk if the
+    /// file has a gAMA chunk and no sRGB chunk. Karat ignores colour profiles and cICP chunks. Greys become RGB. Alpha
+    /// isn't converted, and the colours aren't multiplied by alpha. If the file has no alpha, alpha is 1. From an
+    /// animation, Karat reads the first frame.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -31,8 +31,8 @@ impl Image {
     }
 
     /// Like [`read`](Self::read), but doesn't convert a PNG to linear values: each value is the sample divided by the
-    /// largest possible sample. Use this for numbers that aren't colours, such as a painted
-    /// [`Mask`](crate::metric::Mask): a paint program's 50 % becomes 0.5.
+    /// largest possible sample. Use this function for images of numbers that aren't colours, such as a painted
+    /// [`Mask`](crate::metric::Mask): a grey of 50 % in a paint program becomes 0.5.
     ///
     /// ```no_run
     /// use karat::Image;

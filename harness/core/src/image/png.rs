@@ -1,4 +1,4 @@
-//! PNG files: writes previews for screens, and reads files of other tools.
+//! PNG files: Karat writes previews as PNG, and reads PNG files of other tools.
 
 mod read;
 
@@ -9,7 +9,7 @@ pub(super) use self::read::decode;
 use super::{Image, ImageError, encode_srgb};
 use crate::diagnostic::shown;
 
-/// Middle grey: previews show the key of an image with this value.
+/// Middle grey: the linear value with which a preview shows the key of its image.
 const MIDDLE_GREY: f32 = 0.18;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,7 +22,7 @@ pub(super) enum Samples {
 
 impl Image {
     /// Writes an 8-bit sRGB PNG as a preview. The exposure maps the image's key to middle grey. Highlights are
-    /// compressed (Reinhard et al. 2002, eq. 3). NaN becomes magenta, infinities become yellow.
+    /// compressed (Reinhard et al. 2002, eq. 3). Pixels with NaN become magenta, pixels with infinities yellow.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -57,7 +57,7 @@ impl Image {
         written(path, (self.width, self.height), png::ColorType::Rgb, &self.exposed(stops))
     }
 
-    /// The preview's colours, with three bytes for each pixel.
+    /// The 8-bit sRGB colours of the preview, with three bytes for each pixel.
     fn exposed(&self, stops: f32) -> Vec<u8> {
         let exposure = MIDDLE_GREY / self.key() * stops.exp2();
         let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
@@ -80,7 +80,7 @@ impl Image {
     }
 }
 
-/// Writes colours unchanged. Each pixel has four bytes: three for 8-bit sRGB, and one for alpha. Pixels are in rows.
+/// Writes a PNG with the given bytes, row by row. Each pixel has four bytes: three for 8-bit sRGB, and one for alpha.
 ///
 /// # Errors
 /// If the file can't be written.
@@ -106,7 +106,7 @@ fn written(
     super::whole::write_whole(path, &file).map_err(failed)
 }
 
-/// Converts a linear value in 0..=1 to 8 bits.
+/// Encodes a linear value in 0..=1 as 8-bit sRGB.
 fn to_srgb(linear: f32) -> u8 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     let byte = (encode_srgb(linear.into()) * 255.0).round().clamp(0.0, 255.0) as u8;

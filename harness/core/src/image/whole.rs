@@ -1,14 +1,15 @@
-//! Writes a file completely or not at all.
+//! Writes files completely or not at all.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Writes a temporary file in the same folder, then renames it. So the path has either the whole old file or the whole
-/// new file. Concurrent writers use different temporary files, and the last rename wins. If the path is a link, the
-/// link stays, and its target is replaced. The function writes directly to a device file, to a pipe, and to a file that
-/// this process has open (`/dev/stdout`).
+/// Writes a file completely or not at all: writes a temporary file in the same folder, then renames it to `path`. So
+/// other programs see either the whole old file or the whole new file. Concurrent writers use different temporary
+/// files, and the last rename wins. If the path is a symbolic link, the link stays, and the file to which it points is
+/// replaced. A device file, a pipe, or a file that this process has open (`/dev/stdout`) can't be replaced, so the
+/// function writes to it directly.
 ///
 /// ```no_run
 /// karat::unstable::image::write_whole("report.html".as_ref(), b"<!doctype html>")?;
@@ -29,7 +30,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     }
 }
 
-/// Appends a line to a file in a folder. Each process has its own file for each extension (`ending`).
+/// Appends a line to a file in a folder. The file's name is the id of this process, with the extension `ending`.
 ///
 /// # Panics
 /// If the line can't be written.
@@ -45,8 +46,7 @@ pub fn append_line(folder: &Path, ending: &str, line: &str) {
     }
 }
 
-/// A file that was written under a temporary name, and isn't renamed yet. If this value is dropped before the rename,
-/// the file is removed.
+/// A file that was written under a temporary name, and not renamed yet. Dropping this value then removes the file.
 ///
 /// The temporary file stays locked while this value exists, so [`is_leftover`] returns `false` for the file.
 #[derive(Debug)]
@@ -112,8 +112,8 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     }
 }
 
-/// Checks if a file is a temporary file of a golden, a frame or their provenance, and the process that wrote it ended
-/// before the rename. No other files have names of this form.
+/// Checks if a file is a leftover: a temporary file for a golden, a frame or its provenance, whose writer ended before
+/// it renamed the file. Karat gives no other files such names.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;
@@ -157,7 +157,7 @@ pub fn is_beside(path: &Path) -> bool {
     path.file_name().and_then(|name| name.to_str()).and_then(is_ours).unwrap_or(false)
 }
 
-/// Opens and locks the file. `None` if another process has the lock.
+/// Opens and locks a regular file. `None` if the file can't be opened, or if another process has locked it.
 fn unheld(path: &Path) -> Option<File> {
     // Karat makes no links, so a link isn't a leftover. Opening a pipe would wait.
     if !path.symlink_metadata().ok()?.is_file() {

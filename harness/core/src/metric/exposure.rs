@@ -7,10 +7,11 @@ use crate::image::luminance;
 
 /// A range of exposures, in stops: an exposure of `e` multiplies linear colours by 2^e.
 ///
-/// At the darkest exposure, the golden's highlights have 0.85 of a display's white. At the brightest exposure, the
-/// golden's median luminance has 0.85 of a display's white (Andersson et al. 2021, section 3.2). There are two
-/// differences from the paper. First, highlights are the 99.9th percentile instead of the maximum, because one firefly
-/// can move the maximum by six stops. Second, black pixels don't count, because they may be the majority.
+/// At the darkest exposure, a display shows the golden's highlights at 85 % of white. At the brightest exposure, the
+/// display shows the golden's median luminance at 85 % of white (Andersson et al. 2021, section 3.2). Karat differs
+/// from the paper in two ways. First, highlights are the 99.9th percentile instead of the maximum, because one firefly
+/// can move the maximum by six stops. Second, the median and the highlights ignore black pixels, because most pixels
+/// may be black.
 ///
 /// ```
 /// use karat::unstable::metric::ExposureRange;
@@ -25,8 +26,8 @@ pub struct ExposureRange {
     pub stop: f64,
 }
 
-/// The value at which the tone curve of [`Flip`](super::Flip) reaches 0.85. It is the larger root of `a x^2 + b x + c`,
-/// which is the tone curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
+/// The linear value that the tone curve of [`Flip`](super::Flip) maps to 0.85. It is the larger root of a quadratic
+/// function, which is the tone curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
 const NEAR_WHITE: f64 = {
     let a = 0.6 * 0.6 * (2.51 - 0.85 * 2.43);
     let b = 0.6 * (0.03 - 0.85 * 0.59);
@@ -40,15 +41,15 @@ const NEAR_WHITE: f64 = {
     x
 };
 
-/// The widest range, in stops. This range covers all half floats from the smallest normal number to the largest number.
+/// The width of the widest range, in stops. Such a range covers all normal, positive half floats.
 const WIDEST: f64 = 32.0;
 
-/// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. An exposure further
-/// from 0 than this number would also overflow a float.
+/// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. No exposure may have
+/// a larger absolute value than this number, either: its factor would overflow a float.
 const MOST: usize = flip_rs::MAX_EXPOSURES;
 
 impl ExposureRange {
-    /// The range for a golden. A black golden has the same range as a white image.
+    /// The range of exposures for a golden. A black golden gets the same range as a white one.
     ///
     /// ```
     /// use karat::Image;
@@ -78,7 +79,8 @@ impl ExposureRange {
         Self { start, stop: stop.clamp(start, start + WIDEST) }
     }
 
-    /// The number of exposures, including both ends: one for each stop of the range, and at least two.
+    /// The number of exposures that FLIP compares: one for each stop of the range, including both ends, and at least
+    /// two.
     ///
     /// ```
     /// use karat::unstable::metric::ExposureRange;
@@ -92,28 +94,28 @@ impl ExposureRange {
         count
     }
 
-    /// The exposures below this range, in whole stops, down to the first exposure that shows the given luminance.
-    /// `None` if the range already shows the luminance.
+    /// The exposures below this range, in whole stops, down to the first exposure at which a display shows the given
+    /// luminance at 85 % of white or less. `None` if this range has such an exposure.
     pub(super) fn below(&self, luminance: f32) -> Option<Self> {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
         (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
-    /// The exposures above this range, up to the first exposure that makes the given luminance as bright as this range
-    /// makes the golden's median luminance. `None` if this range already makes the given luminance so bright.
+    /// The exposures above this range, up to the first exposure at which a display shows the given luminance at 85 % of
+    /// white or more. `None` if this range has such an exposure.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })
     }
 
-    /// Checks if FLIP can compare the whole range, stop by stop.
+    /// Checks if FLIP can compare images at every stop of the range.
     pub(super) fn is_visible(&self) -> bool {
         let most = MOST as f64;
         self.stop - self.start < most && self.start > -most && self.stop < most
     }
 }
 
-/// The exposure that brings a luminance close to white, rounded to a hundredth of a stop.
+/// The exposure at which a display shows a luminance at 85 % of white, rounded to a hundredth of a stop.
 fn stops(luminance: f64) -> f64 {
     ((NEAR_WHITE / luminance).log2() * 100.0).round() / 100.0
 }

@@ -1,11 +1,11 @@
-//! The exposures at which the errors of pixels are largest.
+//! Maps of the exposures at which the FLIP errors of pixels are largest.
 
 use std::ops::RangeInclusive;
 
 use super::mask::Rect;
 use super::pair::Pair;
 
-/// For each pixel of a rectangle of a frame, the exposure at which the pixel's error is largest.
+/// For each pixel in a rectangle of a frame, the exposure at which the pixel's FLIP error is largest.
 ///
 /// ```
 /// use karat::Image;
@@ -37,7 +37,7 @@ impl ExposureMap {
         Self { rect, values }
     }
 
-    /// The rectangle of the frame that was examined.
+    /// The rectangle of the frame for which FLIP computed errors.
     ///
     /// ```
     /// # use karat::Image;
@@ -78,7 +78,7 @@ impl ExposureMap {
         Some(self.values[row * self.rect.width as usize + column]).filter(|stops| !stops.is_nan())
     }
 
-    /// The darkest and the brightest exposure of all pixels. `None` if no pixel has an error.
+    /// The darkest and the brightest exposure in the map. `None` if no pixel has an error.
     ///
     /// ```
     /// # use karat::Image;

@@ -1,12 +1,12 @@
 //! HDR-FLIP: the difference that a person sees when a display alternates between two images.
 //!
 //! Sources: Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images"; Andersson et al. 2021,
-//! "Visualizing Errors in Rendered High Dynamic Range Images". HDR-FLIP compares the images at several exposures, and
-//! takes the largest error of each pixel. `flip-rs` computes these errors. `harness/tests/metric.rs` compares these
-//! errors with the errors of NVIDIA's implementation.
+//! "Visualizing Errors in Rendered High Dynamic Range Images". HDR-FLIP compares the images at several exposures. The
+//! error of a pixel is its largest error at any exposure. The crate `flip-rs` computes the errors, and
+//! `harness/tests/metric.rs` compares them with the errors of NVIDIA's implementation.
 //!
 //! HDR-FLIP is made for colours that a display can show, so it ignores alpha and negative light. If alpha or a negative
-//! value differs, this metric fails.
+//! value differs by more than the default gate allows, the frame fails.
 
 use flip_rs::{HdrOptions, RgbImage, hdr_flip};
 
@@ -51,13 +51,13 @@ pub struct Flip {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pool {
-    /// The largest mean of any tile of 16 x 16 pixels.
+    /// The largest of the mean errors of all tiles of 16 x 16 pixels.
     LargestTile,
-    /// The mean of all pixels.
+    /// The mean error of all pixels.
     Mean,
 }
 
-/// The reason why FLIP can't compute a map.
+/// The reason why FLIP can't compute the errors of a frame.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlipFailure {
@@ -73,7 +73,7 @@ pub enum FlipFailure {
          clamp the value in the shader, or compare only by the gate"
     )]
     Exposures {
-        /// The brighter of the golden's and the frame's value.
+        /// The largest colour component of this pixel in the golden and the frame.
         light: f32,
         /// The column of the pixel.
         x: u32,
@@ -86,9 +86,9 @@ pub enum FlipFailure {
 }
 
 impl Flip {
-    /// FLIP with the largest mean of a tile.
+    /// FLIP with [`Pool::LargestTile`].
     pub const LARGEST_TILE: Self = Self::with(Pool::LargestTile);
-    /// FLIP with the mean of all pixels.
+    /// FLIP with [`Pool::Mean`].
     pub const MEAN: Self = Self::with(Pool::Mean);
 
     const fn with(pool: Pool) -> Self {
@@ -107,11 +107,11 @@ impl Flip {
         reach
     }
 
-    /// The errors of a rectangle of the frame. The rectangle contains the pixels that differ by more than
-    /// [`Gate::default`] allows, and all pixels whose errors they affect. The errors are equal, bit for bit, to those
-    /// of the whole frame. If a differing pixel is too bright for the golden's exposures, FLIP also uses darker
-    /// exposures. If a differing pixel is too dark, FLIP also uses brighter exposures. For this choice, a pixel below
-    /// 1e-4 of the golden's key counts as if it had this brightness.
+    /// The errors in a rectangle of the frame. The rectangle contains all pixels that differ by more than
+    /// [`Gate::default`] allows, and all pixels whose errors depend on them. FLIP for the whole frame would give the
+    /// same errors, bit for bit. If a differing pixel is too bright for the golden's exposures, FLIP also uses darker
+    /// exposures. If a differing pixel is too dark, FLIP also uses brighter exposures. To choose these exposures, FLIP
+    /// treats pixels that are darker than 1e-4 of the golden's key as if they had this brightness.
     ///
     /// ```
     /// use karat::Image;
@@ -126,7 +126,7 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If FLIP ignores the difference, or can't compute the errors.
+    /// If alpha or a negative value differs, which FLIP ignores, or if FLIP can't compute the errors.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
@@ -135,8 +135,8 @@ impl Flip {
 
     /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops. The exposure is low
     /// for a difference in highlights, and high for a difference in shadows. If several exposures have the largest
-    /// error, the map has the darkest of these. The possible exposures are the exposures of [`Pair::exposures`], one
-    /// for each stop, and the exposures that `map` adds.
+    /// error, the map has the darkest of these. The possible exposures are those of [`Pair::exposures`], one for each
+    /// stop, and those that `map` adds for very bright or very dark pixels.
     ///
     /// ```
     /// use karat::Image;
@@ -158,7 +158,7 @@ impl Flip {
         self.worst(pair).map(|worst| worst.exposures)
     }
 
-    /// The errors of the differing pixels. For the default viewing distance, the errors are computed only once.
+    /// The errors around the differing pixels. For the default viewing distance, `pair` caches the errors.
     fn worst(&self, pair: &Pair<'_>) -> Result<Worst, FlipFailure> {
         if self.pixels_per_degree == flip_rs::DEFAULT_PPD {
             return pair.memo(|| self.compute(pair));
@@ -190,7 +190,7 @@ impl Flip {
         Ok(Worst { errors: ErrorMap::new(rect, errors), exposures })
     }
 
-    /// The errors of all pixels at the exposures of the pair only, as in the published method.
+    /// The errors of all pixels, as in the published method: only at the exposures of [`Pair::exposures`].
     ///
     /// ```
     /// use karat::Image;
@@ -213,8 +213,8 @@ impl Flip {
         Ok(ErrorMap::new(whole, found.into_iter().map(|(error, _)| error).collect()))
     }
 
-    /// The errors of a rectangle, and the exposures at which they are largest. All pixels that affect the rectangle's
-    /// errors are taken into account.
+    /// The error of each pixel in `rect`, and the exposure at which the error is largest. The function also reads the
+    /// pixels around `rect` that affect these errors.
     fn part(
         &self,
         pair: &Pair<'_>,
@@ -252,25 +252,25 @@ impl Flip {
     }
 }
 
-/// FLIP's errors in the rectangle that the differing pixels affect.
+/// FLIP's errors, and their exposures, in the rectangle that the differing pixels affect.
 #[derive(Clone, Debug)]
 pub(super) struct Worst {
     errors: ErrorMap,
     exposures: ExposureMap,
 }
 
-/// The pixels that the default gate rejects.
+/// The differing pixels: the pixels that the default gate rejects.
 struct Off {
     /// The first column, the first row, the last column and the last row.
     bounds: [u32; 4],
-    /// The largest value of the brightest pixel, and the pixel's index.
+    /// The largest component of the brightest of these pixels, and the pixel's index.
     brightest: (f32, usize),
-    /// The largest value of the dimmest pixel, and the pixel's index.
+    /// The largest component of the dimmest of these pixels, and the pixel's index.
     dimmest: (f32, usize),
 }
 
 impl Off {
-    /// Finds the pixels that differ. `None` if no pixel differs.
+    /// Finds the differing pixels. `None` if the default gate passes all pixels.
     fn of(pair: &Pair<'_>) -> Result<Option<Self>, FlipFailure> {
         let (mut off, mut unseen): (Option<Self>, _) = (None, None);
         Gate::default().each(pair, |index, golden, actual, ratio| {
@@ -314,7 +314,7 @@ impl Off {
     }
 }
 
-/// The colours of a rectangle. `value` converts each component of linear light.
+/// The colours in a rectangle of an image. `value` converts each component.
 pub(super) fn crop(
     image: &Image,
     rect: Rect,

@@ -18,7 +18,7 @@ pub const DEFAULT_RELATIVE: f32 = 1e-3;
 const CLEAR: f32 = 0.01;
 
 /// A metric that allows each channel to differ by `relative` times the golden's value, or by `absolute`, whichever is
-/// larger. The metric's value is the largest difference divided by the allowed difference, so its bound is 1.
+/// larger. The metric's value is the largest ratio of a difference to the allowed difference, so the bound is 1.
 ///
 /// ```
 /// use karat::Image;
@@ -33,10 +33,10 @@ const CLEAR: f32 = 0.01;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate {
-    /// The largest difference relative to the golden's value.
+    /// The largest allowed difference, divided by the golden's value.
     pub relative: f32,
-    /// The difference that is always allowed, even for a dark golden. If this is `None`, Karat allows `relative` times
-    /// 1e-4 of the golden's key, and for alpha, which isn't light, `relative` times 0.01.
+    /// The difference that is always allowed, even for a dark golden. `None` means `relative` times 1e-4 of the
+    /// golden's key for colours, and `relative` times 0.01 for alpha.
     pub absolute: Option<f32>,
 }
 
@@ -59,8 +59,7 @@ pub struct Outliers {
     pub rect: Rect,
     /// The pixel with the largest ratio.
     pub worst: WorstPixel,
-    /// The shares of outliers among the compared pixels, in per cent, if the tolerance is multiplied by 1, 10, 100
-    /// and 1000.
+    /// The percentages of pixels that would be outliers if the tolerance were multiplied by 1, 10, 100 and 1000.
     pub sweep: [f32; 4],
 }
 
@@ -81,13 +80,13 @@ pub struct WorstPixel {
     pub x: u32,
     /// The row of the pixel.
     pub y: u32,
-    /// 0 red, 1 green, 2 blue, 3 alpha.
+    /// The channel with the largest ratio: 0 is red, 1 green, 2 blue, 3 alpha.
     pub channel: usize,
     /// The golden's value.
     pub golden: f32,
     /// The frame's value.
     pub actual: f32,
-    /// The difference divided by the allowed difference.
+    /// The channel's difference divided by the allowed difference.
     pub ratio: f32,
 }
 
@@ -98,8 +97,8 @@ impl Default for Gate {
 }
 
 impl Gate {
-    /// The allowed relative difference of each channel, and the allowed absolute difference of each channel. An invalid
-    /// bound becomes NaN, and fails every pixel.
+    /// The allowed relative difference of each channel, and the allowed absolute difference of each channel. If a bound
+    /// is invalid, all bounds become NaN, so every pixel fails.
     fn bounds(&self, pair: &Pair<'_>) -> (Vec4, Vec4) {
         let floor = self.absolute.unwrap_or_else(|| self.relative * DARK * pair.key());
         let alpha = self.absolute.unwrap_or(self.relative * CLEAR);
@@ -109,9 +108,9 @@ impl Gate {
         (Vec4::splat(self.relative), Vec4::new(floor, floor, floor, alpha))
     }
 
-    /// The largest difference divided by the allowed difference. `None` if a pixel differs by more than is allowed.
-    /// Computing `absolute` for a dark golden needs another loop over the golden's pixels. If every pixel already
-    /// passes by `relative`, the function skips this loop, and the result depends only on `relative`.
+    /// The largest ratio of a channel's difference to its allowed difference. `None` if a ratio is above 1. If
+    /// `absolute` is `None`, computing the default needs a loop over all pixels of the golden. If every pixel already
+    /// passes by `relative`, the function skips this loop, and the ratio depends only on `relative`.
     ///
     /// ```
     /// use karat::Image;
@@ -134,11 +133,11 @@ impl Gate {
         largest(pair, self.bounds(pair))
     }
 
-    /// The precision that a file needs to store an image for this gate. Half floats are enough if the rounding to half
-    /// floats changes each compared channel by at most half of the allowed difference. Then two almost equal frames
-    /// still pass if they are rounded to different neighbours. A file needs 32-bit floats for values above 65504, for
-    /// small values in a dark image, or if `relative` is below 2^-10. Karat also uses 32-bit floats if the image can't
-    /// be compared, because the image contains NaN or the mask has another size.
+    /// The precision that a file needs to store an image for this gate. Half floats are enough if rounding to them
+    /// changes each compared channel by at most half of the allowed difference. Then two almost equal frames still pass
+    /// even if one is rounded up and the other down. A file needs 32-bit floats for values above 65504, for small
+    /// values in a dark image, or if `relative` is below 2^-10. Karat also uses 32-bit floats if the image can't be
+    /// compared, because the image contains NaN or the mask has another size.
     ///
     /// ```
     /// use karat::Image;

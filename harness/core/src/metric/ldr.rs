@@ -1,6 +1,6 @@
-//! LDR-FLIP, the predecessor of HDR-FLIP, compares images as a display shows them (Andersson et al. 2020). Other tools
-//! report LDR-FLIP for PNGs. No tolerance of Karat uses LDR-FLIP, because LDR-FLIP ignores differences above a
-//! display's white.
+//! LDR-FLIP, the predecessor of HDR-FLIP, compares images as a display shows them (Andersson et al. 2020). Karat can
+//! compute it for comparison with other tools, which report LDR-FLIP for PNGs. No tolerance of Karat uses LDR-FLIP,
+//! because LDR-FLIP ignores differences above a display's white.
 
 use flip_rs::{FlipError, ldr_flip};
 
@@ -11,8 +11,8 @@ use super::tiles::ErrorMap;
 use crate::image::encode_srgb;
 
 impl Flip {
-    /// LDR-FLIP of the pixels that a difference can affect. Colours are clipped to 0..1 and encoded as sRGB. LDR-FLIP
-    /// ignores alpha.
+    /// The LDR-FLIP errors in the rectangle that the differing pixels affect. Colours are clipped to 0..1 and encoded
+    /// as sRGB. LDR-FLIP ignores alpha.
     ///
     /// ```
     /// use karat::Image;
@@ -51,7 +51,7 @@ impl Flip {
     }
 }
 
-/// The smallest rectangle that contains all differing pixels.
+/// The smallest rectangle that contains all pixels with any difference. `None` if the images are equal.
 fn bounds(pair: &Pair<'_>) -> Option<Rect> {
     let mut bounds: Option<[u32; 4]> = None;
     for (start, golden, actual) in pair.different() {

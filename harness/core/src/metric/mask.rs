@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnostic::FileRead;
 use crate::image::{ExrFile, Image};
 
-/// The name of the part of an image file that contains the mask: 1 for compared pixels, and 0 for all others.
+/// The name of the part with the mask in a frame's OpenEXR file: 1 for compared pixels, and 0 for all others.
 pub const MASK: &str = "mask";
 
 /// A rectangle of pixels.
@@ -32,8 +32,8 @@ pub struct Rect {
 }
 
 impl ExrFile {
-    /// The mask that was used to compare this frame or golden, if the test declared a mask. Karat stores the mask as
-    /// the file's part `mask`.
+    /// The mask of the test that drew this frame or golden. `None` if the test declared no mask. Karat stores the mask
+    /// as the file's part `mask`.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -50,7 +50,7 @@ impl ExrFile {
 }
 
 impl Rect {
-    /// A rectangle from its corner and size.
+    /// A rectangle from its first column and row, and its size in pixels.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -74,7 +74,7 @@ impl Rect {
         x.wrapping_sub(self.left) < self.width && y.wrapping_sub(self.top) < self.height
     }
 
-    /// Checks if the rectangle has pixels, and all its pixels are in an image of this size.
+    /// Checks if the rectangle isn't empty, and is completely inside of an image of this size.
     #[doc(hidden)]
     pub fn fits(&self, width: u32, height: u32) -> bool {
         let inside = |start: u32, length: u32, side: u32| {
@@ -99,7 +99,7 @@ impl Rect {
     }
 }
 
-/// Writes the first and the last pixel: `(3, 4) to (10, 12)`.
+/// Writes the coordinates of the first and the last pixel: `(3, 4) to (10, 12)`.
 impl fmt::Display for Rect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let last = |start: u32, length: u32| start + length.max(1) - 1;
@@ -130,8 +130,8 @@ enum Kind {
 }
 
 impl Mask {
-    /// Compares the pixels with a red channel above 0.5. The image must have the frame's size. Read a painted mask with
-    /// [`Image::read_stored`].
+    /// A mask that compares the pixels for which the red channel of `image` is above 0.5. The image must have the
+    /// frame's size. Read a painted mask with [`Image::read_stored`].
     ///
     /// ```
     /// use karat::Image;
@@ -147,7 +147,7 @@ impl Mask {
         Self(Kind::Image(image))
     }
 
-    /// Compares the pixels of these rectangles.
+    /// A mask that compares only the pixels in these rectangles.
     ///
     /// ```
     /// use karat::metric::{Mask, Rect};
@@ -161,7 +161,7 @@ impl Mask {
         Self(Kind::Only(rects.to_vec()))
     }
 
-    /// Compares all pixels except those of these rectangles.
+    /// A mask that compares all pixels except those in these rectangles.
     ///
     /// ```
     /// use karat::metric::{Mask, Rect};
@@ -175,7 +175,7 @@ impl Mask {
         Self(Kind::Except(rects.to_vec()))
     }
 
-    /// Compares the pixels for which `compared`, a function of column and row, returns `true`.
+    /// A mask that compares the pixels for which `compared`, a function of the column and the row, returns `true`.
     ///
     /// ```
     /// use karat::metric::Mask;
@@ -188,7 +188,7 @@ impl Mask {
         Self(Kind::Where(Arc::new(compared)))
     }
 
-    /// The file from which the mask's image was read.
+    /// The file from which the mask's image was read, if the mask is an image.
     #[doc(hidden)]
     pub fn origin(&self) -> Option<&FileRead> {
         match &self.0 {
@@ -208,7 +208,7 @@ impl Mask {
     /// ```
     ///
     /// # Errors
-    /// If the mask can't be used for this size, or if no pixel is compared.
+    /// If the mask can't be used for a frame of this size, or if the mask excludes all pixels.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn to_image(&self, width: u32, height: u32) -> Result<Image, MaskError> {
@@ -217,7 +217,7 @@ impl Mask {
         Ok(Image::new(width, height, flags.map(|value| [value, value, value, 1.0]).collect()))
     }
 
-    /// One flag for each pixel of a frame of this size: `true` if the pixel is compared.
+    /// The mask as one flag for each pixel of a frame of this size: `true` if metrics compare the pixel.
     pub(super) fn flags(&self, width: u32, height: u32) -> Result<Vec<bool>, MaskError> {
         let rects: &[Rect] = match &self.0 {
             Kind::Only(rects) | Kind::Except(rects) => rects,
@@ -266,7 +266,7 @@ impl fmt::Debug for Mask {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MaskError {
-    /// The mask has a NaN or an infinity.
+    /// The mask's image has a NaN or an infinity in a red channel.
     #[error("the mask has a NaN or an infinity at ({x}, {y})")]
     NonFinite {
         /// The column of the pixel.
@@ -277,7 +277,7 @@ pub enum MaskError {
     /// The mask excludes all pixels.
     #[error("the mask excludes all pixels")]
     Nothing,
-    /// The mask has another size than the frame.
+    /// The mask's image has another size than the frame.
     #[error("the mask has {} x {} pixels, but the frame has {} x {}", mask.0, mask.1, frame.0, frame.1)]
     Size {
         /// Width and height of the mask.
@@ -285,7 +285,7 @@ pub enum MaskError {
         /// Width and height of the frame.
         frame: (u32, u32),
     },
-    /// A rectangle is empty, or outside of the frame.
+    /// A rectangle of the mask is empty, or extends beyond the frame.
     #[error(
         "the mask's rectangle {rect} is empty or extends beyond the frame of {width} x {height} pixels"
     )]

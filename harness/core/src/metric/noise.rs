@@ -1,18 +1,19 @@
 //! Tests if two noisy images have the same expected value.
 //!
-//! Two runs of a path tracer give different pixels, because of noise. The means of tiles differ much less, and the
-//! variances of both images say how much the means may differ: Welch's z. Tiles have several sizes, from 16 pixels to
-//! the whole frame, so they show small faults and faint faults. Neighbouring tiles overlap by half, so no fault is
-//! divided among four tiles. Sidak's correction divides the significance among all tiles.
+//! Two runs of a path tracer give different pixels, because of noise. The means of tiles differ much less. How much
+//! they may differ follows from the variances of both images (Welch's z). Tiles have several sizes, from 16 pixels to
+//! the whole frame: small tiles show small faults, and large tiles show faint faults. Neighbouring tiles overlap by
+//! half, so no fault is divided among four tiles. Sidak's correction divides the significance level among the tests of
+//! all tiles.
 //!
-//! A light error of some per cent matters as much in dark regions as in bright regions, but most of the noise is in
-//! bright regions. So each pixel's difference is divided by the brightness of the pixel's neighbours. The pixel's own
-//! brightness isn't used: its noise would be in the weight, and would favour one of the images if golden and frame have
-//! different numbers of samples.
+//! An error of some per cent of the light matters as much in dark regions as in bright regions, but the noise of bright
+//! regions would hide the error of dark ones. So each pixel's difference is divided by the brightness of the pixel's
+//! neighbours. Karat doesn't divide by the pixel's own brightness, because the weight would then depend on the pixel's
+//! own noise. If the golden and the frame have different numbers of samples, this would favour one of them.
 //!
-//! If pixels only change places, as with a shifted texture, the means of tiles don't change. So the squared differences
-//! in a tile are also compared with the variances. This is a chi-square test. Its degrees of freedom are the number of
-//! pixels that contribute most of the sum.
+//! If pixels only change places, as in a shifted texture, the means of tiles don't change. So a second test, a
+//! chi-square test, compares the squared differences in a tile with the variances. A few pixels may have most of the
+//! variance, so the test uses an effective number of pixels as its degrees of freedom.
 //!
 //! The authors measured this test with a scene of three decades of light, 640 x 360 pixels and 64 samples per pixel. If
 //! 2 % of the frame is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 renderings fails.
@@ -32,28 +33,29 @@ use super::{Measured, Metric};
 use crate::image::Image;
 use crate::stats::{chi_square_critical, normal_critical, sidak};
 
-/// The side of the cells of which tiles consist, in pixels: half of the smallest tile.
+/// The side of a cell, in pixels. Tiles consist of cells, and the smallest tile has two by two cells.
 const CELL: u32 = 8;
 
-/// The sides of the tiles, in cells. In pixels, they are 16, 48 and 144. The whole frame is also a tile.
+/// The sides of the tiles, in cells: 16, 48 and 144 pixels. The whole frame is also a tile.
 const SIDES: [u32; 3] = [2, 6, 18];
 
-/// The probability that a frame fails because of noise only.
+/// The probability that a correct frame fails because of noise.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The factor by which the squared differences may exceed the limit of a chi-square. The variances are estimated from
-/// few samples, which aren't normally distributed.
+/// The factor by which the squared differences may exceed the limit of the chi-square test. The test needs this factor
+/// because its variances are estimates from few samples, which aren't normally distributed.
 const SCATTER: f64 = 2.0;
 
-/// The least brightness of neighbours that affects a weight, as a share of the golden's key. Darker neighbours count as
-/// if they had this brightness. If the key is middle grey, this is 6 of a screen's 255 steps. Noise below this
-/// brightness is hardly visible, and must not outweigh other differences.
+/// The brightness, as a share of the golden's key, that is added to the brightness of the neighbours before the
+/// division. If the key is middle grey, this is 6 of a screen's 255 steps. Without this addition, hardly visible noise
+/// in black regions would outweigh other differences.
 const BLACK: f64 = 0.01;
 
-/// A metric that measures the larger of two ratios. A frame passes if this ratio is at most 1. The first ratio is the
-/// largest z of a tile's mean in any channel, divided by the z that noise alone reaches in one of a hundred frames. The
-/// second ratio is the scatter of a tile's pixels, divided by twice the scatter that noise alone reaches in one of a
-/// hundred frames. Differences within the default [`Gate`] don't count, because rounding isn't noise.
+/// A metric for noisy images. Its value is the larger of two ratios, and a frame passes if the value is at most 1. The
+/// first ratio is the largest z of a tile's mean in any channel, divided by the z that noise alone reaches in one of a
+/// hundred frames. The second ratio is the largest sum of squared differences in a tile, divided by twice the sum that
+/// noise alone reaches in one of a hundred frames. Differences within the default [`Gate`] don't count, because
+/// rounding isn't noise.
 ///
 /// ```
 /// use karat::Image;
@@ -74,14 +76,14 @@ pub struct Noise<'a> {
     pub actual: &'a Image,
 }
 
-/// The sum of the weighted differences in a cell or tile, with the other sums that the test needs.
+/// Sums over the pixels of a cell or tile: weighted differences, their variances, and other sums for the tests.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// The sum of the squared differences of the pixels. Before squaring, the difference that the default gate allows
-    /// is subtracted.
+    /// The sum of the squared differences of the pixels. Only the excess over the default gate's allowed difference is
+    /// squared.
     squares: DVec3,
     variances: DVec3,
     pixels: u32,
@@ -105,7 +107,7 @@ impl Sum {
         z.fold(0.0, larger)
     }
 
-    /// The largest scatter of a channel's pixels, divided by the allowed scatter.
+    /// The largest ratio, over the channels, of the sum of squared differences to the allowed sum.
     fn scatter(&self, significance: f64) -> f64 {
         let scatter = (0..3).map(|channel| {
             let (squares, variance) = (self.squares[channel], self.variance[channel]);
@@ -131,7 +133,7 @@ fn larger(worst: f64, value: f64) -> f64 {
 }
 
 impl Noise<'_> {
-    /// The problem that makes the variances unusable, if there is one.
+    /// A message if the images of variances can't be used.
     fn unusable(&self, pair: &Pair<'_>) -> Option<String> {
         let size = (pair.golden().width(), pair.golden().height());
         for (name, image) in [("golden", self.golden), ("frame", self.actual)] {
@@ -185,8 +187,8 @@ impl Noise<'_> {
         cells
     }
 
-    /// All tiles with compared pixels, with their sums. The next tile begins half a side after the previous tile. A
-    /// tile that lies completely inside of the previous tile is left out.
+    /// All tiles that contain compared pixels, with their sums. Each tile begins half a side after the previous tile. A
+    /// tile at the frame's edge that would be completely inside of the previous tile is left out.
     fn tiles(&self, pair: &Pair<'_>) -> Vec<(Rect, Sum)> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
@@ -220,7 +222,7 @@ impl Noise<'_> {
     }
 }
 
-/// The mean brightness of the two images at each pixel.
+/// The brightness at each pixel, from which the weights of the neighbouring pixels are computed.
 struct Surroundings {
     width: usize,
     /// For each pixel, the mean RGB of the two images. The fourth lane is 1 for a compared pixel, and 0 for all others.
@@ -243,7 +245,7 @@ impl Surroundings {
         }
     }
 
-    /// For each channel, the inverse of the mean brightness of a pixel's neighbours.
+    /// The weight of a pixel's difference in each channel: 1 / (the mean brightness of the neighbours + [`BLACK`]).
     fn weight(&self, index: usize) -> DVec3 {
         let (x, y) = (index % self.width, index / self.width);
         let rows = y.saturating_sub(1)..(y + 2).min(self.lights.len() / self.width);

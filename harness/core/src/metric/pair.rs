@@ -13,11 +13,11 @@ use super::relative;
 use crate::image::{Image, NonFinite};
 use crate::output::counted;
 
-/// The number of pixels that are processed at once. This many pixels of both images fit in the smallest cache.
+/// The number of pixels in a strip. A strip of both images fits in the smallest cache.
 pub(super) const STRIP: usize = 512;
 
-/// A golden and a frame. They have the same size, all compared values are finite, and pixels outside of the mask are
-/// equal.
+/// A golden and a frame. The two images have the same size, all compared values are finite, and pixels outside of the
+/// mask are equal.
 ///
 /// ```
 /// use karat::Image;
@@ -32,11 +32,11 @@ pub(super) const STRIP: usize = 512;
 pub struct Pair<'a> {
     golden: Cow<'a, Image>,
     actual: Cow<'a, Image>,
-    /// One flag for each pixel: `true` if it is compared. `None` if all pixels are compared.
+    /// One flag for each pixel: `true` if metrics compare the pixel. `None` if there is no mask.
     mask: Option<Vec<bool>>,
     compared: usize,
     different: Vec<Range<usize>>,
-    /// The largest difference of a channel relative to the golden's value.
+    /// The largest difference of any channel, divided by the golden's value.
     largest_relative: f32,
     exposures: OnceLock<ExposureRange>,
     key: OnceLock<f32>,
@@ -44,7 +44,7 @@ pub struct Pair<'a> {
     memo: OnceLock<Arc<dyn Any + Send + Sync>>,
 }
 
-/// The reason why a pair can't be measured.
+/// The reason why metrics can't compare two images.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PairError {
     /// The images have different sizes.
@@ -74,7 +74,7 @@ impl std::fmt::Display for NonFinite {
 }
 
 impl<'a> Pair<'a> {
-    /// Makes a pair in which all pixels are compared.
+    /// Makes a pair in which metrics compare all pixels.
     ///
     /// ```
     /// use karat::Image;
@@ -91,8 +91,8 @@ impl<'a> Pair<'a> {
         Self::scan(Cow::Borrowed(golden), Cow::Borrowed(actual), None)
     }
 
-    /// Makes a pair in which the pixels of a mask are compared. All other pixels are made equal, so they don't affect
-    /// metrics that use a pixel's neighbours.
+    /// Makes a pair in which metrics compare only the pixels of a mask. All other pixels of the frame become equal to
+    /// the golden's, so they don't affect metrics that use a pixel's neighbours.
     ///
     /// ```
     /// use karat::Image;
@@ -173,7 +173,7 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// Sets the exposures for HDR-FLIP. The default exposures depend on the golden.
+    /// Sets the exposures for HDR-FLIP. By default, the golden's brightness determines the exposures.
     ///
     /// ```
     /// use karat::Image;
@@ -223,7 +223,7 @@ impl<'a> Pair<'a> {
         &self.actual
     }
 
-    /// Checks if all compared pixels are equal in each bit.
+    /// Checks if all compared pixels are equal, bit for bit.
     ///
     /// ```
     /// use karat::Image;
@@ -239,7 +239,7 @@ impl<'a> Pair<'a> {
         self.different.is_empty()
     }
 
-    /// Checks if a pixel is compared.
+    /// Checks if the mask has this pixel, so that metrics compare it. Without a mask, metrics compare all pixels.
     ///
     /// ```
     /// use karat::Image;
@@ -293,8 +293,8 @@ impl<'a> Pair<'a> {
         all.filter(|(x, y)| self.is_compared(*x, *y)).count()
     }
 
-    /// Caches the result of `compute` for the pair. If the cache already has a result of another type, `compute` runs
-    /// each time.
+    /// Returns the result of `compute`, and caches it in the pair. The cache has room for a single result: if it has a
+    /// result of another type, `compute` runs at each call.
     pub(super) fn memo<T: Any + Clone + Send + Sync>(&self, compute: impl Fn() -> T) -> T {
         let kept = self.memo.get_or_init(|| Arc::new(compute()));
         kept.downcast_ref::<T>().map_or_else(&compute, T::clone)
@@ -327,7 +327,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// The largest difference of a channel relative to the golden's value. Dark values count, too.
+    /// The largest difference of any channel, divided by the golden's value, even if this value is dark.
     pub(super) fn largest_relative(&self) -> f32 {
         self.largest_relative
     }
@@ -337,8 +337,8 @@ impl<'a> Pair<'a> {
         *self.key.get_or_init(|| relative::key(&self.compared_pixels()))
     }
 
-    /// The strips of both images that differ in any bit. Each entry consists of the index of the strip's first pixel,
-    /// the golden's strip and the frame's strip.
+    /// The ranges of pixels, in whole strips, in which the images differ in any bit. Each item consists of the index of
+    /// the range's first pixel, the golden's pixels and the frame's pixels.
     pub(super) fn different(&self) -> impl Iterator<Item = (usize, &[[f32; 4]], &[[f32; 4]])> {
         let (golden, actual) = (self.golden.pixels(), self.actual.pixels());
         let strip = move |range: &Range<usize>| {
@@ -363,8 +363,8 @@ fn same_size(golden: &Image, actual: &Image) -> Result<(), PairError> {
     Err(PairError::Size { golden: size(golden), actual: size(actual) })
 }
 
-/// Returns 0 in each lane, or NaN if a value isn't finite. The function processes four channels at once, without
-/// branches.
+/// Adds 0 to each lane of `start`, or NaN if a value of this channel isn't finite. The function has no branches, and
+/// processes four channels at once.
 fn vanishing(pixels: &[[f32; 4]], start: Vec4) -> Vec4 {
     pixels.iter().fold(start, |sum, pixel| sum + Vec4::from_array(*pixel) * 0.0)
 }

@@ -1,12 +1,12 @@
-//! Compares a difference with the allowed difference, which is relative to a brightness.
+//! Ratios of differences to allowed differences, which are relative to the golden's brightness.
 
 use glam::Vec4;
 
 use crate::image::luminance;
 
-/// If a channel of the golden is below this share of the golden's key, the allowed difference is computed as if the
-/// channel had this value. If the key is middle grey on a screen, this value is 1/180 of an 8-bit step. So black pixels
-/// with rounding noise pass. Dark regions of a frame with bright regions are still compared.
+/// The share of the golden's key below which a channel counts as dark. The allowed difference of a dark channel is the
+/// same as if the channel had this share of the key. If the key is middle grey on a screen, this share is 1/180 of an
+/// 8-bit step. So black pixels with rounding noise pass, and dark regions of a frame are still compared.
 pub(super) const DARK: f32 = 1e-4;
 
 /// The difference of each channel divided by the allowed difference. Equal values have the ratio 0, even if the
@@ -18,9 +18,9 @@ pub(super) fn ratio(golden: [f32; 4], actual: [f32; 4], relative: Vec4, floor: V
     Vec4::select(difference.cmpeq(Vec4::ZERO), Vec4::ZERO, ratio)
 }
 
-/// The logarithmic mean of luminance, as in [`Image::key`](crate::Image::key). The logarithm takes as long as all other
-/// steps together. So the function multiplies eight values, and takes the logarithm of the product. The product's
-/// exponent fits in an `f64`.
+/// The logarithmic mean of luminance, as in [`Image::key`](crate::Image::key). A logarithm for each pixel would take
+/// half of the time. So the function multiplies eight luminances, and takes the logarithm of their product. The
+/// product's exponent fits in an `f64`.
 pub(super) fn key(pixels: &[[f32; 4]]) -> f32 {
     let (mut sum, mut count) = (0.0, 0_u32);
     for pixels in pixels.chunks(8) {

@@ -1,13 +1,13 @@
-//! Means of tiles. A small fault shows in the mean of a tile, but not in the mean of the frame.
+//! Maps of errors, and the mean errors of tiles. A small fault changes a tile's mean, but hardly the frame's mean.
 
 use super::mask::Rect;
 use super::pair::Pair;
 
-/// The side of a tile, in pixels. This side is a quarter of a degree of vision, about the reach of FLIP's filters, so a
-/// small fault fills a tile.
+/// The side of a tile, in pixels. This side is a quarter of a degree of vision. FLIP's filters spread the error of a
+/// single pixel about as far, so even a small fault fills a tile.
 pub const TILE: u32 = 16;
 
-/// The side of a cell, in pixels. A tile consists of four cells, and the next tile begins one cell further.
+/// The side of a cell, in pixels. A tile has two by two cells, and begins one cell after the previous tile.
 const CELL: u32 = TILE / 2;
 
 /// The error of each pixel in a rectangle of a frame. Outside of the rectangle the error is 0.
@@ -25,10 +25,9 @@ pub struct ErrorMap {
     values: Vec<f32>,
 }
 
-/// The possible errors at the bright end of the colour scale in a picture of errors. The scales of other tools always
-/// end at 1. So Karat's pictures of large errors are comparable with the pictures of other tools, which show small
-/// errors as black. Errors below 0.001 are invisible to people, so a scale that ends below 0.001 would make invisible
-/// errors look bright.
+/// The possible ends of the colour scale in a picture of errors: the error with the brightest colour. The scale of
+/// other tools always ends at 1, so they show small errors as black. For large errors, Karat's scale also ends at 1, so
+/// the pictures are comparable. Errors below 0.001 are invisible to people, so no scale ends below 0.001.
 const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 impl ErrorMap {
@@ -43,7 +42,7 @@ impl ErrorMap {
     /// ```
     ///
     /// # Panics
-    /// If the number of errors isn't the number of the rectangle's pixels.
+    /// If the number of errors differs from the number of pixels in the rectangle.
     #[must_use]
     pub fn new(rect: Rect, values: Vec<f32>) -> Self {
         let expected = rect.width as usize * rect.height as usize;
@@ -51,7 +50,7 @@ impl ErrorMap {
         Self { rect, values }
     }
 
-    /// The rectangle of the frame that has errors.
+    /// The rectangle of the frame for which the map has errors.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -79,8 +78,8 @@ impl ErrorMap {
         &self.values
     }
 
-    /// The error that has the brightest colour in a picture of these errors: the smallest of 1, 0.5, 0.2, 0.1 and so on
-    /// down to 0.001 that is at least as large as every error. The result is 1 if there is no error.
+    /// The error that has the brightest colour in a picture of these errors: the smallest of 0.001, 0.002, 0.005, 0.01
+    /// and so on up to 1 that no error exceeds. The result is 1 if all errors are 0.
     ///
     /// ```
     /// use karat::unstable::metric::ErrorMap;
@@ -94,8 +93,8 @@ impl ErrorMap {
         if largest == 0.0 { 1.0 } else { end }
     }
 
-    /// The colour of an error from 0 to 1 in pictures, as 8-bit sRGB. The scale is matplotlib's magma (Smith and van
-    /// der Walt 2015, CC0), which the pictures of NVIDIA's FLIP also use.
+    /// The colour, in 8-bit sRGB, with which a picture shows an error from 0 to 1. The scale is matplotlib's magma
+    /// (Smith and van der Walt 2015, CC0), which the pictures of NVIDIA's FLIP also use.
     ///
     /// ```
     /// use karat::unstable::metric::ErrorMap;
@@ -160,8 +159,8 @@ impl ErrorMap {
     }
 
     /// The [`TILE`] with the largest mean error of its compared pixels, and this mean. Neighbouring tiles overlap by
-    /// half, so no spot is divided among four tiles. A tile at the edge of the frame has fewer pixels. A mean of NaN
-    /// counts as the largest.
+    /// half, so no small fault is divided among four tiles. A tile at the edge of the frame has fewer pixels. A mean of
+    /// NaN counts as the largest.
     ///
     /// ```
     /// use karat::Image;
@@ -213,7 +212,7 @@ impl ErrorMap {
 mod tests {
     use super::*;
 
-    /// Wherever a spot of 8 x 8 pixels is, some tile contains at least nine sixteenths of it.
+    /// Wherever a spot of 8 x 8 pixels is, some tile contains at least 9/16 of the spot.
     // Lesson 20
     #[test]
     fn some_tile_contains_most_of_a_spot_at_any_place() {

@@ -1,16 +1,17 @@
-//! Divides a support into the cells of a histogram.
+//! Divides the support of a density into the cells of a histogram.
 
 use super::{Rectangle, Support};
 
 /// A partition of a support into cells, with about the same number of samples in each cell. The first coordinate is
 /// divided into rows, and in each row the second coordinate is divided into columns.
 ///
-/// If all cells had the same size, a single cell could contain a narrow lobe. So the quantiles of a pilot run decide
-/// the bounds of the cells. The pilot's samples aren't tested, so the cells don't depend on the tested samples.
+/// If all cells had the same size, a single cell could contain a whole narrow lobe. So the bounds of the cells are
+/// quantiles of the samples of a pilot run. The test uses other samples than the pilot's, so the cells don't depend on
+/// the tested samples.
 ///
-/// Many samples may be equal, for example if a sampler has lost a dimension. Then the cell around the equal samples is
-/// narrower than the distance to the neighbouring samples. The density predicts fewer samples in this cell, and some
-/// samples in the empty neighbouring cells, so the test rejects the sampler.
+/// Many samples may be equal, for example if a sampler has lost a dimension. Then these samples get a cell of their
+/// own, which is narrower than the distance to the neighbouring samples. The density predicts far fewer samples in this
+/// cell, and some samples in the empty cells beside it, so the test rejects the sampler.
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
@@ -24,8 +25,8 @@ pub struct Cells {
 
 impl Cells {
     /// Divides the support into rows and columns, by the coordinates of pilot samples. There are at most `rows` rows
-    /// with at most `columns` columns each, or up to twice these numbers if samples are equal. If the support has only
-    /// one coordinate, each row has one column.
+    /// with at most `columns` columns each. If samples are equal, there may be up to twice as many rows and columns. If
+    /// the support has only one coordinate, each row has one column.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
@@ -65,8 +66,8 @@ impl Cells {
         self.occupied.is_empty()
     }
 
-    /// The index of the cell that contains the position `at`. If rounding has moved the position beyond an end of the
-    /// support, the result is the cell at that end.
+    /// The index of the cell that contains the position `at`. If rounding moved the position beyond an end of the
+    /// support, the position counts to the cell at that end.
     #[must_use]
     pub fn index(&self, at: [f64; 2]) -> usize {
         let row = index(&self.rows, at[0]);
@@ -79,7 +80,7 @@ impl Cells {
         self.columns.iter().map(|row| row.len() + 1).collect()
     }
 
-    /// The rectangle of a cell.
+    /// The rectangle that a cell covers.
     ///
     /// # Panics
     /// If `cell` isn't the index of a cell.
@@ -92,10 +93,9 @@ impl Cells {
         Rectangle { low: [a0, b0], high: [a1, b1] }
     }
 
-    /// Divides a cell into parts, so that a quadrature rule of moderate order samples the density well in each part.
-    /// One part contains the pilot samples. The other parts lie on both sides of this part, and become twice as wide
-    /// with each step away from it. A density may fall quickly next to the samples, and a quadrature rule over a whole
-    /// wide cell would miss this fall.
+    /// Divides a cell into parts for integration. Next to the samples, a density may fall quickly, and a quadrature
+    /// rule over a whole wide cell would miss this fall. So one part contains the cell's pilot samples, and the parts
+    /// on both sides become twice as wide with each step away from this part.
     ///
     /// # Panics
     /// If `cell` isn't the index of a cell.
@@ -120,12 +120,12 @@ impl Cells {
     }
 }
 
-/// If a gap between two samples is at most this share of the range, the gap may be a single step between neighbouring
-/// `f32`. Samples in so small a gap are equal, even if the sampler is correct.
+/// The largest gap between two samples, as a share of the range, that may be a single step between neighbouring `f32`.
+/// Beside such a gap, even a correct sampler gives equal samples.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
-/// The bounds that divide values into `parts` parts with about the same number of values. Equal values stay in one
-/// part, separate from other values.
+/// The bounds that divide values into `parts` parts with about the same number of values. If a bound would separate
+/// equal values, these values get a part of their own.
 fn quantiles(mut values: Vec<f64>, parts: usize, ends: (f64, f64)) -> Vec<f64> {
     values.sort_unstable_by(f64::total_cmp);
     let smallest = RESOLUTION * (ends.1 - ends.0);
@@ -164,8 +164,8 @@ fn bounds(inner: &[f64], part: usize, ends: (f64, f64)) -> (f64, f64) {
     (low, inner.get(part).copied().unwrap_or(ends.1))
 }
 
-/// The bounds of the parts into which `low..high` is divided. One part is `start..end`. On both sides of this part, the
-/// parts become twice as wide with each step away from it.
+/// The bounds of the parts into which [`Cells::parts`] divides the range `low..high`. One part is `start..end`. The
+/// parts on both sides become twice as wide with each step away from this part.
 fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
     // The range of one sample has the width 0. At most 30 doublings of the least width reach any support's end.
     let width = (end - start).max(1e-9 * (high - low));

@@ -7,12 +7,12 @@ use super::{NoVerdict, probability};
 /// distribution that the test assumes. The number is a rule of thumb (Cochran 1952).
 pub const POOLED: f64 = 5.0;
 
-/// The difference between a histogram and the expected histogram.
+/// The result of a chi-square test: the difference between a histogram and the expected histogram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChiSquare {
     /// The sum of (observed - expected)^2 / expected. Infinite if a sample is in a cell with the expected count 0.
     pub statistic: f64,
-    /// The degrees of freedom: the number of cells minus 1. All pooled cells count as one cell.
+    /// The degrees of freedom: the number of cells minus 1. All pooled cells together count as one cell.
     pub dof: usize,
     /// The probability that chance causes a sum at least as large as `statistic`.
     pub p: f64,
@@ -23,13 +23,14 @@ pub struct ChiSquare {
 }
 
 impl ChiSquare {
-    /// Compares counts with expected counts. The sum of the counts should equal the sum of the expected counts. Cells
-    /// with an expected count below [`POOLED`] are pooled into one. If the pool's expected count is also below
-    /// [`POOLED`], the smallest other cell joins the pool. A cell with the expected count 0 isn't in the sum, but a
-    /// sample in such a cell makes the p-value 0.
+    /// Compares the observed count of each cell with its expected count. The two lists should have the same sum. Cells
+    /// with an expected count below [`POOLED`] are pooled into one. If the pool's expected count is still below
+    /// [`POOLED`], the cell with the next larger expected count joins the pool. Cells with the expected count 0 must
+    /// have no samples: a single sample there makes the p-value 0.
     ///
     /// # Errors
-    /// If there are no samples, if an expected count is negative or not a number, or if only one cell is left.
+    /// If there are no samples, if an expected count is negative or not a number, or if fewer than two cells are left
+    /// after pooling.
     pub fn of(observed: &[u64], expected: &[f64]) -> Result<Self, NoVerdict> {
         if observed.len() != expected.len() {
             let (observed, expected) = (observed.len(), expected.len());
@@ -80,7 +81,7 @@ impl ChiSquare {
 mod tests {
     use super::*;
 
-    /// Mendel counted 315, 108, 101 and 32 of 556 peas. His theory expects 9 : 3 : 3 : 1.
+    /// Mendel counted 315, 108, 101 and 32 peas of four kinds. His theory expects 9 : 3 : 3 : 1.
     #[test]
     fn the_chi_square_test_of_the_peas_of_mendel_has_the_known_p_value() {
         let expected = [9.0, 3.0, 3.0, 1.0].map(|share| 556.0 * share / 16.0);

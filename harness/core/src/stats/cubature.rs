@@ -3,24 +3,24 @@
 use super::gauss::gauss_legendre;
 use super::{Cells, Support};
 
-/// The number of Gauss-Legendre nodes along each side of a rectangle. The rule has degree 13. The second rule,
-/// Lobatto's rule of degree 7, also has nodes on the sides of the rectangle. The Gauss-Legendre rule would miss an edge
-/// of the function between the outer nodes and the sides.
+/// The number of Gauss-Legendre nodes along each side of a rectangle, for a rule of degree 13. The rule that checks it,
+/// Lobatto's rule of degree 7, has nodes on the sides of the rectangle. So the two rules disagree if a jump of the
+/// function is between the rectangle's sides and the outer Gauss-Legendre nodes.
 const ORDER: u32 = 7;
 
-/// The largest number of nodes in one integral over all cells. A software rasteriser evaluates this many nodes in about
-/// ten seconds.
+/// The largest number of nodes for the integrals over all cells together. A software rasteriser evaluates this many
+/// nodes in about ten seconds.
 const MOST: usize = 1 << 24;
 
 /// The number of rectangles whose nodes are evaluated at once.
 const BATCH: usize = 880; // with 74 nodes each, less than 65,536 nodes
 
-/// A rectangle in a support's coordinates.
+/// A rectangle in the coordinates of a [`Support`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
-    /// The lower ends.
+    /// The lower end of each coordinate.
     pub low: [f64; 2],
-    /// The upper ends.
+    /// The upper end of each coordinate.
     pub high: [f64; 2],
 }
 
@@ -45,23 +45,23 @@ impl Rectangle {
     }
 }
 
-/// The integral over one cell.
+/// The integral of a function over one cell.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellIntegral {
-    /// The integral of each component.
+    /// The integral of each component of the function.
     pub value: Vec<f64>,
     /// The estimated error of the component with the largest error: the difference between two quadrature rules. The
-    /// errors of a cell's parts are added like independent errors.
+    /// errors of a cell's parts are independent, so their squares are added.
     pub error: f64,
 }
 
-/// The reason why there is no integral.
+/// The reason why [`integrate`] has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum CubatureError<E> {
     /// The function can't be evaluated.
     #[error(transparent)]
     Evaluation(E),
-    /// Two quadrature rules differ too much, even on small parts.
+    /// The two quadrature rules still differ by more than the tolerance after the largest number of nodes.
     #[error("the integral is unknown: two quadrature rules still disagree after {nodes} nodes")]
     Diverges {
         /// The number of evaluated nodes.
@@ -76,14 +76,14 @@ struct Part {
     depth: u32,
 }
 
-/// Integrates a function with `components` components over each cell.
+/// Integrates a function with `components` components over each cell of `cells`.
 ///
-/// The function applies two quadrature rules to each part of a cell. If the rules don't agree within the tolerance, the
-/// function divides the part. `tolerance` computes the tolerance from the current estimate of the cell's integral. The
-/// tolerance of a part is proportional to the square root of the part's share of the cell, because the errors of parts
-/// add up like independent errors, for example along an edge of the density.
+/// Karat applies two quadrature rules to each part of a cell, and divides the part if the rules differ by more than the
+/// tolerance. `tolerance` computes a cell's tolerance from the current estimate of the cell's integral. Each division
+/// halves the sides of a part, and divides its tolerance by sqrt(2): along a jump of the function, there are twice as
+/// many parts, and their errors are independent.
 ///
-/// `evaluate` receives points and returns the components at each point.
+/// `evaluate` receives points and returns the function's components at each point, one point after another.
 ///
 /// # Errors
 /// If `evaluate` fails, or if the two rules still disagree after the largest number of nodes.
@@ -169,8 +169,8 @@ fn add(sum: &mut [f64], values: &[f64]) {
     }
 }
 
-/// The nodes in the unit square, with their weights. If `line` is `true`, the support has only one coordinate, and the
-/// second coordinate of each node is 1/2.
+/// The two-dimensional rule from a one-dimensional rule: nodes in the unit square, with their weights. If `line` is
+/// `true`, the support has only one coordinate, so the second coordinate of each node is 1/2.
 fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     let second = if line { &[(0.5, 1.0)] } else { nodes };
     let row = |(a, weight): &(f64, f64)| {
@@ -180,7 +180,7 @@ fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     nodes.iter().flat_map(row).collect()
 }
 
-/// The five nodes in 0..1, including both ends, with their weights. Source: Abramowitz and Stegun 25.4.32.
+/// The five nodes of Lobatto's rule in 0..=1, ends included, with weights. Source: Abramowitz and Stegun 25.4.32.
 fn lobatto() -> Vec<(f64, f64)> {
     let inner = 0.5 * (3.0_f64 / 7.0).sqrt();
     let (end, side, middle) = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0);

@@ -6,25 +6,25 @@ use super::{NoVerdict, probability};
 /// The smallest number of samples for which Stephens' approximation of the tail is close enough.
 const FEWEST: u64 = 40;
 
-/// The difference between the distribution function of the samples and the expected distribution function.
+/// The result of Kolmogorov's test: the difference between the samples' distribution function and the expected one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kolmogorov {
-    /// The largest difference between the two functions.
+    /// The largest difference between the two distribution functions.
     pub distance: f64,
     /// The sample at which the difference is largest.
     pub at: f64,
-    /// The probability that chance causes a difference at least as large as `distance`.
+    /// The probability that chance causes a difference at least as large as `distance` minus the slack.
     pub p: f64,
 }
 
 impl Kolmogorov {
-    /// Sorts the samples and compares them with a distribution function. A distance up to `slack` doesn't count:
-    /// `slack` covers the errors of the samples and of the function. If the function has steps, the p-value may be too
-    /// large, but not too small (Conover 1972).
+    /// Sorts the samples, and compares them with the expected distribution function. A difference up to `slack` doesn't
+    /// count: `slack` covers the errors of the samples and of the expected function. If the expected function has
+    /// steps, the p-value may be too large, but not too small (Conover 1972).
     ///
     /// # Errors
-    /// If there are fewer than 40 samples, if a sample isn't a number, if a value of the function isn't in 0 to 1, or
-    /// if `slack` isn't in [0, 1).
+    /// If there are fewer than 40 samples, if a sample isn't a number, if a value of the function isn't between 0 and
+    /// 1, or if `slack` isn't in [0, 1).
     pub fn of(
         samples: &mut [f64],
         distribution: impl Fn(f64) -> f64,

@@ -1,4 +1,4 @@
-//! Compares the mean of samples with the expected mean. The standard error of the mean is the unit of the difference.
+//! Compares the mean of samples with the expected mean, in units of the standard error of the mean.
 
 use super::tail::normal_tail;
 use super::{NoVerdict, probability};
@@ -6,12 +6,12 @@ use super::{NoVerdict, probability};
 /// The smallest number of samples for which the mean is close to normally distributed.
 const FEWEST: u64 = 100;
 
-/// The number of samples that are needed per unit of squared skewness. Source: Cochran 1977, section 2.15.
+/// The number of samples that the test needs for each unit of squared skewness. Source: Cochran 1977, section 2.15.
 const PER_SKEWNESS: f64 = 25.0;
 
-/// The count, mean, variance and skewness of a stream of numbers (Welford 1962). The moments of parts of a stream can
-/// be merged (Chan et al. 1983, Pebay 2008). Except for rounding, the result doesn't depend on how the stream was
-/// divided.
+/// The count, mean, variance and skewness of a stream of numbers (Welford 1962). You can divide a stream into parts and
+/// merge the moments of the parts (Chan et al. 1983, Pebay 2008). Except for rounding, every division gives the same
+/// result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     count: u64,
@@ -32,7 +32,7 @@ impl Moments {
         self.squares += square;
     }
 
-    /// The moments of the two streams together.
+    /// The moments of both streams together.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         let count = self.count + other.count;
@@ -78,28 +78,28 @@ impl Moments {
     }
 }
 
-/// The difference between a mean and the expected mean.
+/// The result of a test that compares a mean with the expected mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mean {
     /// The mean of the samples.
     pub mean: f64,
     /// The standard error of the mean.
     pub error: f64,
-    /// The difference minus the slack, in standard errors.
+    /// The difference between the means beyond the slack, in standard errors. It is 0 if the slack covers the
+    /// difference.
     pub z: f64,
-    /// The probability that chance causes a difference at least as large as the observed one.
+    /// The probability that chance causes a difference at least as large as `z`.
     pub p: f64,
 }
 
 impl Mean {
     /// Compares the mean with the expected mean. A difference up to `slack` doesn't count: `slack` covers the rounding
-    /// of the samples and the error of the expected mean. Without the slack, a mean of samples that differ only by
-    /// rounding could fail because of this rounding.
+    /// of the samples and the error of the expected mean. Without a slack, samples that should all be equal would fail
+    /// because of their rounding.
     ///
     /// # Errors
     /// If there are fewer than 100 samples, or if a number isn't finite. Also if the mean differs from the expected
-    /// mean, and the standard error of the mean is unknown, because few of the samples decide the mean, or because all
-    /// samples are 0.
+    /// mean, but the samples don't show its standard error: a few of the samples decide the mean, or all samples are 0.
     pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
         let found = moments.count;
         if found < FEWEST {
@@ -168,7 +168,7 @@ mod tests {
         assert!((beyond.z - 4.0).abs() < 1e-3 && beyond.p < 1e-4, "{beyond:?}");
     }
 
-    /// The samples may or may not contain a rare event, so they don't show the error of the mean.
+    /// A rare event is in a few of the samples or in none, so the samples don't show the error of their mean.
     #[test]
     fn the_mean_of_a_rare_event_has_no_verdict() {
         let rare = |hits: u32| moments((0..65_536).map(|i| f64::from(u8::from(i < hits))));

@@ -1,5 +1,4 @@
-//! Computes the power of a test: the probability that the test finds a given fault. Also measures how often a test
-//! fails by chance.
+//! Computes the power of a test: the probability that it finds a given fault. Also counts how often a test rejects.
 
 use super::chi_square::POOLED;
 use super::tail::{
@@ -12,7 +11,8 @@ use super::{NoVerdict, probability};
 /// should have the same sum.
 ///
 /// # Errors
-/// If a probability is negative or not a number, or if fewer than two cells have enough expected samples.
+/// If the lists have different lengths, if a probability is negative or not a number, or if fewer than two cells are
+/// left after pooling.
 pub fn chi_square_power(
     claimed: &[f64],
     actual: &[f64],
@@ -59,7 +59,7 @@ pub fn chi_square_power(
 }
 
 /// The probability that the test of a mean rejects at `significance`, if the true mean differs from the expected mean
-/// by `difference`, and the standard error of the samples' mean is `error`.
+/// by `difference`. `error` is the standard error of the samples' mean.
 ///
 /// # Errors
 /// If an argument isn't a number, if the error or the slack is negative, or if the significance isn't between 0 and 1.
@@ -84,11 +84,10 @@ pub fn mean_power(
     probability(beyond(shift) + beyond(-shift))
 }
 
-/// A lower bound for the probability that Kolmogorov's test rejects at `significance`, if the test gets `samples`
-/// samples of a distribution that differs from the claimed one. Each element of `points` consists of the value of the
-/// claimed distribution function and the value of the actual distribution function at one position. More points give a
-/// better bound. The number of samples below a given position is binomial (Massey 1950). The function approximates this
-/// binomial distribution by a normal distribution.
+/// A lower bound for the probability that Kolmogorov's test rejects at `significance`, if `samples` samples come from
+/// an actual distribution that differs from the claimed one. Each element of `points` has the values of the claimed and
+/// of the actual distribution function at one position. More points give a better bound. The number of samples below a
+/// position has a binomial distribution (Massey 1950), which Karat approximates by a normal distribution.
 ///
 /// # Errors
 /// If a value isn't a probability, if there are no points, if the slack is negative, or if the significance isn't
@@ -131,30 +130,30 @@ fn expect_significance(value: f64) -> Result<(), NoVerdict> {
     if between { Ok(()) } else { Err(NoVerdict::NotANumber { what: "the significance", value }) }
 }
 
-/// The share of runs in which a test rejected.
+/// The number of runs in which a statistical test rejected, out of all runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
-    /// The number of runs that rejected.
+    /// The number of runs in which the test rejected.
     pub rejected: u64,
     /// The number of runs.
     pub runs: u64,
 }
 
 impl Rate {
-    /// Runs a test with many seeds. `rejects` returns `true` if the test rejected.
+    /// Runs a test with each seed. `rejects` runs the test with a seed, and returns `true` if the test rejected.
     pub fn over(seeds: std::ops::Range<u64>, mut rejects: impl FnMut(u64) -> bool) -> Self {
         let runs = seeds.end.saturating_sub(seeds.start);
         Self { rejected: seeds.filter(|seed| rejects(*seed)).count() as u64, runs }
     }
 
-    /// The number of rejecting runs divided by the number of runs. NaN if there were no runs.
+    /// The number of rejections divided by the number of runs. NaN if there were no runs.
     #[must_use]
     pub fn share(&self) -> f64 {
         self.rejected as f64 / self.runs as f64
     }
 
-    /// Checks if rejections are no more frequent than `significance` allows: the probability of at least this many
-    /// rejections must be at least 0.001. Returns `false` if there were no runs.
+    /// Checks if the number of rejections is plausible for a test that rejects with the probability `significance`: the
+    /// probability of at least this many rejections must be at least 0.001. Returns `false` if there were no runs.
     #[must_use]
     pub fn is_within(&self, significance: f64) -> bool {
         let fewer = (self.rejected as f64) < significance * self.runs as f64;
@@ -209,8 +208,7 @@ mod tests {
         assert!(kolmogorov_power(&[(0.5, f64::NAN)], 10.0, 0.0, 0.1).is_err());
     }
 
-    /// If one per cent of the samples are impossible, a share of 1/e of the runs with 100 samples has no impossible
-    /// sample.
+    /// If one per cent of the samples are impossible, about 1/e of all runs with 100 samples have no impossible sample.
     #[test]
     fn one_impossible_sample_is_detected() {
         let power = chi_square_power(&[0.5, 0.5, 0.0], &[0.495, 0.495, 0.01], 100.0, 1e-6);

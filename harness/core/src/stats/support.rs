@@ -1,10 +1,10 @@
-//! Supports: the sets from which samples come, with their coordinates.
+//! Supports: the sets on which densities are defined and from which samples come, with their coordinates.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
 
-/// The largest error of a direction's length, and of a disk's radius. WGSL allows sin and cos an error of 2^-11, and a
-/// length adds the squares of two such values.
+/// The largest difference from 1 that the length of a direction may have, and the largest distance of a sample from the
+/// unit disk. WGSL allows errors of 2^-11 for sin and cos, and a length has the errors of two such values.
 const LENGTH: f64 = 1e-3;
 
 /// The set on which a density is defined, with the measure that the density refers to.
@@ -23,14 +23,15 @@ pub enum Support {
     Hemisphere,
     /// Points of the unit disk. The measure is the area.
     Disk,
-    /// Numbers from the first value to the second. A density is also evaluated at both ends, and must be finite there.
+    /// Numbers from the first value to the second. A density must be finite at both ends, because Karat evaluates it
+    /// there.
     Interval(f64, f64),
 }
 
-/// The position of a sample.
+/// The position of a sample relative to a support.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
-    /// The sample is on the support, at these coordinates.
+    /// The sample is in the support, and has these coordinates.
     Inside([f64; 2]),
     /// The sample is outside of the support: below the horizon, outside of the disk, or beyond an end of the interval.
     Outside,
@@ -39,7 +40,7 @@ pub enum Place {
 }
 
 impl Support {
-    /// The number of components of a sample.
+    /// The number of components of a sample: 3 for a direction, 2 for a point of the disk, 1 for a number.
     #[doc(hidden)]
     #[must_use]
     pub fn components(self) -> usize {
@@ -57,8 +58,9 @@ impl Support {
         matches!(self, Self::Interval(..))
     }
 
-    /// The ranges of the two coordinates. The first coordinate is the angle from +Z, the radius, or the number itself.
-    /// The second coordinate is the azimuth, and is unused for an interval.
+    /// The ranges of the two coordinates. The first coordinate is the angle from +Z for a direction, the radius for a
+    /// point of the disk, and the number itself for an interval. The second coordinate is the azimuth, and unused for
+    /// an interval.
     #[doc(hidden)]
     #[must_use]
     pub fn extent(self) -> [(f64, f64); 2] {
@@ -70,7 +72,7 @@ impl Support {
         }
     }
 
-    /// The coordinates of a sample. Only the first [`components`](Self::components) numbers count.
+    /// The position of a sample. The function reads only the first [`components`](Self::components) numbers of `point`.
     #[doc(hidden)]
     #[must_use]
     pub fn locate(self, point: [f64; 3]) -> Place {
@@ -94,7 +96,8 @@ impl Support {
         }
     }
 
-    /// The point at these coordinates, and the measure per unit of both coordinates at this point.
+    /// The point at these coordinates, and the factor that converts an area in coordinates to the support's measure
+    /// there.
     #[doc(hidden)]
     #[must_use]
     pub fn point(self, [a, b]: [f64; 2]) -> ([f64; 3], f64) {

@@ -1,10 +1,10 @@
-//! Tails of distributions: the probability that a value is at least as extreme as a given value.
+//! Tails of distributions: the probabilities that a random value is at least as extreme as a given value.
 
 use statrs::function::erf::erfc;
 use statrs::function::gamma::{checked_gamma_ur, ln_gamma};
 
-/// The probability that a chi-square variable with `dof` degrees of freedom is at least `x`. NaN if this probability
-/// isn't defined. Source: Abramowitz and Stegun 26.4.19.
+/// The probability that a chi-square variable with `dof` degrees of freedom is at least `x`. NaN for a negative `x`, or
+/// if `dof` isn't positive. Source: Abramowitz and Stegun 26.4.19.
 #[must_use]
 pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
     if x.is_nan() || !(dof > 0.0) || x < 0.0 {
@@ -34,7 +34,7 @@ pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
 
 /// The probability that a non-central chi-square variable is at least `x`. The distribution of this variable is a
 /// mixture of central chi-square distributions with `dof + 2 j` degrees of freedom, where j has a Poisson distribution
-/// with the mean `lambda / 2`. Abramowitz and Stegun 26.4.25.
+/// with the mean `lambda / 2`. Source: Abramowitz and Stegun 26.4.25.
 #[must_use]
 pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     if lambda == 0.0 {
@@ -60,13 +60,14 @@ pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     sum / weights
 }
 
-/// The probability that a standard normal number is at least as far from 0 as `z`, in either direction.
+/// The probability that a standard normal variable is at least as far from 0 as `z`, in either direction.
 #[must_use]
 pub fn normal_tail(z: f64) -> f64 {
     erfc(z.abs() / std::f64::consts::SQRT_2)
 }
 
-/// The distance from 0 that a standard normal number exceeds, in either direction, with the probability `significance`.
+/// The distance from 0 that a standard normal variable exceeds with the probability `significance`, in either
+/// direction.
 #[must_use]
 pub fn normal_critical(significance: f64) -> f64 {
     // Beyond 40 standard deviations, the tail is below the smallest double.
@@ -77,7 +78,7 @@ pub(super) fn normal_upper(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }
 
-/// The argument, between 0 and `most`, at which a falling tail equals `significance`.
+/// The argument, between 0 and `most`, at which the falling function `tail` has the value `significance`.
 pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, most);
     // Each step adds one bit to the result.
@@ -89,7 +90,7 @@ pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) 
 }
 
 /// The probability that the number of successes in `trials` trials is at least as far from the expected number as
-/// `successes`. The result is twice the smaller tail of the binomial distribution, summed term by term.
+/// `successes`. As is usual for this test, the result is twice the smaller tail of the binomial distribution.
 #[must_use]
 pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     if successes > trials || !(0.0..=1.0).contains(&probability) {
@@ -119,8 +120,8 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     (2.0 * tail).min(1.0)
 }
 
-/// The probability that the Kolmogorov-Smirnov distance between random samples and their distribution is at least
-/// `distance`, for `samples` samples. Source: Stephens 1970, with Kolmogorov's series.
+/// The probability that the Kolmogorov-Smirnov distance between `samples` random samples and their distribution is at
+/// least `distance`. Source: Stephens 1970, with Kolmogorov's series.
 #[must_use]
 pub fn kolmogorov_tail(distance: f64, samples: f64) -> f64 {
     let root = samples.sqrt();
@@ -151,7 +152,7 @@ mod tests {
         (a - b).abs() <= relative * b.abs()
     }
 
-    /// For even degrees of freedom, the tail is a finite sum: Abramowitz and Stegun 26.4.5.
+    /// For an even number of degrees of freedom, the tail is a finite sum. Source: Abramowitz and Stegun 26.4.5.
     #[test]
     fn chi_square_is_a_sum_of_poisson_terms() {
         for (dof, x) in [(2_u32, 3.0), (4, 0.5), (10, 30.0), (100, 150.0), (500, 430.0)] {

@@ -1,4 +1,4 @@
-//! Rectangles of pixels that are compressed separately.
+//! Blocks: rectangles of pixels, each compressed as one chunk.
 
 use super::header::PartHeader;
 

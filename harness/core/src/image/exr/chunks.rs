@@ -1,7 +1,7 @@
-//! Finds the chunks of a part by the part's table, checks them, and decompresses them one by one.
+//! Finds the chunks of a part by the part's table of offsets, checks the chunks, and decompresses them one by one.
 //!
-//! The `exr` crate has the codecs. The codecs get only complete chunks that are at the expected position and have a
-//! checked size. So the codecs reserve at most a small multiple of a block's memory.
+//! Karat passes a chunk to the codecs of the `exr` crate only if the chunk is complete, has the position that the table
+//! implies, and isn't longer than the block's pixels. So the codecs reserve only a small multiple of a block's memory.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -17,8 +17,8 @@ use super::block::Block;
 use super::guard;
 use super::header::{Blocks, Bytes, FileHeader, PartHeader, Sample};
 
-/// Calls `each` with the samples of each block in the largest level of a part. The samples are in rows, and each row
-/// has one channel after another.
+/// Calls `each` with the samples of each block in the largest level of a part. Samples are ordered by row, then by
+/// channel.
 pub(super) fn decode(
     bytes: &[u8],
     file: &FileHeader,
@@ -48,14 +48,14 @@ pub(super) fn decode(
     Ok(())
 }
 
-/// The position of a block, as the block's chunk states it.
+/// The position of a block, in the form in which the block's chunk states it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     Row(i64),
     Tile(i32, i32),
 }
 
-/// The blocks of the largest level in the order of the table. In the file, the blocks may have another order.
+/// The blocks of the largest level in the order of the part's table. The chunks in the file may have another order.
 fn blocks(part: &PartHeader) -> impl Iterator<Item = (Block, Place)> {
     let (width, height) = (part.width, part.height);
     let (across, down) = match part.blocks {
@@ -82,8 +82,9 @@ fn blocks(part: &PartHeader) -> impl Iterator<Item = (Block, Place)> {
     })
 }
 
-/// The data of a chunk, if the chunk matches the table's entry. A chunk that compression wouldn't make smaller is
-/// stored uncompressed, so a chunk is never longer than its pixels.
+/// The compressed data of a chunk. Fails if the chunk belongs to another part or position than its entry in the table,
+/// or if its length is wrong. A chunk that compression wouldn't make smaller is stored uncompressed, so a chunk is
+/// never longer than its pixels.
 fn found<'a>(
     chunk: &mut Bytes<'a>,
     part: Option<usize>,
@@ -183,8 +184,7 @@ fn decompress(
     }
 }
 
-/// A codec's message without the words that the crate adds. If the crate's message contains no reason, the function
-/// returns a general reason.
+/// A codec's message without the words that the `exr` crate adds. Karat replaces messages that give no reason.
 fn unwrapped(message: &str) -> &str {
     let inside = message.split_once("(invalid: ").and_then(|(_, inside)| inside.strip_suffix(')'));
     match inside.unwrap_or(message) {

@@ -1,4 +1,4 @@
-//! Checks a chunk's data before the `exr` crate decompresses them.
+//! Checks the compressed data of a chunk before the `exr` crate decompresses the chunk.
 
 use super::block::Block;
 use super::header::{PartHeader, Sample};
@@ -27,8 +27,8 @@ pub(super) fn check_dwa(data: &[u8], part: &PartHeader, block: Block) -> Result<
     Ok(())
 }
 
-/// Checks the differences in a B44 chunk. If a value goes below zero, the codec panics in a build with overflow checks,
-/// and returns wrong values in a build without these checks.
+/// Checks the values in a B44 chunk, which are stored as differences. If a decoded value is below zero, the codec
+/// panics in a build with overflow checks, and returns wrong values in a build without these checks.
 pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<(), String> {
     let mut rest = data;
     let squares = block.width.div_ceil(4) * block.height.div_ceil(4);
@@ -52,9 +52,9 @@ pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<
     Ok(())
 }
 
-/// Checks if a value in a square of 4 by 4 values goes below zero. A square consists of its first value in 16 bits, a
-/// shift in 6 bits, and 15 differences of 6 bits each. The differences go down the first column, and then from each
-/// column to the next.
+/// Checks if a decoded value in a square of 4 by 4 values is below zero. The compressed square consists of the first
+/// value (16 bits), a shift (6 bits), and 15 differences (6 bits each). In the first column, a difference is relative
+/// to the value above. In all other columns, it is relative to the value on the left.
 fn leads_below_zero(square: &[u8; 14]) -> bool {
     let field = |bit: usize| {
         let two = u16::from_be_bytes([square[bit / 8], *square.get(bit / 8 + 1).unwrap_or(&0)]);

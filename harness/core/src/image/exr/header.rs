@@ -1,7 +1,7 @@
 //! Reads the header of an OpenEXR file, and checks it against the file's length and Karat's limits.
 //!
-//! Karat doesn't use the reader of the `exr` crate. That reader reserves the memory that a header announces before it
-//! checks the rest of the header, and doesn't return where the tables of chunks begin.
+//! Karat doesn't use the header reader of the `exr` crate for two reasons. That reader reserves the memory that a
+//! header announces before it checks the rest of the header, and it doesn't return the position of the chunk tables.
 
 mod bytes;
 
@@ -11,10 +11,10 @@ pub(super) use bytes::Bytes;
 
 use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE, found};
 
-/// The largest number of channels in a part. Parts with colours that renderers write don't have more channels.
+/// The largest number of channels in a part. Renderers write fewer channels into parts with colours.
 const MOST_CHANNELS: usize = 32;
-/// The attribute that contains all metadata. There is only one attribute, because the encoder writes several attributes
-/// in random order.
+/// The name of the attribute that contains all of Karat's metadata. Karat uses a single attribute, because the encoder
+/// would write several attributes in random order, and equal images should give equal files.
 pub(super) const ATTRIBUTE: &str = "karat";
 
 const TILED: u32 = 0x200;
@@ -46,7 +46,7 @@ pub(super) struct Channel {
     pub(super) linear: bool,
 }
 
-/// The division of a part into chunks. Karat decodes only the largest level.
+/// The division of a part's largest level into chunks: rows, or tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Blocks {
     Rows(u32),
@@ -58,12 +58,12 @@ pub(super) struct PartHeader {
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// The number of the first row in the file's coordinates. A chunk of rows states the number of its own first row.
+    /// The y coordinate of the part's first row in the file. Each chunk of rows states the y of its first row.
     pub(super) top: i32,
     pub(super) channels: Vec<Channel>,
     pub(super) compression: Compression,
     pub(super) blocks: Blocks,
-    /// The number of entries in the part's table. The table has the chunks of all levels.
+    /// The number of entries in the part's chunk table, which has the chunks of all levels.
     pub(super) chunks: usize,
     pub(super) metadata: Option<String>,
     /// The CIE x and y of red, green, blue and white.
@@ -75,7 +75,7 @@ pub(super) struct FileHeader {
     pub(super) parts: Vec<PartHeader>,
     /// `true` if each chunk begins with the number of its part.
     pub(super) numbered: bool,
-    /// The byte at which the tables of chunks begin. The table of the first part comes first.
+    /// The position in the file, in bytes, of the first part's chunk table. The tables of the other parts follow.
     pub(super) tables: usize,
 }
 
@@ -336,7 +336,7 @@ impl Tiles {
         Ok(Self { width, height, levels, round_up: mode >> 4 != 0 })
     }
 
-    /// The number of tiles in all levels of an image. The image's sides must be within the limits.
+    /// The number of tiles in all levels of an image whose sides are within the limits.
     fn count(&self, width: u32, height: u32) -> u64 {
         let size = |side: u32, level: u32| {
             let divided = if self.round_up { side.div_ceil(1 << level) } else { side >> level };

@@ -9,12 +9,12 @@ pub(super) struct Selection {
     /// fills.
     pub(super) fills: Vec<&'static [usize]>,
     pub(super) precision: Precision,
-    /// `true` if the part has the channels R, G and B, `false` if the part has only the grey channel Y.
+    /// `true` if the selected channels are R, G and B, `false` if the selected channel is the grey channel Y.
     pub(super) coloured: bool,
 }
 
-/// Selects the channels. Colours are preferred to greys. The layer without a name comes before layers with names, and
-/// layers with names come in the order of the file.
+/// Selects the channels of one layer. The function prefers layers with colours to layers with greys. Among these, it
+/// prefers the layer without a name, and then the first layer in the file. `None` if no layer has colours or greys.
 pub(super) fn select(part: &PartHeader) -> Option<Selection> {
     let layers = || {
         let names = part.channels.iter().map(|channel| split(channel).0);

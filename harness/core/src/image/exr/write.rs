@@ -1,4 +1,4 @@
-//! Writes compressed blocks of 16 rows. Such files are small, and every tool can read them.
+//! Writes OpenEXR files in blocks of 16 rows, compressed by ZIP. Such files are small, and every tool can read them.
 
 use std::io::{Cursor, Error, ErrorKind};
 use std::path::Path;
@@ -28,8 +28,7 @@ pub(super) struct Layer<'a> {
     pub(super) image: &'a Image,
 }
 
-/// The channels in the order of the file, which sorts them by name. Each name stands beside the channel's index in a
-/// pixel of [`Image`].
+/// The names of the channels, in alphabetical order as the format requires, with their indices in a pixel of [`Image`].
 const CHANNELS: [(&str, usize); 4] = [("A", 3), ("B", 2), ("G", 1), ("R", 0)];
 
 pub(super) fn write(
@@ -41,7 +40,7 @@ pub(super) fn write(
     write_whole(path, &bytes).map_err(|cause| ImageError::Write { path: shown(path), cause })
 }
 
-/// Checks the parts and returns the bytes of the file. The messages of errors contain `path`.
+/// Checks the parts and returns the bytes of the file. The function uses `path` only in the messages of errors.
 pub(super) fn bytes(
     path: &Path,
     layers: &[Layer<'_>],

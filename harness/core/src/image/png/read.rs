@@ -8,7 +8,7 @@ use super::Samples;
 use crate::image::Image;
 use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE};
 
-/// The largest memory that the decoder may reserve in addition to the pixels: for a row, and for chunks.
+/// The largest number of bytes that the decoder may reserve in addition to the pixels, for a row and for chunks.
 const BESIDE_PIXELS: usize = 1 << 20;
 
 pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, String> {
@@ -45,8 +45,8 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
     Ok(Image::new(frame.width, frame.height, pixels))
 }
 
-/// Checks the same limits as for OpenEXR files. The size of the pixels, which is compared with the file's length, is
-/// their uncompressed size in the PNG's own format.
+/// Checks the same limits as for OpenEXR files. One limit compares the file's length with the uncompressed size of the
+/// pixels in the PNG's own format, not as floats.
 fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     let Info { width, height, .. } = *info;
     if width.max(height) > LONGEST_SIDE {
@@ -106,12 +106,12 @@ fn gather<T: Copy + Into<usize> + Into<f32>>(
 enum Linear {
     /// The curve of sRGB, IEC 61966-2-1.
     Srgb,
-    /// A power with this exponent.
+    /// The power function with this exponent.
     Power(f64),
 }
 
 impl Linear {
-    /// The conversion that a file needs (PNG, third edition, section 4.3). An sRGB chunk overrides a gAMA chunk.
+    /// The conversion that a file's chunks demand (PNG, third edition, 4.3). An sRGB chunk overrides a gAMA chunk.
     fn of(info: &Info<'_>) -> Result<Self, String> {
         match info.gama_chunk {
             Some(gamma) if info.srgb.is_none() => {

@@ -8,7 +8,8 @@ use crate::stats::Rate;
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 360;
 
-/// Light over more than three decades: a texture, and spheres with highlights.
+/// The brightness of a pixel in a test scene with a texture, and spheres with highlights. The brightest pixel has more
+/// than 1000 times the light of the darkest one.
 fn light(x: u32, y: u32) -> f32 {
     let across = x as f32 / WIDTH as f32;
     let texture = [1.0, 0.3, 0.1, 2.0, 0.05][((x / 5 * 7 + y / 5 * 13) % 5) as usize];
@@ -29,8 +30,8 @@ fn expectation(index: u32) -> [f32; 4] {
 }
 
 /// An image with the mean of 64 samples in each pixel, and an image with the variance of this mean. Half of the samples
-/// are in shadow. The other samples are exponentially distributed. The standard deviation of all samples is 1.7 times
-/// their mean.
+/// are in shadow, and the brightness of the others is exponentially distributed. So the standard deviation of all
+/// samples is 1.7 times their mean.
 fn rendered(seed: u64) -> (Image, Image) {
     let sample = |byte: usize| if byte < 128 { 0.0 } else { -((255.5 - byte as f32) / 128.0).ln() };
     let samples: [f32; 256] = std::array::from_fn(sample);
@@ -54,7 +55,7 @@ fn rendered(seed: u64) -> (Image, Image) {
     (Image::new(WIDTH, HEIGHT, means), Image::new(WIDTH, HEIGHT, variances))
 }
 
-/// Makes a square with 2 % of the frame's pixels 5 % brighter. The square's position depends on the seed.
+/// Brightens a square with 2 % of the frame's pixels by 5 %. The seed determines the square's position.
 fn brighter((mut mean, mut variance): (Image, Image), seed: u64) -> (Image, Image) {
     let mut random = Pcg32::new(seed, 9);
     let (left, top) = (random.next_u32() % (WIDTH - 68), random.next_u32() % (HEIGHT - 68));
@@ -73,8 +74,8 @@ fn measured(golden: &(Image, Image), actual: &(Image, Image)) -> Measured {
     Noise { golden: &golden.1, actual: &actual.1 }.measure(&pair)
 }
 
-/// A test of each pixel's z with Sidak's correction over the pixels. It allows 0.25 % of outliers, as the tests of
-/// renderers do.
+/// Tests each pixel separately by its z, with Sidak's correction for the number of pixels. The test passes if at most
+/// 0.25 % of the pixels are outliers, as in the test suites of renderers.
 fn passes_by_pixels(golden: &(Image, Image), actual: &(Image, Image)) -> bool {
     let critical = normal_critical(sidak(SIGNIFICANCE, u64::from(WIDTH * HEIGHT)));
     let means = golden.0.pixels().iter().zip(actual.0.pixels());
@@ -116,7 +117,7 @@ fn noise_alone_passes_and_a_faint_fault_is_seen() {
     assert_eq!(seen_by_pixels.rejected, 0, "a test of single pixels doesn't find the fault");
 }
 
-/// If the pixels of a pattern change places, the mean of each tile stays the same.
+/// If pixels of a pattern change places, the mean of each tile stays the same, so the test of means finds no fault.
 // Lesson 46
 #[test]
 fn pixels_that_changed_places_are_seen() {
@@ -140,7 +141,7 @@ fn pixels_that_changed_places_are_seen() {
     }
 }
 
-/// Pixels with the largest floats, and a pixel without neighbours, also affect the metric.
+/// The metric also fails for differences of very large or small floats, and of pixels without neighbours.
 #[test]
 fn extreme_and_isolated_pixels_count_in_the_noise_metric() {
     let flat = |size: (u32, u32), value: f32| {
