@@ -334,7 +334,7 @@ impl Shape {
     /// ```
     ///
     /// # Panics
-    /// If `lanes` has fewer lanes than the value.
+    /// Panics if `lanes` has fewer lanes than the value.
     #[must_use]
     pub fn format(&self, lanes: &[u32]) -> String {
         let mut at = 0;
