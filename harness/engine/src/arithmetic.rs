@@ -99,8 +99,8 @@ pub(crate) mod sealed {
         /// A boolean. Masks consist of booleans, too.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
 
-        /// `true` if a boolean may be undecided. Then a mask inside a loop shows which of the lanes that entered the
-        /// loop are still active.
+        /// `true` if a boolean may be undecided. Then the machine keeps track of active lanes with `Worlds` in place of
+        /// `Masks`.
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;
