@@ -151,8 +151,7 @@ pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
     Interval { chain: Chain::Sum(sum), ..any }.unless_written(written)
 }
 
-/// The product of two values. `same` is `true` if `x` and `y` are the same variable. Then the product is a square,
-/// which is never negative.
+/// The product of two values. `same` is `true` for the product of a value with itself, which is never negative.
 pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
