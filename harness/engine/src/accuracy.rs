@@ -15,9 +15,8 @@ const SAFETY: f64 = 2.0;
 /// The number of measured arguments for each sign and exponent.
 const PER_EXPONENT: u32 = 256;
 
-/// The largest number of arguments, for each exponent and sign, that are close to a zero of a sine, a cosine or a
-/// tangent. Near a zero of the function, the absolute error is as large as elsewhere, but an ulp of the result is
-/// smaller.
+/// For each exponent and sign, the largest number of arguments close to a zero of a sine, a cosine or a tangent. Near a
+/// zero of the function, the absolute error is as large as elsewhere, but an ulp of the result is smaller.
 const NEAR_ZEROS: u32 = 8;
 
 /// If an adapter's error near a zero of a sine, a cosine or a tangent is larger than this number of ulps, Karat bounds
@@ -28,15 +27,13 @@ const NEAR_ZERO_ULPS: f32 = 256.0;
 /// The number of buckets of arguments: one bucket for each sign and exponent.
 const BUCKETS: usize = 512;
 
-/// The form of a function's graph, from which Karat finds the function's least and greatest value between two
-/// arguments.
+/// The form of a function's graph, from which Karat finds the least and greatest value between two arguments.
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     Monotonic,
     /// The function is even and has its least value at 0.
     Even,
-    /// The function is a wave with the greatest value 1 at this argument, and at each argument that is a multiple of 2
-    /// pi away from this argument.
+    /// A wave with the period 2 pi, whose greatest value 1 is at this argument.
     Wave(f64),
     /// The function rises between its poles, which are the odd multiples of pi / 2.
     Tangent,
@@ -128,8 +125,7 @@ impl Function {
     }
 }
 
-/// The largest measured errors of a function, absolute and in ulps, over all measured arguments with the same sign and
-/// exponent.
+/// The largest measured errors of a function, absolute and in ulps, over all arguments with the same sign and exponent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Error {
     ulps: f32,
@@ -154,15 +150,13 @@ impl Error {
 pub struct Accuracy {
     /// The errors of each function, by sign and exponent of the argument.
     functions: Vec<Vec<Error>>,
-    /// `true` if all measured results of `pow` are within the bounds of `exp2(y * log2(x))` with the measured `exp2`
-    /// and `log2`.
+    /// `true` if all results of `pow` are within the bounds of `exp2(y * log2(x))` with measured `exp2` and `log2`.
     powers: bool,
     /// `true` if `pow(0, y)` is 0 for each y above zero.
     powers_of_zero: bool,
 }
 
-/// The expression that measures `pow`. Karat measures it last, because the bounds of `pow` use the measurements of
-/// `exp2` and `log2`.
+/// The expression that measures `pow`. Karat measures it last, because its bounds depend on those of `exp2` and `log2`.
 const POWER: &str = "pow(a, b)";
 
 impl Default for Accuracy {
@@ -184,8 +178,8 @@ impl Accuracy {
         FUNCTIONS.iter().map(|function| function.text).chain([POWER])
     }
 
-    /// The arguments with which to measure an expression. For each result, the list has one number, or two numbers if
-    /// the expression uses `b`.
+    /// The arguments with which to measure an expression: one number for each result, or two if the expression uses
+    /// `b`.
     #[must_use]
     pub fn arguments(function: &str) -> Vec<f32> {
         // Spreads arguments evenly over a range: the fractional parts of the multiples of an irrational number do this.
@@ -337,8 +331,7 @@ impl Accuracy {
             .collect()
     }
 
-    /// Restores the measurements from the result of [`words`](Self::words). `None` if `words` has the wrong length or a
-    /// word is invalid.
+    /// Restores the measurements from the result of [`words`](Self::words). `None` if the words are invalid.
     #[must_use]
     pub fn from_words(words: &[u32]) -> Option<Self> {
         let (flags, errors) = words.split_at_checked(2)?;

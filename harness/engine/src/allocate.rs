@@ -1,5 +1,4 @@
-//! Register allocation: removes unused operations, and lets values that aren't needed at the same time share a
-//! register.
+//! Allocates registers: values that aren't needed at the same time share a register. Also removes unused operations.
 //!
 //! A program is one list of operations. Only the end of a loop jumps backwards. So a value's register is in use from
 //! the first to the last operation that mentions the value. If a loop uses a value that was defined before the loop,
@@ -91,8 +90,7 @@ fn lives(code: &Code) -> Table<Life> {
     lives
 }
 
-/// The loops of a program. Each loop has the positions of its first and last operation, and the index of the loop
-/// around it.
+/// The loops of a program. Each has the positions of its first and last operation, and the index of the loop around it.
 struct Loops {
     /// For each position in the list, the index of the innermost loop around it.
     of: Vec<Option<u32>>,

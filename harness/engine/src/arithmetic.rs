@@ -99,13 +99,13 @@ pub(crate) mod sealed {
         /// A boolean. Masks consist of booleans, too.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
 
-        /// `true` if a boolean may be undecided. Then the machine keeps track of active lanes with `Worlds` in place of
+        /// `true` if a boolean may be undecided. Then the machine tracks active lanes with `Worlds` in place of
         /// `Masks`.
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;
-        /// A literal's value. If the author probably wrote a decimal such as 0.1, its interval contains all numbers
-        /// that may round to `x`.
+        /// A literal's value. If the author wrote a decimal such as 0.1, its interval contains all numbers that round
+        /// to `x`.
         fn decimal(x: f32, half: bool) -> Self::Float {
             let _ = half;
             Self::float(x)
@@ -174,19 +174,16 @@ pub(crate) mod sealed {
 
         /// The word that memory stores for a float: the nearest `f32`, or the middle of an interval.
         fn float_word(x: Self::Float) -> u32;
-        /// The word that memory stores for an integer. If the integer is a range, memory stores the range's least
-        /// integer.
+        /// The word that memory stores for an integer. For a range, memory stores the least integer.
         fn int_word(x: Self::Int) -> u32;
         /// The word that memory stores for a boolean: 1 if it may be true, otherwise 0.
         fn bool_word(x: Self::Bool) -> u32 {
             u32::from(Self::possible(x))
         }
 
-        /// The result of a texture filter: `sum` is the weighted sum of texels whose values are all between the bounds
-        /// `hull`.
+        /// The result of a texture filter: `sum` is the weighted sum of texels, whose values are all within `hull`.
         fn filtered(sum: f64, hull: (f32, f32)) -> Self::Float;
-        /// A texel's channel in a normalised format such as `rgba8unorm`, after the conversion from an integer to the
-        /// float `x`.
+        /// A texel's channel in a normalised format such as `rgba8unorm`, converted from an integer to `x`.
         fn normalized(x: f32) -> Self::Float {
             Self::float(x)
         }

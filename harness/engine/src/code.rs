@@ -6,8 +6,7 @@ use crate::coverage::Statement;
 use crate::rules::{FloatRule, FromInt, Half, Integer, Scale, ToInt};
 use crate::scalar::{File, Scalar};
 
-/// A register: a column with one value for each lane. The field `file` says whether the values are floats, integers or
-/// booleans.
+/// A register: a column with one value for each lane. `file` says whether these are floats, integers or booleans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Reg {
     pub(crate) file: File,
@@ -72,32 +71,30 @@ pub(crate) enum Op {
     Move(File),
     /// Copies a value in active lanes.
     Store(File),
-    /// Copies the register of a range that indices select. Registers: the result, the range's first register, the
-    /// indices. [`Code::walks`] describes the indexing.
+    /// Copies a register of a range, which indices select. Registers: the result, the range's first register, indices.
+    /// [`Code::walks`] describes the indexing.
     Gather(File, u32),
-    /// Stores a value in the register of a range that indices select. Registers: the range's first register, the value,
-    /// the indices.
+    /// Stores a value in the register that `Gather` would copy. Registers: the range's first register, the value,
+    /// indices.
     Scatter(File, u32),
     /// Copies the candidate that an index selects. Registers: the result, the candidates, the index. The `u32` is the
     /// number of candidates. The `bool` is `true` if the index is signed.
     Pick(File, u32, bool),
     /// Copies the element of the table [`Code::tables`]`[u32]` that an index selects. Registers: the result, the index.
     Table(File, u32),
-    /// Loads a scalar from a buffer. Registers: the result, the indices. The `u32` is the index in [`Code::walks`] of
-    /// the [`Walk`] that describes the indexing.
+    /// Loads a scalar from a buffer, with the indexing [`Code::walks`]`[u32]`. Registers: the result, the indices.
     Load(Scalar, u32),
-    /// Writes a scalar to a buffer, with the same arguments as `Load`. Registers: the value, the indices.
+    /// Writes a scalar to a buffer. Registers: the value, the indices.
     Write(Scalar, u32),
     /// Computes the number of elements of a runtime-sized array. Register: the result.
     ArrayLength(u32),
     /// Runs an atomic other than a load or a store. Registers: the old word (or none), for a compare-exchange the flag
     /// `exchanged`, the value, the compared value (or none), the indices.
     Atomic(u32),
-    /// Samples, gathers, loads or queries a texture. [`Code::images`] describes the operation. Registers: results,
-    /// operands.
+    /// Reads or queries a texture, as [`Code::images`] describes. Registers: results, operands.
     Image(u32),
-    /// Writes a texel. Registers: the texel's floats, then the coordinates and the layer, then the texel's integers. A
-    /// texel has either floats or integers.
+    /// Writes a texel. Registers: the texel if it has floats, the coordinates and the layer, the texel if it has
+    /// integers.
     ImageStore(u32),
     /// Reports lanes in which a computed integer has wrapped around: an index, or a difference that becomes a float.
     /// Registers: the integer, and the registers from which it is computed. [`Code::wraps`] describes the computation.
@@ -105,8 +102,7 @@ pub(crate) enum Op {
 
     /// Begins a branch. Jumps to `Else` or `EndIf` if the condition holds in no active lane. Register: the condition.
     If,
-    /// Begins the other branch. Jumps to `EndIf` if the condition holds in all lanes that reached the `If`. Register:
-    /// the condition.
+    /// Begins the other branch. Jumps to `EndIf` if no lane takes this branch. Register: the condition.
     Else,
     /// Ends an `if`. If no lane is active after it, jumps to the end of the enclosing branch or other construct.
     /// `EndSwitch`, `EndCall` and (after a loop) `Skip` also do this.
@@ -117,8 +113,7 @@ pub(crate) enum Op {
     Case(bool),
     EndSwitch,
     Loop,
-    /// Begins an iteration of a loop, and subtracts it from the number of iterations that each active lane may still
-    /// run.
+    /// Begins an iteration of a loop. Each active lane may then run one iteration less.
     Round,
     Continuing,
     /// Register: the condition.
@@ -148,8 +143,7 @@ pub(crate) enum Op {
 
 impl Op {
     /// Checks if an operation ends a branch, a loop or a call, or a part of such a construct. Observers don't receive
-    /// such an operation, because it has the source position of the operation before it, and also runs if that one
-    /// didn't run.
+    /// such an operation: it has the source position of the operation before it, but may run without that one.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,
@@ -177,8 +171,7 @@ pub(crate) struct Instruction {
     pub(crate) site: u32,
 }
 
-/// One index of an access: the distance between neighbouring elements, the number of elements, and whether the index is
-/// signed.
+/// One index of an access: the distance and the number of the elements, and whether the index is signed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     pub(crate) stride: u32,
@@ -189,8 +182,7 @@ pub(crate) struct Step {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Count {
     Fixed(u32),
-    /// The length of a runtime-sized array. The array begins `offset` bytes after the start of the buffer, and has as
-    /// many elements as fit into the rest.
+    /// The length of a runtime-sized array. The array begins at byte `offset` of the buffer, and fills the rest.
     Runtime {
         offset: u32,
         stride: u32,
@@ -207,12 +199,10 @@ pub(crate) struct Wrap {
     pub(crate) terms: Vec<Term>,
 }
 
-/// An operand or an operation in the computation of an integer. The machine repeats the computation in a wider type,
-/// which doesn't wrap around.
+/// An operand or an operation in the computation of an integer. The machine repeats it in a wider type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Term {
-    /// The value of a register. The first such term uses the second register of [`Op::Wrap`], the next term the third
-    /// register, and so on.
+    /// The value of a register. Such terms use the registers of [`Op::Wrap`] in order, from the second one.
     Register,
     Negate,
     Add,
@@ -228,8 +218,7 @@ pub(crate) struct Walk {
     pub(crate) offset: u32,
     pub(crate) steps: Vec<Step>,
     pub(crate) atomic: Option<AtomicOp>,
-    /// `true` for accesses to a buffer that aren't atomic. A race needs at least one such access, because atomics don't
-    /// race with each other.
+    /// `true` for accesses to a buffer that aren't atomic. Atomics don't race with each other.
     pub(crate) plain: bool,
 }
 
@@ -325,8 +314,7 @@ pub(crate) struct Code {
     /// of an undecided condition, only these registers can have different values in the two branches.
     pub(crate) mutable: [Vec<u32>; 3],
     pub(crate) statements: Vec<Statement>,
-    /// Ranges of registers in which an index selects a register at run time. Allocation keeps the registers of a range
-    /// together and in order.
+    /// Ranges of registers in which an index selects a register at run time. Allocation keeps these ranges together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
 }
 
@@ -390,8 +378,7 @@ pub(crate) struct SubgroupOp {
 /// The kind of a subgroup operation. The operands are a value, and for some kinds a lane index.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum SubgroupKind {
-    /// One of the four `u32` that `subgroupBallot` returns. The argument is the index of this `u32`, and the operand is
-    /// the predicate.
+    /// One of the four `u32` that `subgroupBallot` returns. The argument is its index. The operand is the predicate.
     Ballot(u32),
     Collective(naga::SubgroupOperation, naga::CollectiveOperation),
     Gather(From),

@@ -199,8 +199,7 @@ impl crate::Program {
 }
 
 impl Statement {
-    /// The index of the operation whose counter has the statement's branches. `None` if the statement has no counted
-    /// branches.
+    /// The index of the operation whose counter has the statement's branches. `None` if these aren't counted.
     fn branch(&self, code: &Code) -> Option<usize> {
         let (start, end) = (self.start as usize, self.end as usize);
         let mut own = (start..end).map(|at| (at, code.instructions[at].op));

@@ -27,11 +27,9 @@ const MOST_INVOCATIONS: u32 = 1024;
 #[derive(Debug)]
 pub(crate) struct Entry {
     size: [u32; 3],
-    /// `true` for a fragment entry point. Then the workgroups are tiles, and the invocations are pixels, four to a
-    /// quad.
+    /// `true` for a fragment entry point. Then workgroups are tiles, and invocations are pixels in quads.
     drawn: bool,
-    /// For each scalar of the entry point's parameters: the builtin that gives its value, and the scalar's component
-    /// index in this builtin.
+    /// For each scalar of the parameters: the builtin with its value, and the index of its component.
     inputs: Vec<(BuiltIn, usize)>,
 }
 
@@ -166,8 +164,7 @@ struct Room<'p, 'm, A: Arithmetic> {
     /// unit consists of the invocations that one machine runs in lockstep.
     unit: u32,
     first: usize,
-    /// The number of machines that are still running. `held` lists those that wait at a barrier, each with the
-    /// barrier's site.
+    /// The number of machines that are still running. `held` lists those at a barrier, each with the barrier's site.
     open: usize,
     held: Vec<(usize, u32)>,
     stores: usize,
@@ -244,8 +241,7 @@ struct Order {
     taken: Option<Vec<(Turn, Done)>>,
 }
 
-/// The largest number of recorded atomics. The first ones are enough to compare two orders, because these usually
-/// differ early.
+/// The largest number of recorded atomics. This is enough to compare orders, because orders usually differ early.
 const MOST_TURNS: usize = 1 << 12;
 
 impl Order {
@@ -305,9 +301,8 @@ fn enter<'m, A: Arithmetic>(
     }
 }
 
-/// After this number of successive turns in which units only wait for each other, Karat assumes that they wait forever.
-/// For units of several invocations, Karat assumes this after `WAITS_TOGETHER` turns, because these invocations may
-/// also wait for each other.
+/// After this number of successive turns in which units only wait, Karat assumes that they wait forever. The limit for
+/// units of several invocations is `WAITS_TOGETHER`, because these may also wait for each other.
 const WAITS: usize = 1 << 14;
 const WAITS_TOGETHER: usize = 1 << 10;
 
@@ -319,8 +314,7 @@ impl Program {
     /// allows. Writes to storage change `resources`.
     ///
     /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down. [`pixel_of`] converts
-    /// an invocation's case number to its pixel. Such an entry point can have the inputs `position` and the builtins of
-    /// subgroups.
+    /// an invocation's case number to its pixel. It can have only the inputs `position` and the builtins of subgroups.
     ///
     /// In [`Intervals`](crate::Intervals), a program that writes a buffer or a texture stops with an error, because
     /// memory can't store intervals.
@@ -376,8 +370,7 @@ impl Program {
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
 
-    /// Checks if the program has atomics. With atomics, the order of invocations may change the results even without a
-    /// race.
+    /// Checks if the program has atomics. With atomics, the order of invocations may change the results without a race.
     #[must_use]
     pub fn has_atomics(&self) -> bool {
         let code = self.code();

@@ -17,8 +17,7 @@ use crate::schedule::{Actor, Turns};
 /// A word that invocations share: its variable, the workgroup that has the memory, and its offset in bytes.
 pub(crate) type Word = (u32, u32, u32);
 
-/// The kind of an atomic access. Two accesses of the same word commute if both have the same kind, and this kind isn't
-/// `Changes`.
+/// The kind of an atomic access. Two accesses of one word commute if both have the same kind, except `Changes`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Access {
     Reads,
@@ -63,8 +62,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// The step of an actor whose next operation is an atomic. Only the explorer uses `touches`, so the list may be
-    /// empty in other runs.
+    /// The step of an actor before an atomic. Only the explorer uses `touches`, so it may be empty in other runs.
     pub(crate) fn atomic(touches: Vec<(Word, Access)>) -> Self {
         Self { atomic: true, touches }
     }
@@ -85,8 +83,7 @@ impl Step {
     }
 }
 
-/// A vector clock, which describes a point of a run: for each actor, by number, how many of the actor's turns come
-/// before this point.
+/// A vector clock of a point in a run: for each actor, by number, how many of its turns come before this point.
 type Clock = Vec<u32>;
 
 fn join(to: &mut Clock, from: &[u32]) {
@@ -116,8 +113,8 @@ impl Taken {
 struct Node {
     ready: BTreeMap<Actor, Step>,
     chosen: Actor,
-    /// The actors to try at this point. For each of these actors, the explorer runs one order in which the actor has
-    /// its turn here.
+    /// The actors to try at this point. For each of them, the explorer runs one order in which the actor has its turn
+    /// here.
     wanted: BTreeSet<Actor>,
     /// The actors that needn't get a turn at this point, because the turn would lead to an order that is equivalent to
     /// an earlier one.
@@ -131,8 +128,8 @@ const MOST_TURNS: usize = 512;
 #[derive(Debug, Default)]
 pub struct Explorer {
     nodes: Vec<Node>,
-    /// The turns of the current run. `ready` has the actors that can go on, and `waiting` has the actors that wait for
-    /// a word to change.
+    /// The turns of the current run. `ready` has the actors that can go on, `waiting` those that wait for a changed
+    /// word.
     taken: Vec<Taken>,
     ready: BTreeMap<Actor, Step>,
     waiting: BTreeMap<Actor, Step>,

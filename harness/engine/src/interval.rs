@@ -15,9 +15,8 @@ use chain::{Chain, Ends};
 /// from an unbounded value is unbounded, too, because an implementation may assume that infinities and NaN don't occur.
 /// Bounds are rounded outwards to `f32`.
 ///
-/// WGSL lets an implementation reorder the operations of a sum or a product. So the interval of a sum or a product
-/// contains the results of all orders. To compute them across let-bindings, variables and calls, an interval remembers
-/// its terms or factors.
+/// WGSL lets an implementation reorder the operations of a sum or a product. So the interval contains the results of
+/// all orders. So that this works across variables and calls, an interval remembers its terms or factors.
 #[derive(Clone, Copy)]
 pub struct Interval {
     lo: f32,
@@ -28,8 +27,7 @@ pub struct Interval {
     chain: Chain,
 }
 
-/// A flag in the `cause` of an unbounded interval: set if the interval is bounded in the order in which the author
-/// wrote the operations.
+/// A flag in `cause`: without reordering, in the order that the author wrote, the interval would be bounded.
 const REORDERED: u32 = 1 << 31;
 
 impl fmt::Debug for Interval {
@@ -126,8 +124,7 @@ impl Interval {
         }
     }
 
-    /// The unbounded result of an operation on `self` and `other`. If an operand has the flag [`REORDERED`], the result
-    /// has the flag, too.
+    /// The unbounded result of an operation on `self` and `other`, with the flag [`REORDERED`] if an operand has it.
     fn lost(self, other: Self) -> Self {
         Self { cause: (self.cause | other.cause) & REORDERED, ..Self::UNBOUNDED }
     }
@@ -425,10 +422,9 @@ enum End {
 
 /// Widens a range of exact results by their errors.
 ///
-/// The widest result isn't always at an end of the range. An ulp doubles at a power of two. So an exact result just
-/// beyond the first power of two in the range, minus its error, may be less than the end nearer to zero, minus its
-/// error. The parts of an error that don't depend on the ulp change by less than 2^-20 between this end and this power
-/// of two.
+/// The widest result isn't always at an end of the range. An ulp doubles at a power of two. So a result just beyond the
+/// first power of two in the range, minus its error, may be less than the end nearer to zero, minus its error. The
+/// other parts of an error change by less than 2^-20 between this end and the power of two.
 fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
     const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
     let mut below = least - error(End::Least, least);

@@ -38,8 +38,8 @@
 //! integer is a [`Range`], and a boolean is a [`Truth`], which may be undecided.
 //!
 //! **The machine** (`machine`) runs a chunk of 256 cases. A register is a column with one value for each lane
-//! (`columns`), and an operation is a loop over the lanes. Chunks run on all cores. So a machine decodes each operation
-//! once for 256 cases.
+//! (`columns`), and an operation is a loop over the lanes. So the machine decodes an operation once for 256 cases.
+//! Chunks run on all cores.
 //!
 //! **Control flow.** A mask marks the active lanes (`machine/masks`). Operations without effects run in all lanes,
 //! stores change only active lanes, and a loop runs until no lane is active. If a condition is undecided
@@ -72,8 +72,7 @@
 //! - In [`F64`], a bitcast of a float first rounds the float to `f32`. Karat doesn't round values of type `f16`.
 //! - `pow(x, y)` is NaN for each x below zero, like `exp2(y * log2(x))`.
 //! - Integers wrap around. A division by zero returns the dividend, and the remainder is 0. A shift uses its number of
-//!   bits modulo 32. Conversions from floats to integers saturate. The code that naga generates for drivers has the
-//!   same rules.
+//!   bits modulo 32. Conversions from floats to integers saturate. The code that naga generates has the same rules.
 //! - In [`Intervals`], a subnormal may be flushed to zero, so the interval also contains zero. A result that overflows
 //!   is unbounded, and everything that is computed from it is unbounded, too. [`Program::cause`] returns the operation
 //!   that made it unbounded.

@@ -92,11 +92,10 @@ pub(crate) struct Machine<'p, A: Rules> {
     at: usize,
     site: u32,
     width: usize,
-    /// The elements that the lanes of a load access, for the detector. Loads reuse this list, so that they needn't
-    /// allocate memory.
+    /// The elements that the lanes of a load access, for the detector. Loads reuse this list to save allocations.
     places: Vec<(usize, bool)>,
-    /// For each lane, the site at which the lane last became inactive. The reports of the detector and of derivatives
-    /// contain this site.
+    /// For each lane, the site at which the lane last became inactive. The reports about missed barriers and
+    /// derivatives contain this site.
     parted: Vec<Option<u32>>,
     /// In a draw, the helper lanes, whose effects are invisible. Otherwise empty.
     helpers: Vec<bool>,
@@ -108,14 +107,13 @@ pub(crate) struct Machine<'p, A: Rules> {
     /// `true` if the machine continues after an atomic store before the store takes effect.
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
-    /// The numbers of newly delayed stores, which `dispatch` takes. `numbered` counts all stores that the machine has
-    /// delayed.
+    /// The numbers of newly delayed stores, which `dispatch` takes. `numbered` counts all stores that were delayed.
     pub(crate) issued: Vec<u32>,
     numbered: u32,
     pub(crate) turn: usize,
     pub(crate) done: Vec<Done>,
-    /// For each atomic read since a word last changed: a hash of the read and its results, and how often the same read
-    /// occurred.
+    /// For each atomic read since a word last changed: a hash of the read and its results, and the number of
+    /// repetitions.
     seen: HashMap<u64, u32>,
     /// `true` if the machine waits: it runs a loop until another invocation changes the word that the loop reads.
     pub(crate) waits: bool,
@@ -620,8 +618,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         Ok(Pause::End)
     }
 
-    /// For an `if`: the number of lanes that reach it. For all other operations: 0. `None` if the options don't ask for
-    /// counts.
+    /// The number of lanes that reach an `if`, or 0 for another operation. `None` if the options don't ask for counts.
     #[inline]
     fn counted(&self, op: Op) -> Option<u64> {
         self.options.counts.as_ref()?;
@@ -753,7 +750,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Shows the observer a result that isn't a new float, with the floats from which it is computed.
+    /// Shows the observer an integer, a boolean or a selected float, with the floats from which it is computed.
     #[inline]
     fn show_other<const SEEN: bool>(
         &self,

@@ -2,8 +2,7 @@
 
 /// The number of `f32` steps between two values. `None` if one of the values is NaN.
 ///
-/// `-0` and `+0` are the same point. Each step to a neighbouring `f32` counts as 1, also across zero and across powers
-/// of two.
+/// `-0` and `+0` are the same point. Each step to a neighbouring `f32` counts as 1, also at zero and at powers of two.
 ///
 /// ```
 /// assert_eq!(karat::unstable::tolerance::ulp_distance(-0.0, 0.0), Some(0));
@@ -20,9 +19,8 @@ pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {
     (!a.is_nan() && !b.is_nan()).then(|| ordered(a).abs_diff(ordered(b)))
 }
 
-/// The position of a real number on the ordered line of `f32`. A position between two `f32` is a fraction: halfway
-/// between the third and the fourth `f32` above zero, the position is 3.5. Beyond `f32::MAX`, the steps keep the size
-/// of the last step below it.
+/// The position of a real number on the ordered line of `f32`. Halfway between the third and the fourth `f32` above
+/// zero, the position is 3.5. Beyond `f32::MAX`, the steps keep the size of the last step.
 pub(super) fn ordinal(value: f64) -> f64 {
     let magnitude = value.abs();
     #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32, by design")]

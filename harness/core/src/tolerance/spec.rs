@@ -6,8 +6,7 @@ use super::{Abs, Rel, Tolerance, Ulp};
 use crate::value::Scalar;
 
 /// The largest width that WGSL's range may have, unless a check sets another limit. A range of this width leaves three
-/// decimal digits, which the eye and 8-bit channels need. An `f32` has seven decimal digits, so a shader may lose four
-/// of them.
+/// decimal digits, which the eye and 8-bit channels need. An `f32` has seven digits, so a shader may lose four of them.
 const NEED: f64 = 1.0 / 1024.0;
 
 /// The largest width that WGSL's range may have for `f16`, unless a check sets another limit. An `f16` has a relative
@@ -116,7 +115,7 @@ impl DeviceSpec {
     }
 }
 
-/// [`Spec`] or [`DeviceSpec`] with the digits that the author requires.
+/// [`Spec`] or [`DeviceSpec`], with the limits that the author of a test has set.
 ///
 /// ```
 /// use karat::{Abs, Rel, Spec};

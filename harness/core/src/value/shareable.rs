@@ -219,8 +219,7 @@ impl<T: Shareable, const N: usize> Shareable for [T; N] {
     }
 }
 
-/// The arguments of one case: a [`Shareable`] value, or a tuple of up to twelve such values. `()` if the function has
-/// no parameters.
+/// The arguments of one case: a [`Shareable`] value, or a tuple of up to twelve such values, or `()`.
 ///
 /// ```
 /// use karat::unstable::value::{Arguments, Scalar, Shape};
@@ -296,7 +295,7 @@ arguments! {
 
 /// Lets you pass a type of your own to WGSL in place of one of glam's vectors. The type must convert from and into an
 /// array of floats or integers. Functions, buffers, meshes and textures accept the type. References receive glam's
-/// vector in `f64`.
+/// `f64` vector.
 ///
 /// ```
 /// use karat::prelude::*;

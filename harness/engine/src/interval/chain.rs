@@ -24,7 +24,7 @@ pub(super) enum Chain {
     Single,
     /// The value is a sum of two terms.
     Pair([(f32, f32); 2]),
-    /// The value is a sum of more terms, or the join of several sums.
+    /// The value is a sum of three or more terms, or the join of several sums.
     Sum(Sum),
     Product(Product),
 }
@@ -262,8 +262,7 @@ impl Sum {
     /// The bounds of the sum for all orders of its additions. `count` terms need `count - 1` additions. The last
     /// addition rounds the result. Each other addition rounds a partial sum to a neighbouring float, so its error is
     /// less than the distance between two floats near the largest partial sum. All results are multiples of 2^`step`.
-    /// In addition, `more` terms are rounded, each with at most the error of a rounded partial sum. `None` if a sum may
-    /// overflow.
+    /// Also `more` terms are rounded, with at most the error of a partial sum. `None` if a sum may overflow.
     fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
@@ -291,8 +290,7 @@ fn outwards(ends: Option<Ends>) -> Interval {
     ends.map_or(Interval::UNBOUNDED, |(lo, hi)| Interval::outwards(lo, hi))
 }
 
-/// 2^`exponent` as an `f64`. Returns infinity if the power is too large for an `f32`, and 0 if it is too small for a
-/// normal `f64`.
+/// 2^`exponent` as an `f64`. Infinity if the power is too large for an `f32`, 0 if it is too small for an `f64`.
 pub(super) fn power(exponent: i16) -> f64 {
     match exponent {
         128.. => f64::INFINITY,
@@ -302,8 +300,7 @@ pub(super) fn power(exponent: i16) -> f64 {
     }
 }
 
-/// The exponent of `x`, which is an `f32` converted to `f64`, so it is 0 or a normal `f64`. For 0, returns an exponent
-/// below all others.
+/// The exponent of an `f32` that was converted to `f64`. For 0, returns an exponent below all others.
 pub(super) fn exponent(x: f64) -> i16 {
     (x.to_bits() >> 52 & 0x7FF) as i16 - 1023
 }
@@ -322,17 +319,16 @@ pub(super) struct Product {
     /// The lower bound of the magnitudes of all partial products. `most` is the upper bound.
     least: f32,
     most: f32,
-    /// The largest magnitude that a product of any of the divisors can have. `dividend` is the same for the other
-    /// factors.
+    /// The largest magnitude of a product of any divisors. `dividend` is the same for the other factors.
     divisor: f32,
     dividend: f32,
     divisors: u16,
     dividends: u16,
     divisions: u16,
-    /// The number of factors that may cause rounding errors: those that aren't powers of two.
+    /// The number of factors that may cause rounding errors, which are all except powers of two.
     rounding: u16,
-    /// The total number of binary digits of the factors that `rounding` counts. A product with up to 24 binary digits
-    /// is exact.
+    /// The number of binary digits of all factors that `rounding` counts. A product with up to 24 binary digits is
+    /// exact.
     digits: u16,
 }
 

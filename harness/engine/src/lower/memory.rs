@@ -56,8 +56,7 @@ impl Place {
         Self { root: Root::Buffer(slot), inner, offset: [0; 3], bytes: 0, indices: Vec::new() }
     }
 
-    /// Checks if the target is a runtime-sized array. For such an array, the engine checks even constant indices at run
-    /// time.
+    /// Checks if the target is a runtime-sized array. The engine checks even constant indices of such arrays.
     pub(super) fn has_no_length(&self) -> bool {
         matches!(self.inner, TypeInner::Array { size: naga::ArraySize::Dynamic, .. })
     }

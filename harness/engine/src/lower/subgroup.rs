@@ -7,8 +7,8 @@ use crate::code::{From, Op, Reg, SubgroupKind, SubgroupOp};
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// Lowers `subgroupBallot`: the result is four words with one bit for each lane, set if the lane is active and the
-    /// predicate holds.
+    /// Lowers `subgroupBallot`: four words with one bit for each lane, set if the lane is active and the predicate
+    /// holds.
     pub(super) fn ballot(
         &mut self,
         scope: &mut Scope<'m>,

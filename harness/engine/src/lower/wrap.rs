@@ -6,8 +6,7 @@ use super::{Lower, Lowered};
 use crate::code::{Op, Reg, Term, Wrap};
 use crate::rules::Integer;
 
-/// The largest number of terms that the engine repeats for an index. In a longer index, some registers count as terms,
-/// although they are also computed.
+/// The largest number of terms of an index. In a longer index, the engine takes other registers as they are.
 const MOST_TERMS: usize = 64;
 
 /// The largest odd constant by which an index may be multiplied. A multiplication by a larger odd constant counts as a

@@ -18,8 +18,7 @@ const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
 
-/// The bytes of a buffer. If a program writes the buffer, `floats` has the written floats, because an `f64` doesn't fit
-/// into a word.
+/// The bytes of a buffer. If a program writes the buffer, `floats` has the written floats: an `f64` needs two words.
 #[derive(Clone, Debug)]
 pub(crate) struct Buffer<'a, A: Rules> {
     pub(crate) bytes: Cow<'a, [u8]>,
@@ -120,7 +119,7 @@ pub(super) fn walk_lane<A: Rules>(
     clamped
 }
 
-/// Copies the elements that indices select from `columns` into a register.
+/// Copies elements of `columns`, which indices select, into a register.
 macro_rules! gathered {
     ($self:ident, $columns:ident, $select:path, $registers:ident, $base:expr, $indices:expr, $walk:ident) => {{
         let (base, indices) = ($base, $indices);
@@ -172,9 +171,8 @@ macro_rules! scattered {
 }
 
 impl<'p, A: Rules> Machine<'p, A> {
-    /// Notes that the index of a lane is outside of its array. In [`Intervals`](crate::Intervals), this makes the
-    /// lane's results unbounded, because the specification lets an implementation read any element or zero, and write
-    /// any element.
+    /// Notes that the index of a lane is outside of its array. In intervals, this makes the lane's results unbounded,
+    /// because the specification lets an implementation read any element or zero, and write any element.
     pub(super) fn leave(&mut self, lane: usize) {
         if self.is_helper(lane) {
             return;

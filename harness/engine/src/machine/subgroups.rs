@@ -161,8 +161,7 @@ fn collected(
     }
 }
 
-/// The result of an operation on no lanes: 0 for a sum, 1 for a product. The first lane of an exclusive scan has this
-/// result.
+/// The result of a sum (0) or a product (1) of no lanes, which is the first lane's result in an exclusive scan.
 fn identity(scalar: Scalar, function: SubgroupOperation) -> u32 {
     match (function, scalar.file()) {
         (SubgroupOperation::Mul, File::Float) => 1.0_f32.to_bits(),

@@ -21,8 +21,7 @@ pub(crate) struct Late {
     lane: usize,
     slot: u32,
     at: usize,
-    /// The function of an atomic such as `atomicAdd`, which changes the word. `None` for `atomicStore`, which replaces
-    /// the word.
+    /// The function of an atomic such as `atomicAdd`. `None` for `atomicStore`, which replaces the word.
     function: Option<AtomicFunction>,
     signed: bool,
     word: u32,

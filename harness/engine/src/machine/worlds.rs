@@ -56,8 +56,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Writes a lane's variables back to the registers. If `joins` is `true`, joins them with the values in the
-    /// registers.
+    /// Writes a lane's variables back to the registers, or joins them with the registers if `joins` is `true`.
     fn take(
         &mut self,
         files: &mut Files<'_, A>,
@@ -323,8 +322,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
     }
 
     /// Makes the active lanes jump to the end of an open construct: the construct that contains the `depth` innermost
-    /// open constructs. If `continues` is `true`, this construct is a loop, and the lanes jump to the end of the loop's
-    /// body.
+    /// open constructs. If `continues` is `true`, this construct is a loop, and the lanes jump to the end of its body.
     pub(crate) fn exit(&mut self, files: &Files<'_, A>, depth: u32, continues: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for lane in (0..self.width).filter(|&lane| self.current[lane]) {
