@@ -51,7 +51,7 @@ pub enum StatementKind {
     Clause(usize),
     /// A loop. Lanes can go three ways: they leave the loop in the first, in the second, or in a later iteration.
     Loop,
-    /// The condition of a `for` or `while`. Its ways aren't counted, because [`Loop`](Self::Loop) counts them.
+    /// The condition of a `for` or `while`. Lanes that go each way are counted at the [`Loop`](Self::Loop).
     Exit,
 }
 

@@ -314,15 +314,16 @@ impl Program {
     /// allows. Writes to storage change `resources`.
     ///
     /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down. [`pixel_of`] converts
-    /// an invocation's case number to its pixel. It can have only the inputs `position` and the builtins of subgroups.
+    /// an invocation's case number to its pixel. The entry point can have only the inputs `position` and the builtins
+    /// of subgroups.
     ///
     /// In [`Intervals`](crate::Intervals), a program that writes a buffer or a texture stops with an error, because
     /// memory can't store intervals.
     ///
     /// # Errors
     ///
-    /// Fails if a resource is missing, or if an invocation runs too many loop iterations. The second error contains
-    /// `case`, the number of this invocation, and numbers all invocations workgroup by workgroup.
+    /// Fails if a resource is missing, or if an invocation runs too many loop iterations. For too many iterations, the
+    /// error's `case` is the number of the invocation, counted workgroup by workgroup.
     pub fn dispatch<A: Runs>(
         &self,
         workgroups: [u32; 3],

@@ -142,7 +142,7 @@ pub trait Observer<A: Arithmetic>: Sync {
         true
     }
 
-    /// Receives the floats of an operation, one for each result.
+    /// Receives the floats that an operation has computed.
     fn floats(&self, lanes: &Lanes<'_, A>) {
         let _ = lanes;
     }
@@ -164,7 +164,7 @@ pub trait Observer<A: Arithmetic>: Sync {
         let _ = here;
     }
 
-    /// Receives an operation that goes wrong, once for each case.
+    /// Receives a case in which an operation goes wrong.
     fn wrong(&self, one: &Wrong<'_>) {
         let _ = one;
     }

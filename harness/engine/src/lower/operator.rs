@@ -266,7 +266,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// If the operation is a sum with a product as a term, and [`Settings::contract`] is set, returns the terms.
+    /// If the operation is a sum with a product as a term, and `Settings::contract` is set, returns the terms.
     fn fused(
         &mut self,
         scope: &mut Scope<'m>,

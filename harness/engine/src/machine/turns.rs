@@ -11,7 +11,7 @@ use crate::code::{Code, Instruction, Op, Walk};
 use crate::explore::{Access, Step, Word};
 use crate::options::Elsewhere;
 
-/// If an invocation reads the same words more often than this in a loop, it counts as waiting for another invocation.
+/// If an invocation repeats the same reads more than this number of times, it counts as waiting for another invocation.
 /// After a word has changed, the count begins again.
 const PATIENCE: u32 = 3;
 

@@ -7,8 +7,9 @@
 //! branch, of a loop's body, of a loop, or of a call. So within a world, a store simply overwrites a variable, and a
 //! `break` may depend on an undecided condition.
 //!
-//! If a world jumps out of a construct while another world of its lane still has to run there, it waits at the jump's
-//! target, with its variables in `waiting`. If the lane has no other world there, the variables stay in the registers.
+//! If a world jumps out of a construct while another world of its lane still has to run there, the world that jumped
+//! waits at the jump's target, with its variables in `waiting`. If the lane has no other world there, the variables
+//! stay in the registers.
 
 use crate::arithmetic::sealed::Rules;
 use crate::code::Code;
@@ -96,7 +97,7 @@ struct Frame<A: Rules> {
 }
 
 impl<A: Rules> Frame<A> {
-    /// Checks if this construct still has another world of the lane, which must run later or waits.
+    /// Checks if the lane has another world in this construct: one that still has to run, or one that waits.
     fn forks(&self, lane: usize) -> bool {
         self.start.here[lane] || self.waiting.here[lane] || self.round.here[lane]
     }
