@@ -263,7 +263,7 @@ impl Shape {
         }
     }
 
-    /// Checks if a host value of this shape can stand for the WGSL type `wgsl`.
+    /// Checks if Karat accepts a host value of this shape as a value of the WGSL type `wgsl`.
     ///
     /// Two structures match if their members match. The structures' own names may differ. If `result` is `true`, the
     /// host's `f32` also matches `f16`, because a reference computes in `f64` for both types.
@@ -334,7 +334,7 @@ impl Shape {
     /// ```
     ///
     /// # Panics
-    /// If `lanes` has fewer lanes than the value.
+    /// Panics if `lanes` has fewer lanes than the value.
     #[must_use]
     pub fn format(&self, lanes: &[u32]) -> String {
         let mut at = 0;
@@ -421,7 +421,7 @@ pub fn format_lane(scalar: Scalar, lane: u32) -> String {
 }
 
 /// An `f32` in decimal, with the fewest digits that give the same bits, and with an exponent if plain digits would be
-/// long. The other results are `-0`, `NaN`, `inf` and `-inf`.
+/// long. Special values become `-0`, `NaN`, `inf` and `-inf`.
 ///
 /// ```
 /// use karat::unstable::value::format_f32;

@@ -1,6 +1,6 @@
 //! Measures the speed of two functions in each arithmetic, in cases per second.
 //!
-//! `cargo run --release --example speed`
+//! Run it with `cargo run --release --example speed`.
 #![expect(clippy::print_stdout, reason = "a program for the terminal")]
 
 use std::time::Instant;

@@ -1,40 +1,39 @@
 //! The measured accuracy of one adapter's built-in functions.
 //!
-//! The specification allows large errors for some built-in functions: 2^-11 for the sine, and only between -pi and pi.
-//! Karat measures an adapter once, and allows twice the measured error.
+//! The specification allows large errors for some built-in functions. For example, a sine may have the error 2^-11
+//! between -pi and pi, and any error elsewhere. Karat measures an adapter once, and allows twice the measured error.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use crate::interval::{Interval, ulp};
 use crate::rules::{Exponential, FloatRule, Trigonometry};
 
-/// The allowed error divided by the measured error. Between two measured arguments the error may be larger than at both
-/// of them.
+/// The allowed error divided by the measured error. The factor is above 1 because the error between two measured
+/// arguments may be larger than at both of them.
 const SAFETY: f64 = 2.0;
 
 /// The number of measured arguments for each sign and exponent.
 const PER_EXPONENT: u32 = 256;
 
-/// The largest number of arguments, for each exponent and sign, that are close to a zero of a sine, a cosine or a
-/// tangent. Near a zero of the function, the absolute error is as large as elsewhere, but an ulp of the result is
-/// smaller.
+/// For each exponent and sign, the largest number of arguments close to a zero of a sine, a cosine or a tangent. Near a
+/// zero of the function, the absolute error is as large as elsewhere, but an ulp of the result is smaller.
 const NEAR_ZEROS: u32 = 8;
 
-/// If the error near a zero is larger than this number of ulps, Karat uses only the absolute error. A driver that
-/// reduces the argument with enough digits has an error of a few ulps near a zero. Other drivers have thousands.
+/// If an adapter's error near a zero of a sine, a cosine or a tangent is larger than this number of ulps, Karat bounds
+/// only the absolute error. A driver that reduces the argument with enough digits has an error of a few ulps near a
+/// zero. Other drivers have errors of thousands of ulps.
 const NEAR_ZERO_ULPS: f32 = 256.0;
 
 /// The number of buckets of arguments: one bucket for each sign and exponent.
 const BUCKETS: usize = 512;
 
-/// The form of a function's graph, which determines its least and greatest value between two arguments.
+/// The form of a function's graph, from which Karat finds the least and greatest value between two arguments.
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     Monotonic,
     /// The function is even and has its least value at 0.
     Even,
-    /// The function is a wave with the greatest value 1 at this argument, and at each argument that is a multiple of 2
-    /// pi away from this argument.
+    /// A wave with the period 2 pi, whose greatest value 1 is at this argument.
     Wave(f64),
     /// The function rises between its poles, which are the odd multiples of pi / 2.
     Tangent,
@@ -89,9 +88,9 @@ const LOG2: usize = 3;
 const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
 
 impl Function {
-    /// All zeros of the function are multiples of this number. For a sine and a cosine, the multiples include arguments
-    /// at which the function is 1 or -1. For a tangent, the multiples don't include the poles. `None` for all other
-    /// functions.
+    /// For a sine, a cosine or a tangent: a number of which all zeros of the function are multiples. Not every multiple
+    /// is a zero: the multiples for a sine and a cosine include arguments at which the function is 1 or -1. `None` for
+    /// all other functions.
     fn between_zeros(&self) -> Option<f64> {
         match self.shape {
             Shape::Wave(_) => Some(FRAC_PI_2),
@@ -126,7 +125,7 @@ impl Function {
     }
 }
 
-/// The largest measured errors, absolute and in ulps, for all arguments with the same sign and exponent.
+/// The largest measured errors of a function, absolute and in ulps, over all arguments with the same sign and exponent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Error {
     ulps: f32,
@@ -151,14 +150,13 @@ impl Error {
 pub struct Accuracy {
     /// The errors of each function, by sign and exponent of the argument.
     functions: Vec<Vec<Error>>,
-    /// `true` if `pow` is as exact as `exp2(y * log2(x))` with the measured `exp2` and `log2`.
+    /// `true` if all results of `pow` are within the bounds of `exp2(y * log2(x))` with measured `exp2` and `log2`.
     powers: bool,
     /// `true` if `pow(0, y)` is 0 for each y above zero.
     powers_of_zero: bool,
 }
 
-/// The expression for `pow`. Karat measures this expression last, because the bounds of `pow` use the measurements of
-/// other functions.
+/// The expression that measures `pow`. Karat measures it last, because its bounds depend on those of `exp2` and `log2`.
 const POWER: &str = "pow(a, b)";
 
 impl Default for Accuracy {
@@ -168,7 +166,7 @@ impl Default for Accuracy {
 }
 
 impl Accuracy {
-    /// The accuracy of an adapter that isn't measured: all bounds are those of the specification.
+    /// The accuracy of an adapter that Karat hasn't measured: only the specification's bounds apply.
     #[must_use]
     pub fn new() -> Self {
         let functions = vec![vec![Error::UNKNOWN; BUCKETS]; FUNCTIONS.len()];
@@ -180,8 +178,8 @@ impl Accuracy {
         FUNCTIONS.iter().map(|function| function.text).chain([POWER])
     }
 
-    /// The arguments with which to measure an expression. Each row has one number, or two numbers if the expression
-    /// uses `b`.
+    /// The arguments with which to measure an expression: one number for each result, or two if the expression uses
+    /// `b`.
     #[must_use]
     pub fn arguments(function: &str) -> Vec<f32> {
         // Spreads arguments evenly over a range: the fractional parts of the multiples of an irrational number do this.
@@ -230,8 +228,8 @@ impl Accuracy {
             .collect()
     }
 
-    /// Measures the errors of an adapter's results for [`arguments`](Self::arguments), one result for each row. Ignores
-    /// an unknown function, or a wrong number of results.
+    /// Measures the errors of an adapter's results for [`arguments`](Self::arguments), in the same order. Ignores the
+    /// results if the function is unknown or the number of results is wrong.
     pub fn take(&mut self, function: &str, results: &[f32]) {
         let arguments = Self::arguments(function);
         if function == POWER && arguments.len() == 2 * results.len() {
@@ -322,7 +320,7 @@ impl Accuracy {
         product.exp2().meet(self.bound(EXP2, product))
     }
 
-    /// All measurements as `u32`s, so that a caller can store the measurements.
+    /// The measurements encoded as `u32`s, for storing in a file.
     #[must_use]
     pub fn words(&self) -> Vec<u32> {
         let flags = [u32::from(self.powers), u32::from(self.powers_of_zero)];
@@ -333,7 +331,7 @@ impl Accuracy {
             .collect()
     }
 
-    /// Restores the measurements from the result of [`words`](Self::words). `None` if the number of `u32`s is wrong.
+    /// Restores the measurements from the result of [`words`](Self::words). `None` if the words are invalid.
     #[must_use]
     pub fn from_words(words: &[u32]) -> Option<Self> {
         let (flags, errors) = words.split_at_checked(2)?;
@@ -357,8 +355,8 @@ fn bucket(x: f32) -> usize {
     (x.to_bits() >> 23) as usize
 }
 
-/// Returns a multiple of `of` from the arguments of a bucket. The function can select at most [`NEAR_ZEROS`] multiples
-/// of a bucket, and `nth` is the index of one of these. `None` if the bucket has fewer multiples.
+/// The multiple of `of` with the index `nth`, among at most [`NEAR_ZEROS`] multiples that are spread over a bucket.
+/// `None` if the bucket has fewer multiples.
 fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     let least = f32::from_bits(bucket << 23);
     let size = f64::from(least.abs());

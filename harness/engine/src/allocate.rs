@@ -1,13 +1,13 @@
-//! Removes unused operations, and lets values that aren't needed at the same time share a register.
+//! Allocates registers: values that aren't needed at the same time share a register. Also removes unused operations.
 //!
-//! A program is one list of operations. Control only goes forward in the list, except at the ends of loops. So a value
-//! lives from its first to its last position in the list. If a loop uses a value that was defined before the loop, the
-//! value lives to the end of the loop.
+//! A program is one list of operations. Only the end of a loop jumps backwards. So a value's register is in use from
+//! the first to the last operation that mentions the value. If a loop uses a value that was defined before the loop,
+//! the register stays in use to the end of the loop.
 
 use crate::code::{Code, Op, Shape};
 use crate::scalar::File;
 
-/// The positions in the list at which a register occurs, and the number of its uses.
+/// The first and the last position in the list at which a register occurs, and the number of its writes and reads.
 #[derive(Clone, Copy, Debug)]
 struct Life {
     first: u32,
@@ -90,7 +90,7 @@ fn lives(code: &Code) -> Table<Life> {
     lives
 }
 
-/// The loops of a program: the beginning and the end of each, and the loop around it.
+/// The loops of a program. Each has the positions of its first and last operation, and the index of the loop around it.
 struct Loops {
     /// For each position in the list, the index of the innermost loop around it.
     of: Vec<Option<u32>>,
@@ -118,7 +118,8 @@ impl Loops {
         Self { of, loops }
     }
 
-    /// The last position at which a value is needed, if it is defined at `defined` and used at `used`.
+    /// The last position at which a value is needed that an operation defines at `defined` and another operation uses
+    /// at `used`. After a use in a loop, the next iteration may need the value again.
     fn needed(&self, defined: u32, used: u32) -> u32 {
         let mut last = used;
         let mut inner = self.of[used as usize];

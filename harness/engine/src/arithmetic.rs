@@ -7,20 +7,20 @@ use crate::rules::Half;
 
 /// The representation of numbers while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
-/// The trait is sealed. The folder `rules` has one rule for each builtin and each arithmetic. A fourth arithmetic would
-/// need a fourth rule for each builtin.
+/// The trait is sealed. You can't add an arithmetic outside of this crate, because an arithmetic needs its own rule for
+/// each builtin in the folder `rules`.
 pub trait Arithmetic: Rules {}
 
 /// IEEE single precision, rounded to nearest, as a conforming GPU computes.
 #[derive(Clone, Copy, Debug)]
 pub struct F32;
 
-/// Double precision: runs the same program with `f64` floats. The difference from [`F32`] shows how large rounding
-/// errors are. Integers are exact, as in [`F32`].
+/// Double precision: the program runs with `f64` in place of `f32`. The difference from [`F32`] shows how large
+/// rounding errors are. Integers are exact, as in [`F32`].
 #[derive(Clone, Copy, Debug)]
 pub struct F64;
 
-/// The bounds of all results that the WGSL specification allows.
+/// Interval arithmetic: each value is an interval with all results that the WGSL specification allows.
 #[derive(Clone, Copy, Debug)]
 pub struct Intervals;
 
@@ -28,7 +28,7 @@ impl Arithmetic for F32 {}
 impl Arithmetic for F64 {}
 impl Arithmetic for Intervals {}
 
-/// A rule from floats to floats, for each arithmetic.
+/// A rule that computes floats from floats, in each arithmetic.
 pub trait FloatRule<const I: usize, const O: usize> {
     /// Computes the rule in [`F32`].
     fn single(x: [f32; I]) -> [f32; O];
@@ -38,7 +38,7 @@ pub trait FloatRule<const I: usize, const O: usize> {
     fn interval(x: [Interval; I]) -> [Interval; O];
 }
 
-/// A rule from integers to an integer, for each arithmetic. Each `u32` has the bits of an `i32` or a `u32`.
+/// A rule that computes an integer from integers, in each arithmetic. Each `u32` has the bits of an `i32` or a `u32`.
 pub trait IntRule<const I: usize> {
     /// `true` if the result is an `i32`.
     const SIGNED: bool;
@@ -48,7 +48,7 @@ pub trait IntRule<const I: usize> {
     fn range(x: [Range; I]) -> Range;
 }
 
-/// A rule from floats to an integer, for each arithmetic.
+/// A rule that computes an integer from floats, in each arithmetic.
 pub trait ToIntRule<const I: usize> {
     /// `true` if the result is an `i32`.
     const SIGNED: bool;
@@ -60,7 +60,7 @@ pub trait ToIntRule<const I: usize> {
     fn interval(x: [Interval; I]) -> Range;
 }
 
-/// A rule from an integer to floats, for each arithmetic.
+/// A rule that computes floats from an integer, in each arithmetic.
 pub trait FromIntRule<const O: usize> {
     /// Computes the rule in [`F32`].
     fn single(x: u32) -> [f32; O];
@@ -70,7 +70,7 @@ pub trait FromIntRule<const O: usize> {
     fn interval(x: Range) -> [Interval; O];
 }
 
-/// A rule from a float and an integer to a float, for each arithmetic.
+/// A rule that computes a float from a float and an integer, in each arithmetic.
 pub trait MixedRule {
     /// Computes the rule in [`F32`].
     fn single(x: f32, i: u32) -> f32;
@@ -80,14 +80,14 @@ pub trait MixedRule {
     fn interval(x: Interval, i: Range) -> Interval;
 }
 
-/// The least and the greatest value that an integer may have, signed or unsigned as its type.
+/// The least and the greatest value that an integer may have.
 pub(crate) type Bounds = (i64, i64);
 
 pub(crate) mod sealed {
     use super::*;
 
-    /// A function that narrows the interval of a result. The first argument has the intervals of the operation's
-    /// arguments. The second argument is the result's interval.
+    /// A function that narrows the interval of a result. Its first argument has the intervals of the operation's
+    /// arguments. Its second argument is the interval to narrow.
     pub(crate) type Narrow<'n> = &'n dyn Fn(&[Interval], Interval) -> Interval;
 
     /// The types and operations that the machine needs from an arithmetic.
@@ -99,13 +99,13 @@ pub(crate) mod sealed {
         /// A boolean. Masks consist of booleans, too.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
 
-        /// `true` if a boolean may be undecided. Then the masks inside a loop are relative to the mask at the loop's
-        /// entry.
+        /// `true` if a boolean may be undecided. Then the machine tracks active lanes with `Worlds` in place of
+        /// `Masks`.
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;
-        /// A literal's value. If the author probably wrote a decimal, the interval of the literal contains all numbers
-        /// that iteration to `x`.
+        /// A literal's value. If the author wrote a decimal such as 0.1, its interval contains all numbers that round
+        /// to `x`.
         fn decimal(x: f32, half: bool) -> Self::Float {
             let _ = half;
             Self::float(x)
@@ -116,8 +116,7 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// Returns the result `y` of a rule. In [`Intervals`], the function in the first argument may narrow this
-        /// result first.
+        /// Returns the result `y` of a rule. [`Intervals`] first narrows `y` with the function in the first argument.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
         }
@@ -137,7 +136,7 @@ pub(crate) mod sealed {
         fn not(a: Self::Bool) -> Self::Bool;
         /// Checks if the boolean may be true.
         fn possible(a: Self::Bool) -> bool;
-        /// An undecided boolean: the join of true and false, in an arithmetic that has such booleans.
+        /// A boolean that may be true or false. Arithmetics without such booleans return `true`.
         fn undecided() -> Self::Bool;
         /// Checks if the boolean may be false.
         fn avoidable(a: Self::Bool) -> bool;
@@ -147,18 +146,18 @@ pub(crate) mod sealed {
         fn select_int(c: Self::Bool, yes: Self::Int, no: Self::Int) -> Self::Int;
         fn select_bool(c: Self::Bool, yes: Self::Bool, no: Self::Bool) -> Self::Bool;
 
-        /// The values that an index may have. `signed` is `true` if the index is an `i32`.
+        /// The least and the greatest value that an index may have. `signed` is `true` if the index is an `i32`.
         fn bounds(i: Self::Int, signed: bool) -> Bounds;
 
-        /// Rounds a value to half precision. `F64` doesn't round. In intervals, the result contains each value that
-        /// WGSL allows for an accuracy of `half`.
+        /// Rounds a value to half precision. `F64` doesn't round. In [`Intervals`], the result contains each value
+        /// within the error `half`, which WGSL allows.
         fn to_half(x: Self::Float, half: Half) -> Self::Float;
         /// Flushes subnormal values to zero.
         fn flush(x: Self::Float) -> Self::Float;
-        /// Checks if the float is unbounded, so that the machine notes the cause.
+        /// Checks if the float is unbounded. The machine notes the cause of such floats.
         fn is_unknown(x: Self::Float) -> bool;
-        /// Notes the operation that made a value unbounded: the earliest cause among `inputs`, or `site` if no input
-        /// has a cause.
+        /// Notes in the unbounded value `x` the operation that made it unbounded: the first cause among `inputs`, or
+        /// `site` if no input has a cause.
         fn note(
             x: Self::Float,
             inputs: &mut dyn Iterator<Item = Self::Float>,
@@ -175,20 +174,20 @@ pub(crate) mod sealed {
 
         /// The word that memory stores for a float: the nearest `f32`, or the middle of an interval.
         fn float_word(x: Self::Float) -> u32;
-        /// The word that memory stores for an integer. For a range, it is the least integer.
+        /// The word that memory stores for an integer. For a range, memory stores the least integer.
         fn int_word(x: Self::Int) -> u32;
         /// The word that memory stores for a boolean: 1 if it may be true, otherwise 0.
         fn bool_word(x: Self::Bool) -> u32 {
             u32::from(Self::possible(x))
         }
 
-        /// The result of a filter: a weighted sum of texels, which are all in `hull`.
+        /// The result of a texture filter: `sum` is the weighted sum of texels, whose values are all within `hull`.
         fn filtered(sum: f64, hull: (f32, f32)) -> Self::Float;
-        /// A channel of a normalised format, converted from its integer.
+        /// A texel's channel in a normalised format such as `rgba8unorm`, converted from an integer to `x`.
         fn normalized(x: f32) -> Self::Float {
             Self::float(x)
         }
-        /// Converts a texture coordinate to the number that filters use.
+        /// Converts a texture coordinate to the number that filters use: the middle of an interval.
         fn coordinate(x: Self::Float) -> f64;
     }
 }
@@ -389,10 +388,10 @@ impl Rules for Intervals {
         Interval::point(x)
     }
     fn decimal(x: f32, half: bool) -> Interval {
-        /// The largest number of bits of a fraction that an author writes exactly, such as 0.625. Longer fractions
-        /// count as decimals.
+        /// The largest number of significant bits in a literal that counts as exact, such as 0.625. Literals with more
+        /// bits, such as 0.1, count as rounded decimals.
         const SHORT: u32 = 12;
-        /// The limit that replaces `SHORT` in half precision, which has 11 bits.
+        /// The limit in half precision, whose floats have 11 significant bits.
         const SHORT_HALF: u32 = 6;
         let digits = if half { SHORT_HALF } else { SHORT };
         let short = x.to_bits() & ((1 << (24 - digits)) - 1) == 0;

@@ -6,14 +6,14 @@ use crate::coverage::Statement;
 use crate::rules::{FloatRule, FromInt, Half, Integer, Scale, ToInt};
 use crate::scalar::{File, Scalar};
 
-/// A register: a column with one value for each lane. The register file `file` is floats, integers or booleans.
+/// A register: a column with one value for each lane. `file` says whether these are floats, integers or booleans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Reg {
     pub(crate) file: File,
     pub(crate) index: u32,
 }
 
-/// A comparison of two numbers. For `>` and `>=`, lowering swaps the operands.
+/// A comparison of two numbers. Lowering turns `a > b` and `a >= b` into `b < a` and `b <= a`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compare {
     Equal,
@@ -22,8 +22,8 @@ pub(crate) enum Compare {
     LessEqual,
 }
 
-/// The lane of a quad from which another lane of the quad reads a value. The lanes are the upper left pixel, the pixel
-/// on its right, and the two pixels below.
+/// The column or row of a quad whose pixel each lane reads. For example, with `Left` both pixels of a row read the left
+/// one. A quad's four lanes are the upper left pixel, the pixel on its right, and the two pixels below.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Neighbour {
     Left,
@@ -43,7 +43,7 @@ impl Neighbour {
     }
 }
 
-/// An operation. [`Code::pool`] has its registers, results first.
+/// An operation of a lowered program. [`Code::pool`] lists the operation's registers, the results first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Op {
     Float(FloatRule),
@@ -51,16 +51,16 @@ pub(crate) enum Op {
     ToInt(ToInt),
     FromInt(FromInt),
     Scale(Scale),
-    /// Rounds to half precision. The argument says how exact the result must be.
+    /// Rounds to half precision. The argument is the error that the result may have.
     ToHalf(Half),
-    /// Reads the value of another lane of the quad.
+    /// Copies a float from another lane of the same quad.
     Neighbour(Neighbour),
     CompareFloat(Compare),
     CompareInt(Compare, bool),
     And,
     Or,
     Not,
-    /// The exclusive or of two booleans.
+    /// Exclusive or: tests if two booleans differ.
     Differ,
     /// Tests if a float is NaN. `IsInf` tests if a float is infinite.
     IsNan,
@@ -71,74 +71,79 @@ pub(crate) enum Op {
     Move(File),
     /// Copies a value in active lanes.
     Store(File),
-    /// Registers: the result, the first register of a range, indices. [`Code::walks`] describes the indexing.
+    /// Copies a register of a range, which indices select. Registers: the result, the range's first register, indices.
+    /// [`Code::walks`] describes the indexing.
     Gather(File, u32),
-    /// Registers: the first register of a range, the value, indices.
+    /// Stores a value in the register that `Gather` would copy. Registers: the range's first register, the value,
+    /// indices.
     Scatter(File, u32),
-    /// Registers: the result, the candidates, the index. The `u32` is the number of candidates, and the `bool` says if
-    /// the index is signed.
+    /// Copies the candidate that an index selects. Registers: the result, the candidates, the index. The `u32` is the
+    /// number of candidates. The `bool` is `true` if the index is signed.
     Pick(File, u32, bool),
-    /// Registers: the result, the index into a table of constants.
+    /// Copies the element of the table [`Code::tables`]`[u32]` that an index selects. Registers: the result, the index.
     Table(File, u32),
-    /// Registers: the result, indices. The `u32` is the index of a [`Walk`], which leads to bytes of a buffer.
+    /// Loads a scalar from a buffer, with the indexing [`Code::walks`]`[u32]`. Registers: the result, the indices.
     Load(Scalar, u32),
-    /// Registers: the value, indices.
+    /// Writes a scalar to a buffer. Registers: the value, the indices.
     Write(Scalar, u32),
-    /// Registers: the result, a `u32`, and indices.
+    /// Computes the number of elements of a runtime-sized array. Register: the result.
     ArrayLength(u32),
-    /// Registers: the result (or none), the value, the compared value (or none), indices.
+    /// Runs an atomic other than a load or a store. Registers: the old word (or none), for a compare-exchange the flag
+    /// `exchanged`, the value, the compared value (or none), the indices.
     Atomic(u32),
-    /// Registers: results, operands. [`Code::images`] describes the operation.
+    /// Reads or queries a texture, as [`Code::images`] describes. Registers: results, operands.
     Image(u32),
-    /// Registers: the texel's floats, the coordinates and the layer, the texel's integers.
+    /// Writes a texel. Registers: the texel if it has floats, the coordinates and the layer, the texel if it has
+    /// integers.
     ImageStore(u32),
-    /// Reports lanes in which a computed index has wrapped around. Registers: the index, and the registers from which
-    /// it is computed. [`Code::wraps`] describes the computation.
+    /// Reports lanes in which a computed integer has wrapped around: an index, or a difference that becomes a float.
+    /// Registers: the integer, and the registers from which it is computed. [`Code::wraps`] describes the computation.
     Wrap(u32),
 
-    /// Register: the condition. Jumps if the condition holds in no lane.
+    /// Begins a branch. Jumps to `Else` or `EndIf` if the condition holds in no active lane. Register: the condition.
     If,
-    /// Register: the condition of its `If`. Jumps if the condition holds in all lanes.
+    /// Begins the other branch. Jumps to `EndIf` if no lane takes this branch. Register: the condition.
     Else,
-    /// Jumps to the end of the enclosing construct if no lane is active any more. `EndSwitch`, `EndLoop` and `EndCall`
-    /// also do this.
+    /// Ends an `if`. If no lane is active after it, jumps to the end of the enclosing branch or other construct.
+    /// `EndSwitch`, `EndCall` and (after a loop) `Skip` also do this.
     EndIf,
     Switch,
-    /// Register: the condition. The `bool` is `true` if lanes of the previous case fall through into this case.
+    /// Begins a case of a `switch`. Register: the condition under which a lane enters the case. The `bool` is `true` if
+    /// lanes of the previous case fall through into this case.
     Case(bool),
     EndSwitch,
     Loop,
-    /// Begins an iteration of a loop, and reduces the number of iterations that the lanes may still run.
+    /// Begins an iteration of a loop. Each active lane may then run one iteration less.
     Round,
     Continuing,
     /// Register: the condition.
     BreakIf,
-    /// Jumps back while a lane is active.
+    /// Ends a loop's body. Jumps back to `Round` while a lane is still in the loop.
     EndLoop,
-    /// Jumps if no lane is active any more.
+    /// Comes after each loop. If no lane is active, jumps to the end of the enclosing construct.
     Skip,
     Call,
     EndCall,
-    /// The active lanes jump to the end of an open construct. The argument is the number of open constructs inside that
-    /// construct.
+    /// Makes the active lanes leave a loop or a `switch`. The argument is the number of open constructs inside of the
+    /// one that the lanes leave: in `loop { if c { break; } }` it is 1.
     Break(u32),
     Continue(u32),
     Return(u32),
-    /// Marks that the value of a named let-binding is complete. The registers are those of the value: floats, then
-    /// integers, then booleans.
+    /// Shows the value of a let-binding to observers, see [`Settings::named`](crate::Settings::named). Registers: the
+    /// value's floats, then its integers, then its booleans.
     Mark(u32),
-    /// Registers: the result, operands. [`Code::subgroups`] describes the operation.
+    /// Runs a subgroup operation, which [`Code::subgroups`] describes. Registers: the result, operands.
     Subgroup(u32),
     /// Makes active lanes helpers.
     Discard,
-    /// A barrier that orders accesses to the address spaces in its argument.
+    /// A barrier. The argument lists the address spaces whose accesses it orders.
     Barrier(naga::Barrier),
     Halt,
 }
 
 impl Op {
-    /// Checks if an operation ends a branch, a loop or a call, or a part of such a construct. Such an operation runs
-    /// even if the operation before it didn't run. The two operations have the same source position.
+    /// Checks if an operation ends a branch, a loop or a call, or a part of such a construct. Observers don't receive
+    /// such an operation: it has the source position of the operation before it, but may run without that one.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,
@@ -160,13 +165,13 @@ pub(crate) struct Instruction {
     pub(crate) op: Op,
     /// The index of the operation's first register in the pool.
     pub(crate) at: u32,
-    /// The number of the operation's registers in the pool. It is 0 until `allocate` has assigned registers.
+    /// The number of the operation's registers in the pool. The number is 0 until `allocate` has assigned registers.
     pub(crate) count: u32,
     pub(crate) target: u32,
     pub(crate) site: u32,
 }
 
-/// The stride of an index, and the number of its valid values.
+/// One index of an access: the distance and the number of the elements, and whether the index is signed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     pub(crate) stride: u32,
@@ -177,7 +182,7 @@ pub(crate) struct Step {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Count {
     Fixed(u32),
-    /// The array begins at `offset` bytes and has as many elements as fit into the rest of the buffer.
+    /// The length of a runtime-sized array. The array begins at byte `offset` of the buffer, and fills the rest.
     Runtime {
         offset: u32,
         stride: u32,
@@ -190,14 +195,14 @@ pub(crate) struct Wrap {
     pub(crate) buffer: Option<u32>,
     /// The array that the integer indexes. `None` if the integer is a difference that becomes a float.
     pub(crate) step: Option<Step>,
-    /// The terms of the computation. Operands come before the operation that uses them.
+    /// The computation of the integer in postfix order: operands before the operation that uses them.
     pub(crate) terms: Vec<Term>,
 }
 
-/// One term of the computation of an integer. The machine repeats this computation without wrapping.
+/// An operand or an operation in the computation of an integer. The machine repeats it in a wider type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Term {
-    /// The value of a register. Each such term uses the next register of the operation.
+    /// The value of a register. Such terms use the registers of [`Op::Wrap`] in order, from the second one.
     Register,
     Negate,
     Add,
@@ -213,7 +218,7 @@ pub(crate) struct Walk {
     pub(crate) offset: u32,
     pub(crate) steps: Vec<Step>,
     pub(crate) atomic: Option<AtomicOp>,
-    /// `false` if the access is atomic, because atomics don't race with each other.
+    /// `true` for accesses to a buffer that aren't atomic. Atomics don't race with each other.
     pub(crate) plain: bool,
 }
 
@@ -222,11 +227,11 @@ pub(crate) struct AtomicOp {
     pub(crate) function: AtomicFunction,
     pub(crate) scalar: Scalar,
     pub(crate) result: bool,
-    /// `true` if another operation reads the word that the atomic returns.
+    /// `true` if another operation uses the word that the atomic returns.
     pub(crate) used: bool,
 }
 
-/// The part of the source from which Karat lowered an operation.
+/// The place in the WGSL source from which Karat lowered an operation.
 #[derive(Clone, Debug)]
 pub struct Site {
     /// The site's number in the program.
@@ -237,7 +242,7 @@ pub struct Site {
     pub expression: Option<naga::Handle<naga::Expression>>,
     /// The name of the let-binding, if the operation comes from one.
     pub name: Option<String>,
-    /// The operation's bytes in the source.
+    /// The byte range of the operation in the source.
     pub span: Span,
     /// `true` if the results are floats of half precision.
     pub half: bool,
@@ -249,7 +254,7 @@ pub(crate) struct Constant {
     pub(crate) word: u32,
 }
 
-/// For each register file, the number of an operation's result registers and argument registers.
+/// The numbers of an operation's result registers (`outs`) and argument registers (`ins`): floats, integers, booleans.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shape {
     pub(crate) outs: [u32; 3],
@@ -261,7 +266,7 @@ pub(crate) struct BufferSlot {
     pub(crate) binding: Binding,
     pub(crate) name: String,
     pub(crate) span: Span,
-    /// The least size of the buffer's type, in bytes. For an array with a length known only at run time, it is 0.
+    /// The least size of the buffer, in bytes. A runtime-sized array counts as 0 bytes.
     pub(crate) least: u32,
     pub(crate) written: bool,
 }
@@ -276,7 +281,7 @@ impl BufferSlot {
 pub(crate) enum Binding {
     /// A resource that the caller binds.
     Resource { group: u32, binding: u32 },
-    /// Memory of the workgroup. It is zero at the start.
+    /// A `var<workgroup>`, which is zero when a workgroup starts.
     Workgroup,
 }
 
@@ -294,27 +299,27 @@ pub(crate) struct Code {
     pub(crate) buffers: Vec<BufferSlot>,
     pub(crate) textures: Vec<HandleSlot>,
     pub(crate) samplers: Vec<HandleSlot>,
-    /// Registers that have the same value in all lanes, and never change.
+    /// The registers of constants, with their values.
     pub(crate) constants: Vec<(Reg, Constant)>,
     pub(crate) registers: [u32; 3],
-    /// For an entry point, the number of invocations of a workgroup in each direction.
+    /// For an entry point, the size of a workgroup in x, y and z. For a function, three zeros.
     pub(crate) workgroup: [u32; 3],
     pub(crate) parameters: Vec<(Reg, Scalar)>,
     pub(crate) results: Vec<(Reg, Scalar)>,
-    /// For each named let-binding, the number of registers of its value in each register file.
+    /// For each [`Op::Mark`], the numbers of floats, integers and booleans in the let-binding's value.
     pub(crate) marks: Vec<[u32; 3]>,
     /// The source position of the first operation in half precision for which WGSL doesn't limit the error.
     pub(crate) half: Option<Span>,
-    /// Registers that operations store to. If a lane takes both branches of a condition, only these registers can have
-    /// different values in the two branches.
+    /// The registers of variables: those that [`Op::Store`] and [`Op::Scatter`] change. If a lane takes both branches
+    /// of an undecided condition, only these registers can have different values in the two branches.
     pub(crate) mutable: [Vec<u32>; 3],
     pub(crate) statements: Vec<Statement>,
-    /// Ranges of registers. An index selects a register of a range, so the registers of a range must stay together.
+    /// Ranges of registers in which an index selects a register at run time. Allocation keeps these ranges together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
 }
 
 impl Code {
-    /// Checks if an access through this walk may race with another access.
+    /// Checks if an access with the walk of this index may race with another access.
     pub(crate) fn may_race(&self, walk: u32) -> bool {
         let walk = &self.walks[walk as usize];
         let slot = self.buffers.get(walk.buffer as usize);
@@ -325,7 +330,7 @@ impl Code {
 #[derive(Clone, Debug)]
 pub(crate) struct HandleSlot {
     pub(crate) written: bool,
-    /// The dimension and the scalar kind that a texture must have.
+    /// For a texture: the dimension and the scalar kind that the bound texture must have.
     pub(crate) image: Option<(naga::ImageDimension, naga::ScalarKind)>,
     pub(crate) group: u32,
     pub(crate) binding: u32,
@@ -345,7 +350,7 @@ pub(crate) struct ImageOp {
     pub(crate) kind: ImageKind,
     pub(crate) coordinates: u32,
     pub(crate) arrayed: bool,
-    /// One bit for each integer operand, which is 1 if the operand is signed.
+    /// A bit set with one bit for each integer operand: 1 if the operand is signed.
     pub(crate) signed: u32,
     pub(crate) signed_texels: bool,
     pub(crate) outs: [u32; 3],
@@ -363,17 +368,17 @@ pub(crate) enum ImageKind {
     Store(naga::StorageFormat),
 }
 
-/// A subgroup operation. Its operand is one scalar in each lane.
+/// A subgroup operation on one scalar. A vector needs one such operation for each component.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SubgroupOp {
     pub(crate) kind: SubgroupKind,
     pub(crate) scalar: Scalar,
 }
 
-/// The kind of a subgroup operation. The operands are a value, and an index if the kind needs one.
+/// The kind of a subgroup operation. The operands are a value, and for some kinds a lane index.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum SubgroupKind {
-    /// One of the four `u32` that a ballot returns, by index. The operand is a condition.
+    /// One of the four `u32` that `subgroupBallot` returns. The argument is its index. The operand is the predicate.
     Ballot(u32),
     Collective(naga::SubgroupOperation, naga::CollectiveOperation),
     Gather(From),
@@ -392,7 +397,7 @@ pub(crate) enum From {
     Xor,
     /// The lane whose index in the quad is the operand.
     OfQuad,
-    /// The lane whose index differs from the reading lane's index in exactly these bits.
+    /// The lane whose index is the reading lane's index with these bits flipped.
     Swap(u32),
 }
 
@@ -413,7 +418,7 @@ pub(crate) enum Detail {
 }
 
 impl Code {
-    /// Checks if a lane reads a value of another lane of its quad.
+    /// Checks if the program contains derivatives, which read other lanes of a quad.
     pub(crate) fn has_neighbours(&self) -> bool {
         self.instructions.iter().any(|one| matches!(one.op, Op::Neighbour(_)))
     }

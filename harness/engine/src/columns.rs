@@ -1,6 +1,6 @@
-//! Registers. Each register is a column of lanes.
+//! The columns that store registers: each register has one value for each lane.
 
-/// All registers of one kind. A register is a column with one value for each lane.
+/// All registers of one register file. The values of a register in all lanes are a column.
 #[derive(Debug)]
 pub(crate) struct Columns<T> {
     columns: Vec<Box<[T]>>,
@@ -30,7 +30,7 @@ impl<T: Copy + Default> Columns<T> {
         &mut self.columns[register as usize]
     }
 
-    /// Applies `f` to each lane. `registers` has the results first, then the arguments.
+    /// Applies `f` to each lane. `registers` lists the registers of the results, then those of the arguments.
     #[inline(always)]
     pub(crate) fn map<const I: usize, const O: usize>(
         &mut self,
@@ -56,7 +56,7 @@ impl<T: Copy + Default> Columns<T> {
         }
     }
 
-    /// Computes a register's new lanes in the spare column, then exchanges the two columns.
+    /// Computes the new values of a register in a spare column, which then replaces the register's old column.
     #[inline(always)]
     pub(crate) fn write(&mut self, register: u32, f: impl Fn(&Self, &mut [T])) {
         let mut spare = std::mem::take(&mut self.spares[0]);

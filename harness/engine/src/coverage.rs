@@ -1,7 +1,7 @@
 //! Coverage: counts how often each statement runs, and how many lanes take each of the statement's branches.
 //!
-//! The active lanes change only at operations that change the mask. The operations between two such operations are a
-//! straight line: they all run in the same lanes. So one counter for each straight line is enough.
+//! Only some operations, such as the ends of branches, change which lanes are active. The operations between two such
+//! operations are a straight line: all of them run in the same lanes, so they share one counter.
 //! [`Settings::statements`](crate::Settings::statements) lists the statements, and [`Options::counts`](crate::Options)
 //! has the counters.
 
@@ -20,10 +20,10 @@ use crate::lower::STACK;
 pub struct Statement {
     /// The function that contains the statement.
     pub function: String,
-    /// The number of the call from which lowering copied the statement. Lowering replaces each call by the statements
-    /// of the called function.
+    /// The number of the call that this copy of the statement comes from. Lowering inlines functions, so each call gets
+    /// its own copy of the called function's statements.
     pub call: usize,
-    /// The statement's bytes in the source.
+    /// The byte range of the statement in the source.
     pub span: Span,
     /// The kind of the statement.
     pub kind: StatementKind,
@@ -43,16 +43,15 @@ pub enum StatementKind {
     /// A `switch`. Each of its clauses is also a statement.
     Switch,
     /// An `if`, `&&` or `||`. Lanes can go two ways: the condition holds, or the condition doesn't hold. For `a || b`,
-    /// the condition is `!a`, because naga translates `||` so.
+    /// the condition is `!a`, because naga translates `a || b` into an `if` with this condition.
     If,
     /// A `select` expression. Lanes can go two ways: the condition holds, or the condition doesn't hold.
     Select,
-    /// A clause of a `switch`. The parameter is the clause's index. Lanes can go only one way.
+    /// A clause of a `switch`. The parameter is the clause's index. All lanes that reach a clause go the same way.
     Clause(usize),
-    /// A loop. Lanes can go three ways: a lane leaves the loop in the first iteration, in the second iteration, or in a
-    /// later iteration.
+    /// A loop. Lanes can go three ways: they leave the loop in the first, in the second, or in a later iteration.
     Loop,
-    /// The condition of a `for` or `while`. Lanes can go the same three ways as for [`Loop`](Self::Loop).
+    /// The condition of a `for` or `while`. Lanes that go each way are counted at the [`Loop`](Self::Loop).
     Exit,
 }
 
@@ -65,7 +64,7 @@ pub struct Counts(Vec<Counter>);
 #[derive(Debug, Default)]
 struct Counter {
     lanes: AtomicU64,
-    /// The index of the first case that reached the operation, plus 1. It is 0 if no case reached the operation.
+    /// The lowest index of a case that reached the operation, plus 1. The number is 0 if no case reached the operation.
     first: AtomicU64,
     ways: [AtomicU64; WAYS],
 }
@@ -75,9 +74,9 @@ struct Counter {
 pub struct Count {
     /// The number of lanes that reached the statement.
     pub lanes: u64,
-    /// The first case that reached the statement.
+    /// The lowest index of a case that reached the statement.
     pub first: Option<usize>,
-    /// The number of lanes that went each way. [`StatementKind`] lists the ways of each kind of statement.
+    /// The number of lanes that took each branch (way), in the order in which [`StatementKind`] lists them.
     pub ways: [u64; WAYS],
 }
 
@@ -103,8 +102,8 @@ impl Counts {
         self.0[at].ways[way].fetch_add(lanes, Ordering::Relaxed);
     }
 
-    /// Counts the lanes that begin an iteration of a loop. Iterations count from 1. A lane leaves the loop in the last
-    /// iteration that it begins.
+    /// Counts the lanes that begin an iteration of a loop. `round` is the number of the iteration, from 1. A lane
+    /// counts for the last iteration that it begins, because it leaves the loop there.
     pub(crate) fn round<A: Rules>(&self, at: usize, round: u64, lanes: &[A::Bool]) {
         let ways = &self.0[at].ways;
         let Ok(way) = usize::try_from(round - 1) else { return };
@@ -117,8 +116,8 @@ impl Counts {
         }
     }
 
-    /// Counts the lanes in which a condition holds, and the lanes in which it doesn't hold. After both have occurred,
-    /// the counts no longer change.
+    /// Counts the lanes in which a condition holds, and the lanes in which it doesn't hold. Once both numbers are above
+    /// 0, the function stops counting to save time.
     pub(crate) fn select<A: Rules>(&self, at: usize, condition: &[A::Bool], lanes: &[A::Bool]) {
         let ways = &self.0[at].ways;
         if ways[..2].iter().any(|way| way.load(Ordering::Relaxed) == 0) {
@@ -159,7 +158,8 @@ fn parts(op: Op) -> bool {
 }
 
 impl crate::Program {
-    /// New counters for [`Options::counts`](crate::Options::counts), all zero. `None` if no statements are listed.
+    /// New counters for [`Options::counts`](crate::Options::counts), all zero. `None` if the program was lowered
+    /// without [`statements`](crate::Settings::statements).
     #[must_use]
     pub fn counts(&self) -> Option<Arc<Counts>> {
         let code = self.code();
@@ -167,7 +167,7 @@ impl crate::Program {
         (!code.statements.is_empty()).then(|| Arc::new(Counts(counters())))
     }
 
-    /// The statements with their counts.
+    /// The program's statements, each with its counts.
     pub fn counted<'p>(
         &'p self,
         counts: &'p Counts,
@@ -199,7 +199,7 @@ impl crate::Program {
 }
 
 impl Statement {
-    /// The index of the operation at which the ways of a statement are counted. `None` if the statement has no ways.
+    /// The index of the operation whose counter has the statement's branches. `None` if these aren't counted.
     fn branch(&self, code: &Code) -> Option<usize> {
         let (start, end) = (self.start as usize, self.end as usize);
         let mut own = (start..end).map(|at| (at, code.instructions[at].op));
@@ -273,7 +273,7 @@ fn list_block(block: &Block, list: &mut dyn FnMut(Span, StatementKind)) {
 }
 
 impl StatementKind {
-    /// The kind of a statement. `None` if this statement isn't listed.
+    /// The kind of a statement of naga. `None` for a block, which only groups statements.
     pub(crate) fn of(statement: &naga::Statement) -> Option<Self> {
         let leaves = |block: &Block| matches!(block.last(), Some(naga::Statement::Break));
         Some(match statement {
@@ -289,10 +289,9 @@ impl StatementKind {
     }
 }
 
-/// Finds the operations that can affect something that a test sees. A test sees results, values that are shown to
-/// observers, and buffers that outlive the program. A test also sees if the program never ends. A test of a pass also
-/// sees the findings of the sanitizer. A branch, a loop or a jump is needed if a needed operation runs or doesn't run
-/// because of it.
+/// Finds the operations that can affect something that a test sees. A test sees results, the let-bindings that
+/// observers receive, written buffers and textures, and endless loops. A test of a pass also sees the findings of the
+/// sanitizer. A branch, a loop or a jump is needed if it decides whether a needed operation runs.
 pub(crate) fn needed(code: &Code) -> Vec<bool> {
     let mut frames: Vec<(Option<usize>, bool)> = Vec::new();
     let mut frame_of: Vec<Option<usize>> = Vec::with_capacity(code.instructions.len());
@@ -334,7 +333,8 @@ pub(crate) fn needed(code: &Code) -> Vec<bool> {
 
 struct Needed<'c> {
     code: &'c Code,
-    /// For each branch, loop and call: the construct around it, and `true` if it contains a needed operation.
+    /// For each branch, loop and call: the index of the construct around it, and `true` if the branch, loop or call
+    /// contains a needed operation.
     frames: Vec<(Option<usize>, bool)>,
     registers: [Vec<bool>; 3],
     buffers: Vec<bool>,
@@ -413,7 +413,7 @@ impl Needed<'_> {
         &self.code.walks[walk as usize]
     }
 
-    /// The registers of the range that contains the register at pool index `at`.
+    /// The registers of the range in [`Code::pinned`] that contains the register at pool index `at`.
     fn range(&self, file: crate::scalar::File, at: u32) -> impl Iterator<Item = usize> + use<> {
         let base = self.code.pool[at as usize];
         let is_own = |&&(pinned, first, count): &&(crate::scalar::File, u32, u32)| {

@@ -1,6 +1,6 @@
 //! Runs entry points. A compute entry point runs in workgroups, whose invocations are the lanes of one chunk. A
-//! fragment entry point runs in tiles of pixels, which count as workgroups. The invocations that run side by side are a
-//! unit. Units take turns: in a turn, a unit runs to its next atomic or barrier, or to its end.
+//! fragment entry point runs in tiles of pixels, which count as workgroups. The invocations that one machine runs in
+//! lockstep are a unit. Units take turns: in a turn, a unit runs to its next atomic or barrier, or to its end.
 
 use std::collections::HashMap;
 use std::time::Instant;
@@ -20,8 +20,7 @@ use crate::resources::Resources;
 use crate::runs::Runs;
 use crate::schedule::{Actor, ByPriority, Priorities, Schedule, Stores, Turns, shuffled};
 
-/// The largest number of invocations of a workgroup. The default limit of WebGPU is 256, but GPUs may allow this
-/// number.
+/// The largest number of invocations of a workgroup. The default limit of WebGPU is 256, but some GPUs allow 1024.
 const MOST_INVOCATIONS: u32 = 1024;
 
 /// The inputs of an entry point, and the size of its workgroups.
@@ -30,7 +29,7 @@ pub(crate) struct Entry {
     size: [u32; 3],
     /// `true` for a fragment entry point. Then workgroups are tiles, and invocations are pixels in quads.
     drawn: bool,
-    /// For each scalar of the parameters, the builtin and the index of the component.
+    /// For each scalar of the parameters: the builtin with its value, and the index of its component.
     inputs: Vec<(BuiltIn, usize)>,
 }
 
@@ -89,7 +88,7 @@ impl Entry {
     }
 }
 
-/// The size of a tile in pixels, across and down. Four successive lanes are a quad.
+/// The size of a tile in pixels, across and down. In a tile, each four successive lanes are a quad.
 const TILE: [u32; 3] = [8, 8, 1];
 
 fn place_in_tile(index: u32) -> [u32; 3] {
@@ -98,7 +97,7 @@ fn place_in_tile(index: u32) -> [u32; 3] {
     [quad % across * 2 + pixel % 2, quad / across * 2 + pixel / 2, 0]
 }
 
-/// The number of tiles across and down in a draw of `pixels` across and down.
+/// The number of tiles in each direction that cover a draw of `pixels`.
 fn tiles(pixels: [u32; 3]) -> [u32; 3] {
     [pixels[0].div_ceil(TILE[0]), pixels[1].div_ceil(TILE[1]), 1]
 }
@@ -161,12 +160,11 @@ impl Entry {
 /// The state of a workgroup that runs. After the workgroup ends, another workgroup reuses the allocated memory.
 struct Room<'p, 'm, A: Arithmetic> {
     machines: Vec<Machine<'p, A>>,
-    /// The number of the workgroup's first unit, and the number of its first invocation. A unit consists of the
-    /// invocations that one machine runs side by side.
+    /// The number of the workgroup's first unit in the dispatch, and below it the number of its first invocation. A
+    /// unit consists of the invocations that one machine runs in lockstep.
     unit: u32,
     first: usize,
-    /// The number of machines that haven't ended. The next field has the machines that wait at a barrier, each with the
-    /// barrier's site.
+    /// The number of machines that are still running. `held` lists those at a barrier, each with the barrier's site.
     open: usize,
     held: Vec<(usize, u32)>,
     stores: usize,
@@ -175,8 +173,8 @@ struct Room<'p, 'm, A: Arithmetic> {
     /// The machines that have stopped before an atomic, because one of their own pending stores will change the
     /// atomic's word.
     blocked: Vec<usize>,
-    /// The workgroup's memory, by slot, and the state of the detector for this workgroup. Both are kept here while
-    /// another workgroup runs.
+    /// While another workgroup runs: this workgroup's memory, by buffer slot. In the same way, `known` keeps the race
+    /// detector's state for this workgroup.
     own: Vec<(usize, Buffer<'m, A>)>,
     known: OfGroup,
 }
@@ -205,7 +203,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
         }
     }
 
-    /// Exchanges the memory and the detector state of this workgroup with those of the running workgroup.
+    /// Swaps the memory and the detector state that are stored here with the current ones.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
         for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);
@@ -219,12 +217,11 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
 /// One atomic in the recorded order of a dispatch's atomics.
 #[derive(Clone, Debug)]
 pub struct Turn {
-    /// The number of the invocation in the dispatch. If several invocations run side by side, it is the number of the
-    /// invocation that ran the atomic.
+    /// The number of the invocation in the dispatch. Invocations are numbered workgroup by workgroup.
     pub invocation: usize,
     /// The atomic's position in the source.
     pub site: Site,
-    /// The word that the atomic returned. If the atomic returns nothing, the word that it wrote.
+    /// The word that the atomic returned. For an atomic that returns nothing: the word that it wrote.
     pub word: u32,
     /// `true` if another operation uses the word that the atomic returned.
     pub reads: bool,
@@ -233,18 +230,18 @@ pub struct Turn {
     pub behind: Option<Site>,
 }
 
-/// The observations that a run makes in addition to computing results.
+/// A request to look for races during a run: in which workgroups, and in which order of the atomics.
 pub(crate) struct Watch<'w> {
     groups: Option<&'w [usize]>,
     explorer: Option<&'w mut Explorer>,
 }
 
 struct Order {
-    /// The atomics so far, in the order in which they took effect. `None` if the order isn't recorded.
+    /// The atomics so far, in the order in which they took effect. `None` if the options don't ask for the order.
     taken: Option<Vec<(Turn, Done)>>,
 }
 
-/// The largest number of recorded atomics. If two orders differ, they usually differ early.
+/// The largest number of recorded atomics. This is enough to compare orders, because orders usually differ early.
 const MOST_TURNS: usize = 1 << 12;
 
 impl Order {
@@ -282,13 +279,13 @@ impl Order {
     }
 }
 
-/// The smallest number of workgroups that may run at the same time (each needs a [`Room`]), and the largest number of
-/// invocations that these workgroups have together.
+/// The number of workgroups that run at the same time (each in its own [`Room`]): at least `LEAST_ROOMS`, and more
+/// while they have at most `ROOMY` invocations together.
 const LEAST_ROOMS: usize = 4;
 const ROOMY: usize = 4096;
 
-/// Makes the memory and the detector state of the workgroup `next` current, and puts away those of the workgroup
-/// `here`.
+/// Switches from the workgroup `here` to the workgroup `next`: stores the memory and the detector state of `here` in
+/// its room, and makes those of `next` current.
 fn enter<'m, A: Arithmetic>(
     here: &mut Option<usize>,
     next: Option<usize>,
@@ -304,9 +301,8 @@ fn enter<'m, A: Arithmetic>(
     }
 }
 
-/// If all units only wait during this number of successive turns, the units count as waiting forever. If several
-/// invocations run side by side, the second number replaces the first, because these invocations may wait for each
-/// other.
+/// After this number of successive turns in which units only wait, Karat assumes that they wait forever. The limit for
+/// units of several invocations is `WAITS_TOGETHER`, because these may also wait for each other.
 const WAITS: usize = 1 << 14;
 const WAITS_TOGETHER: usize = 1 << 10;
 
@@ -317,17 +313,17 @@ impl Program {
     /// Runs a compute entry point, one workgroup after another. This is one of the orders that the specification
     /// allows. Writes to storage change `resources`.
     ///
-    /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down. The case number of an
-    /// invocation is the number that [`pixel_of`] converts to a pixel. The position is the only input of such an entry
-    /// point.
+    /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down. [`pixel_of`] converts
+    /// an invocation's case number to its pixel. The entry point can have only the inputs `position` and the builtins
+    /// of subgroups.
     ///
     /// In [`Intervals`](crate::Intervals), a program that writes a buffer or a texture stops with an error, because
     /// memory can't store intervals.
     ///
     /// # Errors
     ///
-    /// If a resource is missing, or if an invocation runs too many loop iterations. In the second error, `case` is the
-    /// number of this invocation in the dispatch, counted workgroup after workgroup.
+    /// Fails if a resource is missing, or if an invocation runs too many loop iterations. For too many iterations, the
+    /// error's `case` is the number of the invocation, counted workgroup by workgroup.
     pub fn dispatch<A: Runs>(
         &self,
         workgroups: [u32; 3],
@@ -339,12 +335,13 @@ impl Program {
     }
 
     /// Runs a compute entry point in `f32`, as [`dispatch`](Self::dispatch) does, and reports racing accesses and
-    /// barriers that some invocations missed. Runs the given workgroups, counted from 0, or all if `None`.
+    /// barriers that some invocations missed. Runs only the workgroups whose numbers, counted from 0, are in `groups`,
+    /// or all workgroups if `groups` is `None`.
     ///
     /// # Errors
     ///
-    /// The same as for [`dispatch`](Self::dispatch), except for loops that run too long: then the result has the
-    /// findings until the stop, and the reason for the stop.
+    /// Fails like [`dispatch`](Self::dispatch), with one exception: if a loop runs too long, returns the findings so
+    /// far and the reason for the stop.
     pub fn observe_races(
         &self,
         workgroups: [u32; 3],
@@ -361,7 +358,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// The same as for [`observe_races`](Self::observe_races).
+    /// Fails like [`observe_races`](Self::observe_races).
     pub fn explore(
         &self,
         workgroups: [u32; 3],
@@ -374,16 +371,15 @@ impl Program {
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
 
-    /// Checks if the program has atomics. With atomics, the order of invocations may change the results even without a
-    /// race.
+    /// Checks if the program has atomics. With atomics, the order of invocations may change the results without a race.
     #[must_use]
     pub fn has_atomics(&self) -> bool {
         let code = self.code();
         code.instructions.iter().any(|one| code.is_atomic(one.op))
     }
 
-    /// The number of invocations of a workgroup in each direction. For a draw, each number is 1, because the size of a
-    /// draw counts pixels. `None` for a function.
+    /// The number of invocations of a workgroup in each direction. For a fragment entry point, each number is 1,
+    /// because a draw's size is in pixels. `None` for a function.
     #[must_use]
     pub fn workgroup_size(&self) -> Option<[u32; 3]> {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })
@@ -396,10 +392,10 @@ impl Program {
         self.code().subgroup.is_some() || self.entry.as_ref().is_some_and(given)
     }
 
-    /// Implements [`dispatch`](Self::dispatch). It is compiled once for each arithmetic.
+    /// Implements [`dispatch`](Self::dispatch) for each arithmetic.
     ///
-    /// Invocations that run side by side may wait for each other forever. If this happens in the usual order, the
-    /// dispatch starts again, and invocations run one by one.
+    /// Invocations that run in lockstep may wait for each other forever. If this happens in the usual order, Karat
+    /// restarts the dispatch, and runs the invocations one by one.
     pub(crate) fn run_workgroups<A: Arithmetic, const SEEN: bool>(
         &self,
         workgroups: [u32; 3],

@@ -1,11 +1,11 @@
 //! Explores the orders of a dispatch's atomics. An order is a sequence of turns: in a turn, one [`Actor`] runs one
-//! atomic and everything up to its next atomic. One order of each class of equivalent orders runs.
+//! atomic and everything up to its next atomic. Of each class of equivalent orders, the explorer runs one.
 //!
 //! Two orders are equivalent if one becomes the other by exchanging neighbouring turns that commute. Accesses of
 //! different words commute, and so do two reads, or two additions whose results nothing uses. A *source set* contains
-//! the turns that must be tried at one point of an order, in place of the turn that ran there. A *sleep set* contains
-//! the turns that would lead to an order of a class that has already run (Abdulla et al. 2014, *Optimal dynamic partial
-//! order reduction*, algorithm 1).
+//! the turns that the explorer must try at one point of an order, each in its own run. A *sleep set* contains the turns
+//! that would lead to an order of a class that has already run (Abdulla et al. 2014, *Optimal dynamic partial order
+//! reduction*, algorithm 1).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -17,12 +17,12 @@ use crate::schedule::{Actor, Turns};
 /// A word that invocations share: its variable, the workgroup that has the memory, and its offset in bytes.
 pub(crate) type Word = (u32, u32, u32);
 
-/// The kind of an atomic access, which decides with which other accesses the access commutes.
+/// The kind of an atomic access. Two accesses of one word commute if both have the same kind, except `Changes`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Access {
     Reads,
-    /// Adds to the word, and no operation uses the word that the atomic returns. So the access commutes with accesses
-    /// of the same kind. The same is true for the kinds below, except `Changes`.
+    /// Adds to the word, and no operation uses the word that the atomic returns. Atomics of the next five kinds also
+    /// return a word that no operation uses.
     Adds,
     Ands,
     Ors,
@@ -53,8 +53,8 @@ impl Access {
     }
 }
 
-/// The accesses of shared words in the next turn of an [`Actor`]. An actor that begins, or has just passed a barrier,
-/// has no such accesses.
+/// The accesses of shared words in the next turn of an [`Actor`]. The first turn of an actor, and the first turn after
+/// a barrier, have no such accesses.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Step {
     atomic: bool,
@@ -62,8 +62,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// An atomic with its accesses. `touches` may be empty if no orders are explored, because only the explorer uses
-    /// the accesses.
+    /// The step of an actor before an atomic. Only the explorer uses `touches`, so it may be empty in other runs.
     pub(crate) fn atomic(touches: Vec<(Word, Access)>) -> Self {
         Self { atomic: true, touches }
     }
@@ -84,7 +83,7 @@ impl Step {
     }
 }
 
-/// A clock shows a point of a run: for each actor, by number, how many of the actor's turns come before this point.
+/// A vector clock of a point in a run: for each actor, by number, how many of its turns come before this point.
 type Clock = Vec<u32>;
 
 fn join(to: &mut Clock, from: &[u32]) {
@@ -96,8 +95,8 @@ fn join(to: &mut Clock, from: &[u32]) {
 struct Taken {
     actor: Actor,
     step: Step,
-    /// The number of the turn's actor. The next two fields have the turn's number among the actor's turns, and a clock.
-    /// The clock counts the turn itself and all turns that come before the turn.
+    /// The number of the turn's actor. `number` is the turn's number among the actor's turns, and `clock` counts this
+    /// turn and all turns that come before it.
     own: usize,
     number: u32,
     clock: Clock,
@@ -114,29 +113,30 @@ impl Taken {
 struct Node {
     ready: BTreeMap<Actor, Step>,
     chosen: Actor,
-    /// The actors to try at this point. For each of these actors, one explored order gives it the next turn.
+    /// The actors to try at this point. For each of them, the explorer runs one order in which the actor has its turn
+    /// here.
     wanted: BTreeSet<Actor>,
     /// The actors that needn't get a turn at this point, because the turn would lead to an order that is equivalent to
     /// an earlier one.
     asleep: BTreeMap<Actor, Step>,
 }
 
-/// The largest number of turns in an explored order. A longer run has too many orders, or doesn't end.
+/// The largest number of turns in an explored order. A longer run has too many orders to explore, or doesn't end.
 const MOST_TURNS: usize = 512;
 
-/// Explores the orders of dispatches, run by run.
+/// Chooses the order of the atomics for each run of the same dispatches, until it has explored all orders.
 #[derive(Debug, Default)]
 pub struct Explorer {
     nodes: Vec<Node>,
-    /// The turns of the current run. The next two fields have the actors that can go on, and the actors that wait for a
-    /// word to change.
+    /// The turns of the current run. `ready` has the actors that can go on, `waiting` those that wait for a changed
+    /// word.
     taken: Vec<Taken>,
     ready: BTreeMap<Actor, Step>,
     waiting: BTreeMap<Actor, Step>,
     clocks: BTreeMap<Actor, Clock>,
     numbers: BTreeMap<Actor, usize>,
     work: u64,
-    /// A clock with all turns before the current dispatch.
+    /// A clock that counts all turns of the dispatches before the current one.
     base: Clock,
     begins: Vec<usize>,
     last: Actor,
@@ -148,7 +148,7 @@ pub struct Explorer {
 }
 
 impl Explorer {
-    /// Begins the next run. Returns `false` if all orders have run.
+    /// Begins the next run. Returns `false` if no order is left to run.
     pub fn begin(&mut self) -> bool {
         if std::mem::replace(&mut self.has_begun, true) {
             loop {
@@ -197,7 +197,7 @@ impl Explorer {
         self.has_waited
     }
 
-    /// Checks if a run had too many turns to explore.
+    /// Checks if the explorer stopped a run because the run had too many turns.
     #[must_use]
     pub fn is_too_long(&self) -> bool {
         self.too_long
@@ -248,8 +248,8 @@ impl Explorer {
         Some(actor)
     }
 
-    /// If a turn races with an earlier turn, adds an actor to try at the point of the earlier turn. Then another order
-    /// runs the two racing turns in the opposite order.
+    /// If the actor's turn races with an earlier turn, adds an actor to try at the point of the earlier turn. So a
+    /// later run has the two racing turns in the opposite order.
     fn want_otherwise(&mut self, actor: Actor, step: &Step, before: &[u32]) {
         let mut racing: Vec<usize> = Vec::new();
         let mut dependent: Vec<usize> = Vec::new();

@@ -15,19 +15,19 @@ use chain::{Chain, Ends};
 /// from an unbounded value is unbounded, too, because an implementation may assume that infinities and NaN don't occur.
 /// Bounds are rounded outwards to `f32`.
 ///
-/// A sum or a product includes the results of all orders of its operations, also across let-bindings, variables and
-/// calls. For this, an interval remembers its terms or factors.
+/// WGSL lets an implementation reorder the operations of a sum or a product. So the interval contains the results of
+/// all orders. So that this works across variables and calls, an interval remembers its terms or factors.
 #[derive(Clone, Copy)]
 pub struct Interval {
     lo: f32,
     hi: f32,
-    /// The number of the site that made the interval unbounded, plus 1. It is 0 if no site is known. The bit
-    /// [`REORDERED`] may be set, too.
+    /// The number of the site that made the interval unbounded, plus 1, or 0 if no site is known. The highest bit is
+    /// the flag [`REORDERED`].
     cause: u32,
     chain: Chain,
 }
 
-/// The bit of a cause that is set if the result is bounded in the order in which the operations are written.
+/// A flag in `cause`: without reordering, in the order that the author wrote, the interval would be bounded.
 const REORDERED: u32 = 1 << 31;
 
 impl fmt::Debug for Interval {
@@ -114,8 +114,8 @@ impl Interval {
         Self { cause: other.cause, ..self }
     }
 
-    /// Combines this interval, which includes all orders, with the interval of the written order. If only the written
-    /// order is bounded, the result is marked as [`REORDERED`].
+    /// Combines this interval, which includes all orders, with the interval of the written order. If only the interval
+    /// of the written order is bounded, returns an unbounded interval with the flag [`REORDERED`].
     fn unless_written(self, written: Self) -> Self {
         match (self.is_bounded(), written.is_bounded()) {
             (true, true) => self,
@@ -124,8 +124,7 @@ impl Interval {
         }
     }
 
-    /// An unbounded result of the operands `self` and `other`. If an operand is marked as [`REORDERED`], the result is,
-    /// too.
+    /// The unbounded result of an operation on `self` and `other`, with the flag [`REORDERED`] if an operand has it.
     fn lost(self, other: Self) -> Self {
         Self { cause: (self.cause | other.cause) & REORDERED, ..Self::UNBOUNDED }
     }
@@ -142,7 +141,8 @@ impl Interval {
         }
     }
 
-    /// Rounds exact bounds outwards to `f32`. Adds zero if a value may be subnormal, because subnormals may be flushed.
+    /// The interval with the exact bounds `lo` and `hi`, rounded outwards to `f32`. If one of its values is subnormal,
+    /// the interval also contains zero, because an implementation may flush subnormals.
     pub(crate) fn outwards(lo: f64, hi: f64) -> Self {
         if !(lo.abs() <= f64::from(f32::MAX) && hi.abs() <= f64::from(f32::MAX) && lo <= hi) {
             return Self::UNBOUNDED;
@@ -164,7 +164,7 @@ impl Interval {
         Self::outwards(lo - slack, hi + slack)
     }
 
-    /// Adds zero if one of the values is subnormal.
+    /// Extends an interval that contains subnormals to zero, because an implementation may flush them.
     pub(crate) fn flushed(self) -> Self {
         let tiny = f32::MIN_POSITIVE;
         let mut flushed = self;
@@ -199,7 +199,8 @@ impl Interval {
         }
     }
 
-    /// The bounds in `f64`. The range includes both the subnormals and their flushed value. `None` if unbounded.
+    /// The bounds in `f64`. If the interval contains subnormals, the bounds include them and zero, to which they may be
+    /// flushed. `None` if the interval is unbounded.
     pub(crate) fn bounds(self) -> Option<(f64, f64)> {
         let flushed = self.flushed();
         self.is_bounded().then(|| (f64::from(flushed.lo), f64::from(flushed.hi)))
@@ -421,9 +422,9 @@ enum End {
 
 /// Widens a range of exact results by their errors.
 ///
-/// The error that reaches furthest isn't always at an end. An ulp doubles at a power of two. So just beyond the first
-/// power of two in the range, the error may reach further than at the end nearer to zero. The other parts of an error
-/// change by less than 2^-20 between the end and that power of two.
+/// The widest result isn't always at an end of the range. An ulp doubles at a power of two. So a result just beyond the
+/// first power of two in the range, minus its error, may be less than the end nearer to zero, minus its error. The
+/// other parts of an error change by less than 2^-20 between this end and the power of two.
 fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
     const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
     let mut below = least - error(End::Least, least);
@@ -442,7 +443,7 @@ fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64)
     (below, above)
 }
 
-/// The smallest power of two that is at least `x`, and at least 2^-126.
+/// The smallest power of two that is at least as large as `x` and as 2^-126.
 fn power_above(x: f64) -> f64 {
     // The exponent without the fraction.
     let floor = f64::from_bits(x.to_bits() & 0x7FF << 52).max(f64::from(f32::MIN_POSITIVE));
@@ -465,7 +466,7 @@ fn upper_sum(a: f64, b: f64) -> f64 {
     if lost(a, b, sum) > 0.0 { sum.next_up() } else { sum }
 }
 
-/// Moves `by` floats up from `x`, or down if `by` is negative. -0 and +0 count as two floats.
+/// The float that is `by` steps above `x`, or below `x` if `by` is negative. From -0 to +0 is one step.
 fn stepped(x: f32, by: i32) -> f32 {
     // The bits of negative floats count downwards. `turned` makes all bits count upwards.
     let turned = |bits: i32| bits ^ ((bits >> 31) & i32::MAX);
@@ -483,7 +484,7 @@ fn greatest(of: &[f64; 4]) -> f64 {
     more(more(of[0], of[1]), more(of[2], of[3]))
 }
 
-/// The values of an integer: each integer from `lo` to `hi`, signed or unsigned as its type.
+/// The values that WGSL allows for an integer: each integer from `lo` to `hi`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Range {
     lo: i64,
@@ -528,7 +529,7 @@ impl Range {
         self.hi
     }
 
-    /// The bits of the integer, if the range has only one integer. Otherwise `None`.
+    /// If the range contains only one integer: the integer's bits. Otherwise `None`.
     pub(crate) fn word(self) -> Option<u32> {
         (self.lo == self.hi).then_some(self.lo as u32)
     }
@@ -555,7 +556,7 @@ pub enum Truth {
     False,
     /// The boolean is true.
     True,
-    /// The boolean is false or true: the specification allows both.
+    /// The specification allows both values.
     Undecided,
 }
 

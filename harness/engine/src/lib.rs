@@ -34,22 +34,22 @@
 //! **Allocation** (`allocate`) forwards copies, removes unused operations, and lets values that aren't needed at the
 //! same time share a register.
 //!
-//! **Arithmetics** (`arithmetic`). An [`Arithmetic`] defines floats, integers and booleans. In intervals, an integer is
-//! a [`Range`], and a boolean is a [`Truth`], which may be undecided.
+//! **Arithmetics** (`arithmetic`). An [`Arithmetic`] defines floats, integers and booleans. In [`Intervals`], an
+//! integer is a [`Range`], and a boolean is a [`Truth`], which may be undecided.
 //!
 //! **The machine** (`machine`) runs a chunk of 256 cases. A register is a column with one value for each lane
-//! (`columns`), and an operation is a loop over the lanes. Chunks run on all cores. The cost of decoding an operation
-//! occurs once for each chunk. The cost of the arithmetic occurs once for each lane.
+//! (`columns`), and an operation is a loop over the lanes. So the machine decodes an operation once for 256 cases.
+//! Chunks run on all cores.
 //!
 //! **Control flow.** A mask marks the active lanes (`machine/masks`). Operations without effects run in all lanes,
 //! stores change only active lanes, and a loop runs until no lane is active. If a condition is undecided
 //! (`machine/worlds`), a lane takes both branches, each with its own copy of the variables. Where the branches meet,
-//! the values of the variables are joined. If the exit of a loop stays undecided too long, the lane's results become
-//! unbounded.
+//! the two values of each variable are joined to one interval. If the exit of a loop stays undecided too long, the
+//! lane's results become unbounded.
 //!
 //! **Memory** (`machine/memory`). Variables are registers, and variables that are indexed at run time are ranges of
-//! registers. Buffers are bytes in naga's layout. In a written buffer, a float that isn't an `f32` is kept in addition
-//! to its rounded word. An index outside of its array is clamped, and reported to the [`Observer`].
+//! registers. Buffers are bytes in naga's layout. A buffer that the program writes also keeps the written floats,
+//! because a word can't hold an `f64`. An index outside of its array is clamped, and reported to the [`Observer`].
 //!
 //! **Textures** (`texture`) are lists of texels, and the engine filters them. The specification doesn't limit the
 //! errors of filters. So the interval of a sample goes from slightly below the least texel to slightly above the
@@ -69,16 +69,16 @@
 //!
 //! - naga rounds literals to `f32` and folds constants before the engine sees them. So [`F64`] computes with rounded
 //!   literals: `0.1` is the nearest `f32` in each arithmetic.
-//! - In [`F64`], a bitcast of a float first rounds the float to `f32`. Floats of half precision aren't rounded.
+//! - In [`F64`], a bitcast of a float first rounds the float to `f32`. Karat doesn't round values of type `f16`.
 //! - `pow(x, y)` is NaN for each x below zero, like `exp2(y * log2(x))`.
-//! - Integers wrap around. A division by zero returns the dividend, and the remainder is 0. The number of bits of a
-//!   shift counts modulo 32. Conversions from floats to integers saturate. naga's back ends do the same.
-//! - In intervals, a subnormal may be flushed. A result that overflows is unbounded, and everything that is computed
-//!   from it is unbounded, too. [`Program::cause`] returns the operation that made it unbounded.
-//! - The invocations of a workgroup are the lanes of one chunk, so all of them are at a barrier at the same time. A
-//!   [`Schedule`] may also run the invocations one by one, or in groups. Then each invocation or group has its own
-//!   machine, which stops before atomics and at barriers. Workgroups run one after another, unless one waits for
-//!   another.
+//! - Integers wrap around. A division by zero returns the dividend, and the remainder is 0. A shift uses its number of
+//!   bits modulo 32. Conversions from floats to integers saturate. The code that naga generates has the same rules.
+//! - In [`Intervals`], a subnormal may be flushed to zero, so the interval also contains zero. A result that overflows
+//!   is unbounded, and everything that is computed from it is unbounded, too. [`Program::cause`] returns the operation
+//!   that made it unbounded.
+//! - The invocations of a workgroup are the lanes of one chunk, so they reach a barrier together. A [`Schedule`] may
+//!   also run the invocations one by one, or in groups. Then each invocation or group has its own machine, which stops
+//!   before atomics and at barriers. Workgroups run one after another, unless one waits for another.
 //! - A subgroup has 32 successive lanes, unless a [`Schedule`] sets another number.
 
 mod accuracy;

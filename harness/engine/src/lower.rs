@@ -29,14 +29,15 @@ use crate::scalar::{Counts, File, Layouts, Scalar};
 use memory::Place;
 
 /// The largest number of operations of a program with inlined calls. The largest shaders of game engines have about a
-/// tenth of this number. Lowering this number of operations takes a second.
+/// tenth of this number. Lowering takes about one second for this number of operations.
 const MOST_OPERATIONS: usize = 1 << 20;
 
 /// The largest size of workgroup memory, in bytes. The default limit of WebGPU is 16 KiB, and GPUs allow a few times as
 /// much.
 const MOST_WORKGROUP_BYTES: u64 = 1 << 20;
 
-/// The stack that each level of nesting needs, in bytes. If less is free, lowering adds a stack of the second size.
+/// The stack that one level of nested statements needs, and the size of an additional stack, in bytes. If less than the
+/// first number is free, lowering allocates an additional stack.
 pub(crate) const STACK: (usize, usize) = (128 << 10, 2 << 20);
 
 /// The values of overrides, by name, or by the override's id in decimal.
@@ -55,8 +56,8 @@ pub struct Settings {
     /// `true` if four successive cases are a quad of pixels: the upper left pixel, the pixel on its right, and the two
     /// pixels below. Derivatives need this.
     pub quads: bool,
-    /// `true` for programs that Karat compares with other programs. Then operations that are equal by an identity
-    /// become the same operation (`x * 2` becomes `x + x`), and private variables are results.
+    /// `true` for programs that Karat compares with other programs. Then lowering applies identities, so that
+    /// equivalent operations become equal (`x * 2` becomes `x + x`), and private variables count as results.
     pub identities: bool,
     /// `true` to list the program's statements, so that runs can count how often each statement runs.
     pub statements: bool,
@@ -71,7 +72,7 @@ pub(crate) enum Value {
     Sampler(u32),
 }
 
-/// The expressions of a function or of the module, with the values of the expressions that are lowered.
+/// The expressions of a function or of the module, with the values of those that are already lowered.
 pub(crate) struct Scope<'m> {
     name: String,
     call: usize,
@@ -105,7 +106,7 @@ enum Frame {
 
 struct Open {
     frame: Frame,
-    /// The operations that jump to the end of the construct if no lane is active.
+    /// The operations that jump to the end of the construct's current part, such as a branch, if no lane is active.
     skips: Vec<usize>,
 }
 
@@ -258,8 +259,7 @@ impl<'m> Lower<'m> {
         Ok(self.code)
     }
 
-    /// Makes private variables results, because the caller of a function sees the values that the function leaves in
-    /// private variables.
+    /// Adds the private variables to the program's results, because the caller of a function sees their final values.
     fn private_results(&mut self) -> Lowered<()> {
         let module = self.module;
         for (handle, variable) in module.global_variables.iter() {
@@ -498,7 +498,7 @@ impl<'m> Lower<'m> {
         self.constant(Scalar::F32, x.to_bits())
     }
 
-    /// Appends an operation. The registers are in the order of files (floats, integers, booleans), as in `Code::shape`.
+    /// Appends an operation. `outs` and `ins` must each list floats first, then integers, then booleans.
     fn emit(&mut self, op: Op, outs: &[Reg], ins: &[Reg]) -> Lowered<usize> {
         if self.code.instructions.len() >= MOST_OPERATIONS {
             return Err(self.refuse(format!(
@@ -517,8 +517,8 @@ impl<'m> Lower<'m> {
         Ok(self.code.instructions.len() - 1)
     }
 
-    /// Adds a statement to the program's list of statements, if the settings ask for this list. The operations of the
-    /// statement begin with operation `start`, and end with the last operation so far.
+    /// Adds a statement to the program's list of statements, if the settings ask for this list. The statement's
+    /// operations are those from index `start` to the last operation so far.
     fn list(&mut self, scope: &Scope<'m>, span: Span, kind: StatementKind, start: usize) {
         if self.settings.statements && span.is_defined() {
             let end = self.code.instructions.len() as u32;

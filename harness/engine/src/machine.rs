@@ -74,9 +74,9 @@ pub(crate) struct Machine<'p, A: Rules> {
     fuel: Vec<u64>,
     /// The number of loop iterations that all lanes together may still run.
     pub(crate) work: u64,
-    /// The number of loop iterations since the clock was last read.
+    /// The number of loop iterations that the machine has run, to decide when it reads the clock.
     rounds: u64,
-    /// For each lane, the number of iterations for which the exit of a loop has been undecided.
+    /// For each lane, the number of iterations that may still leave the exit of a loop undecided.
     undecided: Vec<u64>,
     /// For each lane, the site at which the lane's results became unbounded: a loop whose exit stayed undecided, or an
     /// operation whose index was outside of its array.
@@ -87,34 +87,33 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) long: Vec<(usize, Span)>,
     /// The number of iterations of each open loop, the outermost loop first.
     open: Vec<u64>,
-    /// In the first lane in which an index wraps around: the value that the index would have without wrapping.
+    /// The value that an index would have without wrapping, in the first lane in which it wraps around.
     meant: i64,
     at: usize,
     site: u32,
     width: usize,
-    /// The elements that the lanes of a load access, for the detector. The list is kept here, so that loads needn't
-    /// allocate memory.
+    /// The elements that the lanes of a load access, for the detector. Loads reuse this list to save allocations.
     places: Vec<(usize, bool)>,
-    /// For each lane, the site at which the lane last became inactive. The detector and derivatives need it.
+    /// For each lane, the site at which the lane last became inactive. The reports about missed barriers and
+    /// derivatives contain this site.
     parted: Vec<Option<u32>>,
     /// In a draw, the helper lanes, whose effects are invisible. Otherwise empty.
     helpers: Vec<bool>,
-    /// Finds races between the invocations of a workgroup, if that is requested.
+    /// The detector of races between invocations, if the caller asked for it.
     pub(crate) detector: Option<Box<Detector>>,
-    /// `true` if the machine also stops before each atomic. `paused` is `true` if the machine has just stopped before
-    /// an atomic.
+    /// `true` if the machine also stops before each atomic. `paused` is `true` while it is stopped there.
     pub(crate) yields: bool,
     paused: bool,
     /// `true` if the machine continues after an atomic store before the store takes effect.
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
-    /// The numbers of the stores that the machine has delayed since `dispatch` last emptied this list. `numbered` is
-    /// the number of all stores that the machine has delayed.
+    /// The numbers of newly delayed stores, which `dispatch` takes. `numbered` counts all stores that were delayed.
     pub(crate) issued: Vec<u32>,
     numbered: u32,
     pub(crate) turn: usize,
     pub(crate) done: Vec<Done>,
-    /// Hashes of the atomic reads since a word last changed, each with the number of equal reads.
+    /// For each atomic read since a word last changed: a hash of the read and its results, and the number of
+    /// repetitions.
     seen: HashMap<u64, u32>,
     /// `true` if the machine waits: it runs a loop until another invocation changes the word that the loop reads.
     pub(crate) waits: bool,
@@ -619,14 +618,14 @@ impl<'p, A: Rules> Machine<'p, A> {
         Ok(Pause::End)
     }
 
-    /// The number of lanes that reach an `if`, and 0 for all other operations. `None` if lanes aren't counted.
+    /// The number of lanes that reach an `if`, or 0 for another operation. `None` if the options don't ask for counts.
     #[inline]
     fn counted(&self, op: Op) -> Option<u64> {
         self.options.counts.as_ref()?;
         Some(if op == Op::If { count::<A>(&self.acting()) } else { 0 })
     }
 
-    /// Counts the lanes that continue after an operation. `came` lanes reached the operation.
+    /// Counts the lanes that are active after an operation. `came` is the number of lanes that reached the operation.
     fn count(&self, came: u64, (op, next): (Op, usize), case: usize, target: Option<u32>) {
         let Some(counts) = &self.options.counts else { return };
         let lanes = self.acting();
@@ -710,8 +709,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Shows the observer the floats that the instruction before `next` computed. If the next operation rounds them to
-    /// half precision, shows the rounded floats.
+    /// Shows the observer the floats that the instruction before `next` computed. If the following operations round
+    /// these floats to half precision, shows the rounded floats.
     fn show(
         &self,
         observer: &dyn Observer<A>,
@@ -751,7 +750,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Shows the observer a result that isn't a new float, with the floats from which it is computed.
+    /// Shows the observer an integer, a boolean or a selected float, with the floats from which it is computed.
     #[inline]
     fn show_other<const SEEN: bool>(
         &self,
@@ -858,7 +857,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.strayed.clear();
     }
 
-    /// The kind of array that an operation indexes. A fixed-size array inside a runtime-sized array counts as fixed.
+    /// The kind of bounds that an operation checks. A fixed-size array inside a runtime-sized array counts as fixed.
     fn bounds(&self, op: Op) -> Bounds {
         let is_runtime = |walk: u32| {
             let steps = &self.code.walks[walk as usize].steps;
@@ -888,7 +887,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Reports each active lane in which an operation may go wrong.
+    /// Reports each active lane for which `wrong` returns `true`, as a hazard of the given kind.
     fn report_where(
         &self,
         observer: &dyn Observer<A>,

@@ -14,7 +14,7 @@ pub struct Lanes<'a, A: Arithmetic> {
     pub site: &'a Site,
     /// The case of the first lane.
     pub case: usize,
-    /// The operation's floats. Each has a slice with one value for each lane.
+    /// The operation's floats: for each float, a slice with one value for each lane.
     pub floats: &'a [&'a [A::Float]],
     /// The floats from which the operation computed its floats. Empty for let-bindings, texels and conversions.
     pub operands: &'a [&'a [A::Float]],
@@ -43,8 +43,8 @@ pub struct Wrong<'a> {
     pub site: &'a Site,
     /// The case.
     pub case: usize,
-    /// If the operation is a derivative: the pixel of the quad that doesn't reach the derivative. WGSL doesn't define
-    /// the result of such a derivative (15.2, *derivative_uniformity*).
+    /// For a derivative that only some pixels of a quad reach: the pixel that doesn't reach it. WGSL doesn't define the
+    /// result of such a derivative (15.2, *derivative_uniformity*).
     pub missing: Option<Missing<'a>>,
 }
 
@@ -53,7 +53,7 @@ pub struct Wrong<'a> {
 pub struct Missing<'a> {
     /// The pixel's case.
     pub case: usize,
-    /// The site of the condition or the jump at which the pixel took another branch than the other pixels of the quad.
+    /// The site of the condition or the jump at which this pixel left the other pixels of the quad.
     pub parted: Option<&'a Site>,
 }
 
@@ -137,12 +137,12 @@ impl Reach {
 /// Runs receive the observer as `dyn`. So the machine is compiled in this crate, with the crate's optimisations, and
 /// not in each crate that has an observer.
 pub trait Observer<A: Arithmetic>: Sync {
-    /// Checks if the observer wants to receive calls.
+    /// Checks if the observer wants to receive values. If not, the run is faster.
     fn is_active(&self) -> bool {
         true
     }
 
-    /// Receives the floats of an operation, one for each result.
+    /// Receives the floats that an operation has computed.
     fn floats(&self, lanes: &Lanes<'_, A>) {
         let _ = lanes;
     }
@@ -164,7 +164,7 @@ pub trait Observer<A: Arithmetic>: Sync {
         let _ = here;
     }
 
-    /// Receives an operation that goes wrong, once for each case.
+    /// Receives a case in which an operation goes wrong.
     fn wrong(&self, one: &Wrong<'_>) {
         let _ = one;
     }

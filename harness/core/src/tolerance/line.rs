@@ -2,7 +2,7 @@
 
 /// The number of `f32` steps between two values. `None` if one of the values is NaN.
 ///
-/// `-0` and `+0` are the same point. The line has no gap at zero or at a power of two.
+/// `-0` and `+0` are the same point. Each step to a neighbouring `f32` counts as 1, also at zero and at powers of two.
 ///
 /// ```
 /// assert_eq!(karat::unstable::tolerance::ulp_distance(-0.0, 0.0), Some(0));
@@ -19,9 +19,8 @@ pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {
     (!a.is_nan() && !b.is_nan()).then(|| ordered(a).abs_diff(ordered(b)))
 }
 
-/// The position of a real number on the ordered line of `f32`. It is the index of the `f32` at or below the number's
-/// magnitude, plus the number's fraction of the step to the next `f32`. Beyond `f32::MAX`, the line continues with the
-/// last step's size.
+/// The position of a real number on the ordered line of `f32`. Halfway between the third and the fourth `f32` above
+/// zero, the position is 3.5. Beyond `f32::MAX`, the steps keep the size of the last step.
 pub(super) fn ordinal(value: f64) -> f64 {
     let magnitude = value.abs();
     #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32, by design")]
@@ -45,8 +44,8 @@ pub(super) fn spacing(magnitude: f64) -> f64 {
     f64::from_bits(u64::from(exponent + 1023 - 150) << 52)
 }
 
-/// The distance between two neighbouring `f32` in the binade of `magnitude`. Larger neighbours have at least this
-/// distance. Unlike [`spacing`], the function doesn't round `magnitude` first, and its result has no minimum.
+/// The distance between two neighbouring `f32` in the binade of `magnitude`. Above this binade, neighbours are at least
+/// this far apart. Unlike [`spacing`], the function doesn't round `magnitude` first, and its result has no minimum.
 #[inline]
 pub(super) fn least_spacing(magnitude: f64) -> f64 {
     // A number without its 52 fraction bits is its binade's power of two.

@@ -6,12 +6,11 @@ use super::{Abs, Rel, Tolerance, Ulp};
 use crate::value::Scalar;
 
 /// The largest width that WGSL's range may have, unless a check sets another limit. A range of this width leaves three
-/// decimal digits, which the eye and 8-bit channels need. An `f32` has seven decimal digits, so more than half of the
-/// digits may be lost.
+/// decimal digits, which the eye and 8-bit channels need. An `f32` has seven digits, so a shader may lose four of them.
 const NEED: f64 = 1.0 / 1024.0;
 
-/// The largest width that WGSL's range may have for `f16`, unless a check sets another limit. The last digit of an
-/// `f16` is 2^-10. This width leaves half of the digits, so that a quotient passes.
+/// The largest width that WGSL's range may have for `f16`, unless a check sets another limit. An `f16` has a relative
+/// precision of 2^-10. A range of this width leaves half of the bits, and is wide enough for a quotient.
 const NEED_HALF: f64 = 1.0 / 32.0;
 
 /// The range of values that the WGSL specification allows a function to return for the case's arguments. Karat computes
@@ -19,8 +18,9 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 ///
 /// A case passes if both the result and the reference are inside of the range, and if the range is narrow. The width of
 /// the range may be at most 2^-10 of the value (2^-5 for `f16`), or within the tolerance that you pass to
-/// [`needing`](Self::needing). So a first test needs no number, and its verdict doesn't depend on the driver. Cases in
-/// which WGSL allows a wider range, or any value, fail. Set a tolerance for these cases with [`or`](Self::or).
+/// [`needing`](Self::needing). So you can write a first test without choosing a tolerance, and the verdict doesn't
+/// depend on the driver. Cases in which WGSL allows a wider range, or any value, fail. Set a tolerance for these cases
+/// with [`or`](Self::or).
 ///
 /// ```no_run
 /// # use karat::prelude::*;
@@ -115,7 +115,7 @@ impl DeviceSpec {
     }
 }
 
-/// [`Spec`] or [`DeviceSpec`] with the digits that the author requires.
+/// [`Spec`] or [`DeviceSpec`], with the limits that the author of a test has set.
 ///
 /// ```
 /// use karat::{Abs, Rel, Spec};

@@ -22,9 +22,9 @@ pub struct Differing {
 }
 
 impl Shape {
-    /// The first member of a host's structure that can't stand for WGSL's member. If that member is a structure, the
-    /// search continues inside of it. `None` if the structures match, or if the types aren't structures. `result` means
-    /// the same as in [`stands_for`](Self::stands_for).
+    /// The first member whose name or type in the host's structure doesn't match the WGSL structure. If that member is
+    /// a structure, the search continues inside of it. `None` if the structures match, or if the types aren't
+    /// structures. `result` means the same as in [`stands_for`](Self::stands_for).
     #[doc(hidden)]
     pub fn differing(&self, wgsl: &Self, result: bool) -> Option<Differing> {
         let (structure, members, others) = match (self, wgsl) {

@@ -219,8 +219,7 @@ impl<T: Shareable, const N: usize> Shareable for [T; N] {
     }
 }
 
-/// The arguments of one case: a [`Shareable`] value, or a tuple of up to twelve such values. `()` if the function has
-/// no parameters.
+/// The arguments of one case: a [`Shareable`] value, or a tuple of up to twelve such values, or `()`.
 ///
 /// ```
 /// use karat::unstable::value::{Arguments, Scalar, Shape};
@@ -294,9 +293,9 @@ arguments! {
     (A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7, I 8, J 9, K 10, L 11)
 }
 
-/// Makes a type of your own stand for one of glam's vectors in WGSL. The type must convert from and into an array of
-/// floats or integers. Functions, buffers, meshes and textures accept the type. References receive glam's vector in
-/// `f64`.
+/// Lets you pass a type of your own to WGSL in place of one of glam's vectors. The type must convert from and into an
+/// array of floats or integers. Functions, buffers, meshes and textures accept the type. References receive glam's
+/// `f64` vector.
 ///
 /// ```
 /// use karat::prelude::*;

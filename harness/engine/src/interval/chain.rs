@@ -7,9 +7,9 @@
 //! reassociate operations." WGSL adds no condition: only fusing must be at least as accurate. None of the examples
 //! distributes a product over a sum, so the bounds don't include distributed products.
 //!
-//! So a value remembers the terms or factors from which it was computed, across let-bindings, variables and calls. For
-//! three terms, Karat tries each order. For more terms, and for factors, a value remembers enough to bound all orders
-//! at once.
+//! So Karat bounds the results of all orders. For this, a value remembers the terms or factors from which it was
+//! computed, also across let-bindings, variables and calls. For three terms, Karat computes each order. For more terms,
+//! and for factors, a value remembers only a few numbers, from which Karat computes bounds for all orders at once.
 
 use super::{Interval, greatest, half, least, lower_sum, upper_sum};
 
@@ -24,7 +24,7 @@ pub(super) enum Chain {
     Single,
     /// The value is a sum of two terms.
     Pair([(f32, f32); 2]),
-    /// The value is a sum of more terms, or the join of several sums.
+    /// The value is a sum of three or more terms, or the join of several sums.
     Sum(Sum),
     Product(Product),
 }
@@ -59,8 +59,8 @@ impl Chain {
         }
     }
 
-    /// The bounds of a value in half precision, for all orders of its operations. Each operation rounds its result. In
-    /// addition, `more` intermediate results were rounded. `None` if a value may overflow.
+    /// The bounds of a value in half precision, for all orders of its operations. Each operation rounds its result, and
+    /// `more` other intermediate results are rounded, too. `None` if a value may overflow.
     pub(super) fn in_half(self, ends: Ends, more: u8) -> Option<Ends> {
         match self {
             Self::Single => Some(ends),
@@ -151,8 +151,7 @@ pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
     Interval { chain: Chain::Sum(sum), ..any }.unless_written(written)
 }
 
-/// The product of two values. `same` is `true` if `x` and `y` are the same value: then the product is a square, which
-/// is never negative.
+/// The product of two values. `same` is `true` for the product of a value with itself, which is never negative.
 pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
@@ -188,12 +187,11 @@ pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> I
 #[derive(Clone, Copy)]
 pub(super) struct Sum {
     exact: Ends,
-    /// `least` and `most` are bounds of all partial sums.
+    /// The lower bound of all partial sums. `most` is the upper bound.
     least: f32,
     most: f32,
     count: u32,
-    /// Each term is a multiple of 2 to this power. Each partial sum is also a multiple of this power, even if the
-    /// partial sum is rounded.
+    /// Each term is a multiple of 2^`step`. Each partial sum is also a multiple of 2^`step`, even after rounding.
     step: i16,
 }
 
@@ -261,10 +259,10 @@ impl Sum {
         }
     }
 
-    /// The bounds for all orders. `count` terms need `count - 1` additions. The last addition rounds the result. Each
-    /// other addition rounds a partial sum to a neighbouring float, so its error is less than the distance between two
-    /// floats near the largest partial sum. All results are multiples of 2^`step`. In addition, `more` of the terms
-    /// were rounded, each with an error as large as that of a rounded partial sum. `None` if a sum may overflow.
+    /// The bounds of the sum for all orders of its additions. `count` terms need `count - 1` additions. The last
+    /// addition rounds the result. Each other addition rounds a partial sum to a neighbouring float, so its error is
+    /// less than the distance between two floats near the largest partial sum. All results are multiples of 2^`step`.
+    /// Also `more` terms are rounded, with at most the error of a partial sum. `None` if a sum may overflow.
     fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
@@ -292,7 +290,7 @@ fn outwards(ends: Option<Ends>) -> Interval {
     ends.map_or(Interval::UNBOUNDED, |(lo, hi)| Interval::outwards(lo, hi))
 }
 
-/// 2 to this power, as an `f64`. Infinity above the range of `f32`, and 0 below the range of `f64`.
+/// 2^`exponent` as an `f64`. Infinity if the power is too large for an `f32`, 0 if it is too small for an `f64`.
 pub(super) fn power(exponent: i16) -> f64 {
     match exponent {
         128.. => f64::INFINITY,
@@ -302,8 +300,7 @@ pub(super) fn power(exponent: i16) -> f64 {
     }
 }
 
-/// The exponent of an `f32`, which is a normal number in `f64` unless it is 0. For 0, the result is an exponent below
-/// all other exponents.
+/// The exponent of an `f32` that was converted to `f64`. For 0, returns an exponent below all others.
 pub(super) fn exponent(x: f64) -> i16 {
     (x.to_bits() >> 52 & 0x7FF) as i16 - 1023
 }
@@ -315,23 +312,23 @@ fn significand(x: f64) -> (u32, i16) {
     ((x / power(exponent)) as u32, exponent)
 }
 
-/// Factors of a product, some of which may be divisors.
+/// The factors and divisors of a product, in the numbers that bound the product in any order.
 #[derive(Clone, Copy)]
 pub(super) struct Product {
     exact: Ends,
-    /// `least` and `most` are bounds of the magnitudes of all partial products.
+    /// The lower bound of the magnitudes of all partial products. `most` is the upper bound.
     least: f32,
     most: f32,
-    /// The largest magnitude of a product of some of the divisors. The next field has the largest magnitude of a
-    /// product of some of the other factors.
+    /// The largest magnitude of a product of any divisors. `dividend` is the same for the other factors.
     divisor: f32,
     dividend: f32,
     divisors: u16,
     dividends: u16,
     divisions: u16,
-    /// The number of factors that may cause rounding errors: those that aren't powers of two.
+    /// The number of factors that may cause rounding errors, which are all except powers of two.
     rounding: u16,
-    /// The sum of the numbers of binary digits of these factors. A product of up to 24 binary digits is exact.
+    /// The number of binary digits of all factors that `rounding` counts. A product with up to 24 binary digits is
+    /// exact.
     digits: u16,
 }
 
@@ -388,7 +385,7 @@ impl Product {
         }
     }
 
-    /// Divides by a product that isn't zero. `a / (b / c)` is `a c / b`, as `a - (b - c)` is `a + c - b`.
+    /// Divides by a product that isn't zero. The divisors of `other` become factors: `a / (b / c)` is `a c / b`.
     fn over(self, other: Self) -> Self {
         let (lo, hi) = other.exact;
         let inverse = Self {
@@ -406,9 +403,9 @@ impl Product {
         self.times(inverse, false)
     }
 
-    /// The bounds for all orders. `count` factors need `count - 1` operations. The error of a multiplication is less
-    /// than an ulp of the result. The error of a division is at most 2.5 ulp. A multiplication by a power of two is
-    /// exact. `None` if a product may overflow.
+    /// The bounds of the product for all orders of its operations. `count` factors need `count - 1` operations. The
+    /// error of a multiplication is less than an ulp of the result. The error of a division is at most 2.5 ulp. A
+    /// multiplication by a power of two is exact. `None` if a product may overflow.
     fn in_any_order(self, format: &Format) -> Option<Ends> {
         // The largest ulp relative to a result. It occurs just above a power of two.
         let ulp = power(1 - format.digits);

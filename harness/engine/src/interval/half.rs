@@ -11,8 +11,8 @@ pub(super) const LEAST_NORMAL: i16 = -14;
 pub(super) const LEAST_STEP: i16 = -24;
 
 impl Interval {
-    /// The half-precision values that a result may have if its exact value is in this interval. `how` says how exact
-    /// the result is.
+    /// The half-precision values that a result may have if its exact value is in this interval. `how` is the error that
+    /// the operation may have.
     pub(crate) fn halved(self, how: Half) -> Self {
         let Some((lo, hi)) = self.bounds() else { return self };
         let normal = power(LEAST_NORMAL);
@@ -61,7 +61,8 @@ impl Interval {
         }
     }
 
-    /// Rounds outwards to `f16`. Adds zero if a value may be subnormal, because subnormals may be flushed.
+    /// The interval with the bounds `lo` and `hi`, rounded outwards to `f16`. If one of its values is subnormal, the
+    /// interval also contains zero, because an implementation may flush subnormals.
     fn rounded(lo: f64, hi: f64) -> Self {
         let (lo, hi) = (outwards(lo, -1.0), outwards(hi, 1.0));
         if !(lo.abs() <= GREATEST && hi.abs() <= GREATEST) {
@@ -79,8 +80,7 @@ fn ulp(x: f64) -> f64 {
     power(exponent(x).max(LEAST_NORMAL) - 10)
 }
 
-/// The nearest multiple of an ulp that isn't below `x`. If `sign` is -1, returns the nearest multiple that isn't above
-/// `x`.
+/// Rounds `x` up to a multiple of an `f16` ulp, or down if `sign` is -1.
 fn outwards(x: f64, sign: f64) -> f64 {
     let step = ulp(x);
     sign * (sign * x / step).ceil() * step

@@ -79,7 +79,7 @@ impl<'m> Lower<'m> {
         self.open.push(Open { frame, skips: Vec::new() });
     }
 
-    /// Ends a part, such as a branch, of the innermost open construct. The jumps that left this part now jump to the
+    /// Ends a part, such as a branch, of the innermost open construct. Makes the jumps out of this part jump to the
     /// next operation.
     fn land(&mut self) {
         let here = self.code.instructions.len() as u32;
@@ -90,8 +90,8 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Ends the innermost open construct. If no lane is active after the end of this construct, control jumps to the
-    /// end of the part that contains the construct, such as a branch.
+    /// Ends the innermost open construct. If no lane is active after it, control jumps to the end of the branch or
+    /// other part that contains the construct.
     fn close(&mut self, op: Op) -> Lowered<usize> {
         self.land();
         self.open.pop();

@@ -195,7 +195,7 @@ impl<'m> Lower<'m> {
         Ok(Value::Flat(outs.into()))
     }
 
-    /// A level of detail as a float. The levels of depth textures are integers.
+    /// A level of detail as a float. Lowering converts the levels of depth textures, which are integers.
     fn level(&mut self, scope: &mut Scope<'m>, level: Handle<Expression>) -> Lowered<Reg> {
         let signed = self.signed(scope, level);
         let register = self.flat(scope, level)?[0];

@@ -189,7 +189,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Applies `f` to each component. A scalar argument beside vectors is used for all components.
+    /// Applies `f` to each component. If an argument is a scalar and others are vectors, all components use the scalar.
     fn by_component(
         &mut self,
         args: &[Rc<[Reg]>],

@@ -22,7 +22,7 @@ pub(crate) struct Place {
 
 #[derive(Clone, Copy, Debug)]
 enum Root {
-    /// The variable's first register in each register file, and the number of its registers there.
+    /// The variable's first register in each register file, and in `extent` the number of its registers there.
     Local {
         base: Counts,
         extent: Counts,
@@ -56,12 +56,12 @@ impl Place {
         Self { root: Root::Buffer(slot), inner, offset: [0; 3], bytes: 0, indices: Vec::new() }
     }
 
-    /// Checks if the target is a runtime-sized array. Even a constant index may be outside of such an array.
+    /// Checks if the target is a runtime-sized array. The engine checks even constant indices of such arrays.
     pub(super) fn has_no_length(&self) -> bool {
         matches!(self.inner, TypeInner::Array { size: naga::ArraySize::Dynamic, .. })
     }
 
-    /// The registers of a variable's scalars. The target must have no index that is known only at run time.
+    /// The registers of a variable's scalars. All indices of the target must be constants.
     pub(super) fn registers(&self, scalars: &[Scalar], extra: Counts) -> Rc<[Reg]> {
         let Root::Local { base, .. } = self.root else { return Rc::new([]) };
         let mut next: Counts = std::array::from_fn(|k| base[k] + self.offset[k] + extra[k]);
@@ -334,8 +334,8 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// Puts registers in the order of the register files: floats, integers, booleans. The indices are integers, so they
-/// come before registers of booleans.
+/// Lists the registers `first` and `indices` in the order of the register files: the indices, which are integers, come
+/// after floats, and before booleans.
 fn by_file(file: File, first: &[Reg], indices: &[Reg]) -> Vec<Reg> {
     if file == File::Bool { [indices, first].concat() } else { [first, indices].concat() }
 }

@@ -159,8 +159,8 @@ impl<'m> Lower<'m> {
     }
 
     /// If an identity applies to an operation, returns a register with the same result: an operand, or the result of
-    /// another operation. Each identity also holds for NaN, infinities and both zeros. The rounded results are equal,
-    /// because the exact results are equal.
+    /// another operation. Each identity also holds for NaN, infinities and both zeros. The exact results are equal, so
+    /// the rounded results are equal, too.
     fn identical(&mut self, op: BinaryOperator, a: Reg, b: Reg) -> Lowered<Option<Reg>> {
         use BinaryOperator as B;
         let value = |of: &Self, register: Reg| {
@@ -266,8 +266,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// If the operation is a sum with a product as a term, and the settings ask to round such a sum only once, returns
-    /// the terms of the sum.
+    /// If the operation is a sum with a product as a term, and `Settings::contract` is set, returns the terms.
     fn fused(
         &mut self,
         scope: &mut Scope<'m>,
@@ -474,7 +473,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// The terms of `p q + rest`, with signs.
+/// The terms of a fused multiply-add `p * q + rest`, with the signs of both terms.
 struct Fused {
     factors: [Rc<[Reg]>; 2],
     negate: bool,

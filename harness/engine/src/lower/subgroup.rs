@@ -7,7 +7,8 @@ use crate::code::{From, Op, Reg, SubgroupKind, SubgroupOp};
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// The active lanes for which a predicate holds, as four words with one bit for each lane.
+    /// Lowers `subgroupBallot`: four words with one bit for each lane, set if the lane is active and the predicate
+    /// holds.
     pub(super) fn ballot(
         &mut self,
         scope: &mut Scope<'m>,

@@ -6,13 +6,14 @@ use super::{Lower, Lowered};
 use crate::code::{Op, Reg, Term, Wrap};
 use crate::rules::Integer;
 
-/// The largest number of terms of an index. The other parts of a longer index count as single registers.
+/// The largest number of terms of an index. In a longer index, the engine takes other registers as they are.
 const MOST_TERMS: usize = 64;
 
-/// The largest odd factor of an index. A multiplication by a larger odd number counts as a hash, which may wrap around.
+/// The largest odd constant by which an index may be multiplied. A multiplication by a larger odd constant counts as a
+/// hash, for which wrapping around is correct.
 const MOST_ODD: u32 = 1 << 16;
 
-/// The operation and the operands that compute an integer register whose result may wrap.
+/// An operation that may wrap around, and its operands.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Computed {
     rule: Integer,
@@ -56,7 +57,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Appends the operation that reports an unsigned difference that goes below 0 and becomes a float.
+    /// Appends the operation that reports an unsigned difference below 0, such as `f32(a - b)` with `a < b`.
     pub(super) fn tell_below(&mut self, register: Reg) -> Lowered<()> {
         let (mut terms, mut ins) = (Vec::new(), vec![register]);
         self.terms(register, &mut terms, &mut ins);

@@ -7,7 +7,7 @@ use super::{Limit, Machine, Spent};
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Instruction, Op};
 
-/// The number of iterations after which the clock is read again.
+/// The number of loop iterations between two readings of the clock.
 const ROUNDS: u64 = 1024;
 
 macro_rules! files {
@@ -17,7 +17,7 @@ macro_rules! files {
 }
 
 impl<A: Rules> Machine<'_, A> {
-    /// Changes the mask. Returns `true` if control jumps to the operation's target.
+    /// Runs an operation that may change the mask. Returns `true` if control jumps to the operation's target.
     pub(super) fn control(&mut self, op: Op, registers: &[u32]) -> bool {
         if A::UNDECIDED {
             self.control_worlds(op, registers)

@@ -1,7 +1,8 @@
 //! Masks of active lanes, for control flow in which lanes take different branches.
 //!
-//! Each open construct has a `Frame`: the mask at the construct's entry, and the lanes that have left the construct by
-//! a jump. At the end of the construct, the mask is again the mask at the entry, without the lanes that have left.
+//! Each open construct (a branch, a loop, a call) has a `Frame`: the mask at the construct's entry, and the lanes that
+//! have left the construct by a jump. At the end of the construct, the mask is again the mask at the entry, without the
+//! lanes that have left.
 //!
 //! `worlds` does the same for arithmetics with undecided conditions.
 
@@ -96,7 +97,7 @@ impl<A: Rules> Masks<A> {
         self.frames.push(frame);
     }
 
-    /// Opens a branch. This function and the functions below return `true` if a lane is active afterwards.
+    /// Opens a `switch` or a call. Like the similar functions below, returns `true` if a lane is active afterwards.
     pub(crate) fn enter(&mut self) -> bool {
         self.push(Kind::Branch);
         self.any
@@ -154,7 +155,7 @@ impl<A: Rules> Masks<A> {
         self.any
     }
 
-    /// Makes lanes that left the iteration by `continue` active again.
+    /// Begins the `continuing` block of a loop: makes lanes that left the body by `continue` active again.
     pub(crate) fn continuing(&mut self) {
         if let Some(frame) = self.frames.last() {
             let gone = frame.broken.iter().zip(&frame.left);
@@ -188,7 +189,7 @@ impl<A: Rules> Masks<A> {
     }
 
     /// Makes the active lanes jump to the end of an open construct: the construct that contains the `depth` innermost
-    /// open constructs. `breaks` is `true` if the lanes jump out of a loop.
+    /// open constructs. `breaks` is `true` for `break`, and `false` for `continue` and `return`.
     pub(crate) fn exit(&mut self, depth: u32, breaks: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for frame in self.frames[target + 1..].iter_mut().rev() {

@@ -13,14 +13,12 @@ use crate::races::{Accessed, Detector, Place};
 use crate::rules::Half;
 use crate::scalar::{File, Scalar};
 
-/// The kind of an access, as two flags. The first is `true` if the access reads. The second is `true` if the access
-/// writes.
+/// The kind of an access, as two flags: `true` if the access reads, and `true` if the access writes.
 const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
 
-/// The bytes of a buffer. If a program writes the buffer, `floats` keeps the written floats, because an `f64` or an
-/// interval doesn't fit into a word.
+/// The bytes of a buffer. If a program writes the buffer, `floats` has the written floats: an `f64` needs two words.
 #[derive(Clone, Debug)]
 pub(crate) struct Buffer<'a, A: Rules> {
     pub(crate) bytes: Cow<'a, [u8]>,
@@ -86,7 +84,8 @@ impl Step {
     }
 }
 
-/// Visits the offsets to which the indices of a lane lead. Returns `true` if an index was clamped.
+/// Calls `visit` with each offset that the indices of a lane may select. In intervals, an index may select several.
+/// Returns `true` if an index was clamped.
 pub(super) fn walk_lane<A: Rules>(
     (walk, elsewhere): (&Walk, Elsewhere),
     indices: &[u32],
@@ -120,7 +119,7 @@ pub(super) fn walk_lane<A: Rules>(
     clamped
 }
 
-/// Copies the elements that indices select from `columns` into a register.
+/// Copies elements of `columns`, which indices select, into a register.
 macro_rules! gathered {
     ($self:ident, $columns:ident, $select:path, $registers:ident, $base:expr, $indices:expr, $walk:ident) => {{
         let (base, indices) = ($base, $indices);
@@ -172,8 +171,8 @@ macro_rules! scattered {
 }
 
 impl<'p, A: Rules> Machine<'p, A> {
-    /// Notes that the index of a lane is outside of its array. In intervals the result is unbounded, because the
-    /// specification lets an implementation read any element or zero, and write any element.
+    /// Notes that the index of a lane is outside of its array. In intervals, this makes the lane's results unbounded,
+    /// because the specification lets an implementation read any element or zero, and write any element.
     pub(super) fn leave(&mut self, lane: usize) {
         if self.is_helper(lane) {
             return;
@@ -570,8 +569,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.ints.get_mut(out).fill(A::int(u32::try_from(length).unwrap_or(u32::MAX), false));
     }
 
-    /// Runs an atomic in one lane after another. The specification allows this order of the lanes, and all other
-    /// orders.
+    /// Runs an atomic in one lane after another. This is one of the orders that the specification allows.
     pub(super) fn atomic(&mut self, walk: u32, registers: &[u32], memory: &mut Memory<'_, A>) {
         let walk = &self.code.walks[walk as usize];
         let Some(atomic) = walk.atomic else { return };
@@ -647,8 +645,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 }
 
-/// The word that an atomic stores in place of `old`. For a compare-exchange, the function assumes that the comparison
-/// has succeeded.
+/// The word that an atomic stores in place of `old`. For a compare-exchange, the caller has already compared the words.
 pub(super) fn changed_by(function: AtomicFunction, old: u32, x: u32, signed: bool) -> u32 {
     let order = |less: bool| {
         let x_is_less = if signed { x.cast_signed() < old.cast_signed() } else { x < old };

@@ -65,8 +65,8 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Gives each lane the value of another lane. If the other lane doesn't exist, or isn't active, the result may be
-    /// any value, as for an index outside of an array.
+    /// Copies to each lane the value of another lane, for example for `subgroupShuffle`. If the other lane doesn't
+    /// exist, or isn't active, the result may be any value, as for an index outside of an array.
     fn gather_of(
         &mut self,
         operation: SubgroupOp,
@@ -135,7 +135,7 @@ impl<A: Rules> Machine<'_, A> {
     }
 }
 
-/// Applies a collective operation to one `u32` of each lane. Returns a result for each lane, in order.
+/// Applies a collective operation to one `u32` of each lane. Returns the results of all lanes, in order.
 fn collected(
     scalar: Scalar,
     function: SubgroupOperation,
@@ -161,7 +161,7 @@ fn collected(
     }
 }
 
-/// The result of an operation on no lanes. Only sums and products need such a result, for WGSL's scans.
+/// The result of a sum (0) or a product (1) of no lanes, which is the first lane's result in an exclusive scan.
 fn identity(scalar: Scalar, function: SubgroupOperation) -> u32 {
     match (function, scalar.file()) {
         (SubgroupOperation::Mul, File::Float) => 1.0_f32.to_bits(),

@@ -1,4 +1,4 @@
-//! Atomics before which other invocations may run, and stores that take effect late.
+//! The turns of invocations: atomics before which other invocations may run, and stores that take effect late.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -11,8 +11,8 @@ use crate::code::{Code, Instruction, Op, Walk};
 use crate::explore::{Access, Step, Word};
 use crate::options::Elsewhere;
 
-/// The number of equal reads in a loop after which an invocation counts as waiting for another invocation. A change of
-/// a word sets the count to 0.
+/// If an invocation repeats the same reads more than this number of times, it counts as waiting for another invocation.
+/// After a word has changed, the count begins again.
 const PATIENCE: u32 = 3;
 
 #[derive(Clone, Copy, Debug)]
@@ -21,12 +21,12 @@ pub(crate) struct Late {
     lane: usize,
     slot: u32,
     at: usize,
-    /// The atomic function that the store applies. `None` if the store replaces the word.
+    /// The function of an atomic such as `atomicAdd`. `None` for `atomicStore`, which replaces the word.
     function: Option<AtomicFunction>,
     signed: bool,
     word: u32,
     site: u32,
-    /// The number of recorded atomics at the time when the invocation reached the store.
+    /// The number of atomics that `dispatch` had recorded when the invocation reached the store.
     pub(crate) turn: usize,
 }
 
@@ -43,7 +43,7 @@ pub(crate) struct Done {
 }
 
 impl Walk {
-    /// The kind of an atomic access. `writes` is `true` for a store, and `false` for a load.
+    /// The kind of an atomic access. `writes` is `true` for an `atomicStore`, and `false` for an `atomicLoad`.
     pub(super) fn access(&self, writes: bool) -> Access {
         match self.atomic {
             Some(atomic) => Access::of(atomic.function, atomic.used),
@@ -54,7 +54,7 @@ impl Walk {
 }
 
 impl Code {
-    /// Checks if an operation is an atomic access. Atomic loads and stores are included.
+    /// Checks if an operation is an atomic access, including `atomicLoad` and `atomicStore`.
     pub(crate) fn is_atomic(&self, op: Op) -> bool {
         self.walk_of(op).is_some()
     }
@@ -68,8 +68,8 @@ impl Code {
         }
     }
 
-    /// If `op` is an atomic whose result nothing uses: the atomic function, or `Some(None)` for a plain store. The
-    /// invocation of such an atomic needn't wait until the change takes effect. `None` for all other operations.
+    /// The function of an atomic whose result no operation uses, or `Some(None)` for `atomicStore`. An invocation
+    /// needn't wait until such a change takes effect. `None` for all other operations.
     fn stored(&self, op: Op) -> Option<Option<AtomicFunction>> {
         let walk = self.walk_of(op)?;
         match (op, walk.atomic) {
@@ -95,7 +95,7 @@ impl<A: Rules> Machine<'_, A> {
     }
 
     /// For each lane that is active and isn't a helper: the lane, and the offset of the word that an atomic operation
-    /// accesses. An index outside of its array selects the nearest element.
+    /// accesses. Indices outside of their array are clamped.
     fn places(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> Vec<(usize, usize)> {
         let Some(walk) = self.code.walk_of(op) else { return Vec::new() };
         let (indices, _) = self.code.operands_of(op, walk, registers);
@@ -114,7 +114,7 @@ impl<A: Rules> Machine<'_, A> {
         self.stores.iter().find(|one| (one.slot, one.lane, one.at) == (slot, lane, at))
     }
 
-    /// Checks if other invocations may run before this atomic.
+    /// Checks if the machine must stop before this atomic, so that other invocations can run.
     pub(super) fn pauses(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
         if !self.relaxes {
             return (0..self.width).any(|lane| self.acts(lane));
@@ -169,8 +169,8 @@ impl<A: Rules> Machine<'_, A> {
         (slot, if own { group + 1 } else { 0 }, at as u32)
     }
 
-    /// Delays the stores of an atomic operation. Returns `false` if the operation isn't a store, or if all stores take
-    /// effect at once.
+    /// Delays the stores of an atomic operation. Returns `false` without a delay if the operation isn't a store, or if
+    /// the schedule lets stores take effect at once.
     pub(super) fn postpones(&mut self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
         let (true, Some(function)) = (self.relaxes, self.code.stored(op)) else { return false };
         let Some(walk) = self.code.walk_of(op) else { return false };
@@ -214,8 +214,8 @@ impl<A: Rules> Machine<'_, A> {
         Some(Done { lane, site, word: new, reads: false, place: (slot, at), late })
     }
 
-    /// Notes an atomic that took effect. Also notes if the machine now waits in a loop until another invocation changes
-    /// the word.
+    /// Records an atomic that has taken effect. Sets `waits` if the machine seems to wait in a loop until another
+    /// invocation changes the word.
     pub(super) fn note_turn(
         &mut self,
         op: Op,

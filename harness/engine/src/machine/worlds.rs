@@ -1,14 +1,15 @@
-//! Masks of active lanes for conditions that may be undecided. Both branches run, and then the values of their
-//! variables are joined.
+//! Masks of active lanes for conditions that may be undecided. In a lane with an undecided condition, both branches
+//! run, and then the values of the variables are joined.
 //!
 //! A lane whose condition is undecided forks into two *worlds*. A world is a copy of the lane's variables for one
 //! branch. The world of the first branch runs first. Then the lane's variables get back their values from before the
 //! branch, and the world of the other branch runs. The worlds are joined where control meets again: at the end of a
-//! branch, of a loop's body, of a loop, or of a call. So a store can simply overwrite a variable, and a `break` may be
-//! in a branch with an undecided condition.
+//! branch, of a loop's body, of a loop, or of a call. So within a world, a store simply overwrites a variable, and a
+//! `break` may depend on an undecided condition.
 //!
-//! If a world jumps out of a construct, and another world of its lane goes on, the first world waits at the jump's
-//! target: its variables are stored in `waiting`. If no other world goes on, the variables stay in the registers.
+//! If a world jumps out of a construct while another world of its lane still has to run there, the world that jumped
+//! waits at the jump's target, with its variables in `waiting`. If the lane has no other world there, the variables
+//! stay in the registers.
 
 use crate::arithmetic::sealed::Rules;
 use crate::code::Code;
@@ -39,7 +40,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Adds a lane's variables. If the state already has variables for this lane, joins the old and the new values.
+    /// Copies a lane's variables from the registers. If the state already has variables for this lane, joins both.
     fn add(&mut self, files: &Files<'_, A>, mutable: &[Vec<u32>; 3], lane: usize) {
         let joins = std::mem::replace(&mut self.here[lane], true);
         for (kept, &register) in self.floats.iter_mut().zip(&mutable[0]) {
@@ -56,8 +57,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Writes a lane's variables back to the registers. If `joins` is `true`, joins the variables with the values that
-    /// the registers have.
+    /// Writes a lane's variables back to the registers, or joins them with the registers if `joins` is `true`.
     fn take(
         &mut self,
         files: &mut Files<'_, A>,
@@ -89,7 +89,7 @@ struct Frame<A: Rules> {
     ended: Box<[bool]>,
     /// The lanes that wait for the end of a loop's body, and have their variables in the registers.
     continued: Box<[bool]>,
-    /// The variables at the entry, for the lanes that fork.
+    /// The variables at the construct's entry, for the lanes that fork.
     start: State<A>,
     waiting: State<A>,
     round: State<A>,
@@ -97,7 +97,7 @@ struct Frame<A: Rules> {
 }
 
 impl<A: Rules> Frame<A> {
-    /// Checks if another world of the lane goes on in the construct of this frame.
+    /// Checks if the lane has another world in this construct: one that still has to run, or one that waits.
     fn forks(&self, lane: usize) -> bool {
         self.start.here[lane] || self.waiting.here[lane] || self.round.here[lane]
     }
@@ -323,8 +323,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
     }
 
     /// Makes the active lanes jump to the end of an open construct: the construct that contains the `depth` innermost
-    /// open constructs. If `continues` is `true`, this construct is a loop, and the lanes jump to the end of the loop's
-    /// body.
+    /// open constructs. If `continues` is `true`, this construct is a loop, and the lanes jump to the end of its body.
     pub(crate) fn exit(&mut self, files: &Files<'_, A>, depth: u32, continues: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for lane in (0..self.width).filter(|&lane| self.current[lane]) {
