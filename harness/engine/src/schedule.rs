@@ -54,7 +54,7 @@ pub struct Schedule {
     /// The rule that chooses the actor of the next turn.
     pub priorities: Priorities,
     /// The number of turns in which invocations may wait in loops before a waiting invocation gets the lowest priority.
-    /// Some loops end even if no other invocation changes a word.
+    /// A waiting loop may end even if no other invocation changes a word.
     pub patience: u32,
     /// The invocations that stall. For each, the number of the invocation's atomic before which it stalls, counted from
     /// 1.
@@ -133,7 +133,7 @@ pub(crate) struct ByPriority<'s> {
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,
     lowest: i64,
-    /// The number of turns in which units may still wait before a waiting unit gets the lowest priority.
+    /// The number of further turns in which units may wait before a waiting unit gets the lowest priority.
     patience: u32,
     last: Actor,
     /// The number of successive turns that the current unit has had.
