@@ -342,7 +342,7 @@ fn traced<'e>(
     }
 }
 
-/// Prints values of frames. Returns the names of the frames that don't have these values, or can't run.
+/// Prints values of frames. Returns the names of the frames that don't have these values, or that Karat can't render.
 fn tapped<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,
@@ -407,7 +407,7 @@ fn prepare(folder: &FilePath) -> io::Result<()> {
     std::fs::remove_file(&probe)
 }
 
-/// Prints an error, and the causes that its text doesn't mention.
+/// Prints an error, and the underlying causes that the error's text doesn't mention.
 fn report(err: &mut dyn Write, what: &str, error: &dyn Error) -> io::Result<()> {
     let mut text = error.to_string();
     let mut cause = error.source();
