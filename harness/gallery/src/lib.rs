@@ -51,7 +51,7 @@ pub struct RenderOptions {
     /// A file with the light around the scene, such as an EXR panorama. The file existed when the options were read.
     /// `None` means the frame's own light.
     pub environment: Option<PathBuf>,
-    /// The open path on which the frame is drawn.
+    /// The path on which the frame is drawn. Karat has already checked that the path is available.
     pub path: Path,
 }
 
@@ -384,7 +384,7 @@ impl Entry {
 /// Returns the requested path, or the first path on which checks run.
 ///
 /// # Errors
-/// Returns an error if the path doesn't open.
+/// Returns an error if the path isn't available.
 pub fn open(asked: Option<Path>) -> Result<Path, PathError> {
     let Some(path) = asked else {
         let selected = path::selected()?;

@@ -17,8 +17,8 @@ enum Expression {
 
 enum Condition {
     Less(Expression, Expression),
-    /// A condition that is undecided in intervals. In the interpreter, the bit with this number in `bits` decides the
-    /// condition.
+    /// A condition that is undecided in intervals. Otherwise, the bit with this number in the argument `bits` decides
+    /// it.
     Open(u32),
 }
 
