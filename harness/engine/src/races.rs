@@ -75,7 +75,7 @@ pub struct Race {
     pub binding: Option<(u32, u32)>,
     /// The element.
     pub place: Place,
-    /// The access that came first in the machine's order.
+    /// The access that the engine ran first.
     pub first: Access,
     /// The other access.
     pub second: Access,
@@ -237,8 +237,7 @@ impl Atomics {
     }
 
     /// An upper bound of the number of orders in which the atomics can run, as a binary logarithm. Equivalent orders
-    /// count as one order. The bound multiplies the numbers of orders of all words, as if words were independent of
-    /// each other.
+    /// count as one order. The bound multiplies the orders of all words, as if words were independent.
     #[must_use]
     pub fn most_orders(&self) -> f64 {
         let commute = |kinds: u32| kinds.count_ones() == 1 && kinds != 1 << Touch::Changes as u32;
@@ -434,7 +433,7 @@ impl Detector {
         }
     }
 
-    /// Swaps the state of the current workgroup for the stored state `of` another workgroup, which then continues.
+    /// Swaps the state of the current workgroup for the stored state of another workgroup (`of`), which then continues.
     pub(crate) fn exchange(&mut self, of: &mut OfGroup) {
         std::mem::swap(&mut self.first, &mut of.first);
         std::mem::swap(&mut self.epochs, &mut of.epochs);
@@ -594,8 +593,7 @@ impl Detector {
         self.outside.entry(site).or_insert_with(new).count += 1;
     }
 
-    /// Notes a read or a write of an element of a buffer. Returns `true` if the current workgroup made the last write
-    /// to the element.
+    /// Notes a read or a write of a buffer's element. Returns `true` if the current workgroup was the last to write it.
     #[inline]
     pub(crate) fn buffer(
         &mut self,

@@ -47,7 +47,7 @@ pub enum Stop {
     /// word.
     #[error("case {case} waits in a loop for a value that no invocation changes")]
     Waits {
-        /// The read in one of these loops.
+        /// A read in one of the waiting loops.
         span: Span,
         /// A case that is in the loop.
         case: usize,
@@ -67,10 +67,10 @@ pub enum Stop {
         found: usize,
         /// The number of words in a row.
         width: usize,
-        /// The number of rows that were expected.
+        /// The number of cases that the caller passed.
         cases: usize,
     },
-    /// A resource of the caller is missing, or has a wrong kind.
+    /// The caller bound no resource, or a resource of a wrong kind.
     #[error("no {kind} `{name}` is bound to group {group}, binding {binding}")]
     Missing {
         /// The kind of the missing resource, such as `buffer`, or the property that the bound resource lacks.

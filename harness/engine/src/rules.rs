@@ -83,8 +83,7 @@ macro_rules! float_rules {
 pub(crate) use float_rules;
 
 /// A family of rules from integers to an integer. The last letter of a rule's name says if the result is signed (`I`)
-/// or unsigned (`U`). If the range of a rule depends on the sign of its arguments, the arguments have the same type as
-/// the result.
+/// or unsigned (`U`). If a rule's range depends on the sign of its arguments, they have the type of the result.
 macro_rules! integer_rules {
     ($(#[$meta:meta])* $family:ident {
         $($(#[$doc:meta])* $name:ident [$i:literal] $signed:literal $(= $math:ident)? {

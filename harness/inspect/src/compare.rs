@@ -811,18 +811,15 @@ enum Pair {
     Under(Under, Option<Option<Stage>>, Option<Option<Stage>>),
     /// Changed overrides that no function uses.
     Overrides(Vec<String>),
-    /// A module that Karat can't read, with the reasons before and after the edit. `None` for a version that Karat can
-    /// read.
+    /// A module that Karat can't read before the edit, after it, or both, with the reason for each version.
     Broken(Option<String>, Option<String>),
     /// An invalid module whose text didn't change.
     Same,
-    /// A module whose edited code stays excluded with each set of features that Karat tries. Holds the module's
-    /// features.
+    /// A module whose edited code stays excluded with all tried features. Holds the module's features.
     Hidden(Vec<String>),
 }
 
-/// The features that include an edited function, and for each package, the features among them that the package's
-/// conditions use.
+/// The features that include edited code, and for each package, those that the package's conditions use.
 #[derive(Debug)]
 struct Under {
     features: Vec<String>,
@@ -1009,8 +1006,7 @@ impl Both {
 }
 
 impl PathChange {
-    /// A measure of how clearly the shown case shows the edit. Of several cases, Karat shows the case with the largest
-    /// measure.
+    /// A measure of how clearly the shown case shows the edit. Karat keeps the case with the largest measure.
     fn shows(&self) -> (Clarity, u64) {
         (self.clarity, self.ulp.unwrap_or(u64::MAX))
     }
@@ -1413,9 +1409,8 @@ mod tests {
         assert_eq!(interface(aligned, aligned, &renamed), [""; 0]);
     }
 
-    /// The generated textures of a function differ in size and number of levels. Numbers have the ranges in
-    /// `karat.toml`. If a number is named like a cosine, such as `n_dot_l`, it may be slightly above 1, because dot
-    /// products are rounded.
+    /// Generated textures differ in size and number of levels. Numbers have the ranges in `karat.toml`. A number with
+    /// the name of a cosine, such as `n_dot_l`, may be slightly above 1, because dot products are rounded.
     // Lesson 153
     #[test]
     fn generated_resources_reveal_edits() {
@@ -2058,8 +2053,7 @@ mod tests {
         }
     }
 
-    /// If a fragment function discards the pixel, its later statements have no visible effect and don't count as
-    /// covered.
+    /// After a `discard`, statements have no visible effect, so they don't count as covered.
     #[test]
     fn lines_behind_a_discard_are_not_reached() {
         let text = "fn cut(x: f32) { if x * x >= 0.0 { discard; } }
@@ -2079,8 +2073,7 @@ mod tests {
         );
     }
 
-    /// Of all cases that show a change, Karat shows one with finite numbers, and only the inputs that affect the
-    /// change.
+    /// Karat shows a case with finite numbers, and only the inputs that affect the change.
     #[test]
     fn a_change_is_shown_with_plain_numbers_and_relevant_inputs() {
         let text = "struct P { scale: f32, unused: f32 }

@@ -17,8 +17,7 @@ enum Expression {
 
 enum Condition {
     Less(Expression, Expression),
-    /// A condition that is undecided in intervals. Otherwise, the bit with this number in the argument `bits` decides
-    /// it.
+    /// A condition that is undecided in intervals. In `f32`, the bit with this number in `bits` decides it.
     Open(u32),
 }
 
