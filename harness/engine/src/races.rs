@@ -319,8 +319,8 @@ struct Shadow {
     blank: bool,
     /// The number of words of a variable in workgroup memory. Each workgroup has its own copy of these words.
     words: usize,
-    /// The cells of the elements, grouped by the byte of a word at which an element begins. Most elements begin at byte
-    /// 0. 16-bit floats may also begin at byte 2, and booleans at any byte.
+    /// The cells of the elements, grouped by the byte of a word at which an element begins. Most elements begin at the
+    /// first byte, but 16-bit floats may also begin at the third byte, and booleans at any byte.
     pages: [Vec<Option<Box<[Cell]>>>; 4],
     /// The written elements. In workgroup memory, these are the elements that this workgroup wrote. In buffers with
     /// unknown contents, they include the elements that earlier passes wrote.

@@ -137,7 +137,7 @@ float_rules! {
                 [t.mul(t).mul(Interval::point(3.0).sub(two_t))]
             },
         }
-        /// The result is -1, 0 or 1, and 0 for NaN.
+        /// The result is -1, 0 or 1. For NaN, the result is 0.
         Sign[1, 1] = Sign {
             single: |[x]| [if x > 0.0 { 1.0 } else if x < 0.0 { -1.0 } else { 0.0 }],
             double: |[x]| [if x > 0.0 { 1.0 } else if x < 0.0 { -1.0 } else { 0.0 }],
