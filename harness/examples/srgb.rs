@@ -7,7 +7,7 @@ use karat::prelude::*;
 
 static SHADERS: Package = karat::package!("examples/shaders");
 
-/// The reference, which computes the standard's formula in f64.
+/// The reference, which computes the formula of the sRGB standard in `f64`.
 fn encode(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
@@ -19,8 +19,8 @@ fn main() {
     println!("{}", check.agrees_with(encode, Abs(1e-6)));
 }
 
-/// WGSL computes pow(x, y) as exp2(y * log2(x)). Near 1, log2 has an absolute error of 2^-21 and exp2 of 3 ulp, so 1e-6
-/// is the smallest error that a test can require.
+/// WGSL computes pow(x, y) as exp2(y * log2(x)). Near 1, WGSL allows `log2` an absolute error of 2^-21 and `exp2` an
+/// error of 3 ulp, so a tolerance below 1e-6 would be too strict.
 #[test]
 fn encoding_follows_the_standard() {
     SHADERS.function("srgb::encode").over(0.0..=1.0).agrees_with(encode, Abs(1e-6));
@@ -34,7 +34,7 @@ fn encoding_stays_in_range() {
         .satisfies("lies in 0..=1", |_, e: f32| (0.0..=1.0 + 1e-6).contains(&e));
 }
 
-/// A test of only the round trip would miss an error in both directions, so each direction has its own reference.
+/// A test of only the round trip would miss errors that cancel each other, so each direction has its own reference.
 #[test]
 fn decoding_follows_the_standard() {
     let decode = |encoded: f64| {

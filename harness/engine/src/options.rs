@@ -14,9 +14,10 @@ pub enum Elsewhere {
     /// The element nearest to the index.
     #[default]
     Clamped,
-    /// The element with this index, modulo the number of elements.
+    /// The element at this index, modulo the number of elements.
     Nth(u32),
-    /// The element with the invalid index modulo the number of elements.
+    /// The element at the invalid index, modulo the number of elements. In an array of 8 elements, index 10 reads
+    /// element 2.
     Wrapped,
     /// The read returns this number, which doesn't come from the array. WGSL allows zero, and any value that an element
     /// may have.
@@ -51,8 +52,8 @@ pub struct Options {
     /// The number of iterations that all loops of a case may run in total. The default is 2^20, which is far more than
     /// a fast shader runs for a pixel. An endless loop reaches this number within seconds.
     pub fuel: u64,
-    /// `true` if a call removes a case that runs too many iterations, and the results list this case. Otherwise the
-    /// call stops. In intervals a call always stops.
+    /// `true` if a call goes on without a case that exceeds `fuel`. The results then list this case. Otherwise the call
+    /// stops. In intervals a call always stops.
     pub leaves: bool,
     /// The number of iterations that all loops of all cases of a dispatch may run in total. Unlimited by default.
     pub work: u64,
@@ -68,22 +69,23 @@ pub struct Options {
     /// The interval of `0.1` then reaches from the next smaller float to the next larger float, because each float type
     /// has its own nearest number to 0.1. Integers and short binary fractions such as 0.75 are exact.
     pub decimals: bool,
-    /// In intervals, the measured accuracy of an adapter. This accuracy narrows the bounds of the specification.
+    /// In intervals, the measured accuracy of an adapter. With it, Karat computes narrower bounds than from the
+    /// accuracy that WGSL requires.
     pub accuracy: Option<Arc<Accuracy>>,
     /// The effect of indices outside of their arrays. If two runs with different choices have different results, the
     /// result depends on something that WGSL doesn't define.
     pub outside: Choice,
-    /// The site of one operation, and the element that this operation reads if its index is outside of its array. For
-    /// all other operations, `outside` decides.
+    /// The number of one operation's site, and the element that this operation reads if its index is outside of its
+    /// array. For all other operations, `outside` decides.
     pub outside_at: Option<(u32, Elsewhere)>,
     /// The order in which the workgroups and invocations of a dispatch run.
     pub schedule: Schedule,
-    /// The number of turns that a dispatch may have. In a turn, invocations run to their next atomic or barrier.
-    /// Unlimited by default.
+    /// The largest number of turns of a dispatch. In a turn, invocations run to their next atomic or barrier. Unlimited
+    /// by default.
     pub most_turns: usize,
-    /// `true` to return the order of a dispatch's atomics.
+    /// `true` to return the order in which a dispatch runs its atomics.
     pub shows_order: bool,
-    /// In `f32`, the counters of statements and branches.
+    /// In `f32`, the counters that show how often each statement and each branch runs.
     pub counts: Option<Arc<Counts>>,
 }
 

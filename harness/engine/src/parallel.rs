@@ -7,7 +7,7 @@ use karat_core::panics;
 /// Returns the next task, or `None` if all tasks are taken.
 pub(crate) type Next<'n> = &'n (dyn Fn() -> Option<usize> + Sync);
 
-/// Runs workers on this thread and on other threads, until all tasks are taken. A worker may get no task.
+/// Runs workers on this thread and on other threads, until the workers have taken all tasks. A worker may get no task.
 ///
 /// The calling thread works, too. If it only waited for one worker per core, the system's scheduler would often run two
 /// workers on one core while another core idles.

@@ -21,14 +21,14 @@ use crate::runs::Runs;
 use crate::scalar::{File, Scalar};
 
 /// The number of lanes of a chunk. A column of floats then has 1 KiB, so about thirty columns fit into a first-level
-/// cache. Each operation is decoded once for 256 cases.
+/// cache. For 256 cases, the engine decodes each operation only once.
 const LANES: usize = 256;
 
-/// From this number of cases on, chunks are twice as wide. Then each operation is decoded for more cases at once, and
-/// all cores are still busy.
+/// With this number of cases or more, chunks are twice as wide. The engine then decodes operations less often, and all
+/// cores are still busy.
 const MANY: usize = 16_384;
 
-/// The largest number of registers of a program: twice the number for the largest variable. With this number of
+/// The largest number of registers of a program: twice as many as the largest variable may need. With this number of
 /// registers, a thread needs 32 MiB for floats, or 64 MiB if there are at least [`MANY`] cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
@@ -120,14 +120,15 @@ impl Program {
         self.code.results.iter().map(|(_, scalar)| *scalar).collect()
     }
 
-    /// The sites of the program's operations. An operation that causes an unbounded interval has one of these sites.
+    /// The positions of the program's operations in the source. An operation that causes an unbounded interval has one
+    /// of these sites.
     #[must_use]
     pub fn sites(&self) -> &[Site] {
         &self.code.sites
     }
 
     /// The sites of the operations that [`Observer::reached`](crate::Observer::reached) may report. A site may occur
-    /// twice. The sites that aren't in the result belong to constants.
+    /// twice. The sites of constants aren't among them.
     pub fn operations(&self) -> impl Iterator<Item = &Site> {
         let all = self.code.instructions.iter().filter(|one| !one.op.is_an_end());
         all.map(|one| &self.code.sites[one.site as usize])
@@ -192,8 +193,8 @@ impl Program {
         A::call(self, &Call { cases, rows, to: None, resources, options }, observer)
     }
 
-    /// Calls the function in intervals. Each interval goes from an argument of one row to the same argument of another
-    /// row.
+    /// Calls the function in intervals. The interval of an argument begins at the argument's value in `rows` and ends
+    /// at its value in `to`.
     ///
     /// # Errors
     ///
@@ -213,7 +214,7 @@ impl Program {
         Intervals::call(self, &Call { cases, rows, to: Some(to), resources, options }, observer)
     }
 
-    /// Implements [`call`](Self::call). It is compiled once for each arithmetic.
+    /// Implements [`call`](Self::call). The Rust compiler makes one copy of this function for each arithmetic.
     pub(crate) fn run<A: Arithmetic, const SEEN: bool>(
         &self,
         call: &Call<'_>,
@@ -316,7 +317,7 @@ impl Program {
         }
     }
 
-    /// Checks that this arithmetic has a rule for each operation.
+    /// Checks that this arithmetic has a rule for each operation of the program.
     pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
         match (self.code.half, self.code.subgroup) {
             (Some(span), _) if A::UNDECIDED => {
@@ -375,13 +376,13 @@ impl Program {
 pub struct Call<'c> {
     pub(crate) cases: usize,
     pub(crate) rows: &'c [u32],
-    /// If the call is in intervals: the ends of the intervals that begin at `rows`.
+    /// If the call is in intervals: the upper ends of the arguments' intervals. `rows` has the lower ends.
     pub(crate) to: Option<&'c [u32]>,
     pub(crate) resources: &'c Resources,
     pub(crate) options: &'c Options,
 }
 
-/// The only result of a program without parameters and resources.
+/// Runs a program without parameters and resources, and returns the first word of its result.
 pub(crate) fn evaluated(code: Code) -> Option<u32> {
     let program = Program { code, entry: None };
     let (resources, options) = (Resources::new(), Options::default());
@@ -396,7 +397,7 @@ impl crate::code::HandleSlot {
     }
 }
 
-/// Converts columns to the rows of the first `active` lanes.
+/// Converts columns to rows, one row for each of the first `active` lanes.
 fn interleaved<T: Copy>(columns: &[&[T]], active: usize) -> Vec<T> {
     let mut rows = Vec::with_capacity(columns.len() * active);
     for lane in 0..active {

@@ -2,11 +2,12 @@
 //! accesses.
 //!
 //! WGSL orders few accesses (15.4 *Memory model*, 17.11 *Synchronization built-in functions*). A barrier orders the
-//! invocations of its workgroup, for the address spaces in the barrier's name. Nothing orders two workgroups of a
-//! dispatch. Atomic accesses don't race with each other, and WGSL has no other way to access an atomic.
+//! accesses of its workgroup to one address space: `workgroupBarrier` orders those to workgroup memory,
+//! `storageBarrier` those to storage buffers. Nothing orders two workgroups of a dispatch. Atomic accesses don't race
+//! with each other, and WGSL has no other way to access an atomic.
 //!
-//! The machine runs invocations in lockstep, so a race doesn't show in the results. Instead, each element remembers the
-//! accesses with which a later access could race:
+//! The engine runs invocations in lockstep, so a race doesn't change the results. The detector therefore stores, for
+//! each element, the accesses with which a later access could race:
 //!
 //! - the last write, and the last write by any other invocation. If an invocation other than the current one has
 //!   written since the last barrier, one of the two writes is by such an invocation;
@@ -24,18 +25,18 @@ use crate::dispatch::Turn;
 use crate::explore::{Access as Touch, Word};
 use crate::refusal::Stop;
 
-/// The detector allocates the elements of this number of bytes or texels together. It doesn't allocate the elements of
-/// a whole buffer, because a dispatch may access only a small part.
+/// The size of a page in bytes or texels. The detector allocates memory for its notes on elements page by page, because
+/// a dispatch may access only a small part of a buffer.
 const PAGE: usize = 1024;
 
-/// The largest number of elements that a dispatch remembers. Each needs 116 bytes, so all need 116 MiB. Accesses to
-/// more elements are only counted.
+/// The largest number of elements whose accesses the detector stores. Each element needs 116 bytes, so all need 116
+/// MiB. The detector only counts the accesses to further elements.
 const MOST_CELLS: usize = 1 << 20;
 const _: () = assert!(size_of::<Cell>() == 116);
 
-/// The largest number of races that are kept for a variable. Each of these races has a different pair of source lines.
-/// This limit applies separately to races of equal writes (both accesses write the same word) and to all other races. A
-/// loop over a buffer may have a race for each element, all with the same lines.
+/// The largest number of races that the detector keeps for a variable. Each of these races has a different pair of
+/// source lines. This limit applies separately to races of equal writes (both accesses write the same word) and to all
+/// other races. A loop over a buffer may have a race for each element, all between the same two lines.
 const MOST_RACES: usize = 64;
 
 const NONE: u32 = u32::MAX;
@@ -59,7 +60,7 @@ pub struct Access {
     pub invocation: usize,
     /// `true` for a write, `false` for a read.
     pub writes: bool,
-    /// The word that the access writes or reads.
+    /// The word that the access writes or reads. For a texel, a hash of its four channels.
     pub word: u32,
     /// For a texel, its four channels, if the detector kept them. Otherwise `None`.
     pub texel: Option<[u32; 4]>,
@@ -74,7 +75,7 @@ pub struct Race {
     pub binding: Option<(u32, u32)>,
     /// The element.
     pub place: Place,
-    /// The access that came first in the machine's order.
+    /// The access that the engine ran first.
     pub first: Access,
     /// The other access.
     pub second: Access,
@@ -127,7 +128,7 @@ pub struct Unwritten {
     pub count: u64,
 }
 
-/// The object that an index is outside of.
+/// The kind of object that an index is outside of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Bounds {
     /// An array with a fixed length.
@@ -153,7 +154,7 @@ pub struct Outside {
     pub count: u64,
     /// `true` for a write or an atomic.
     pub writes: bool,
-    /// The object that the indices are outside of.
+    /// The kind of object that the indices are outside of.
     pub bounds: Bounds,
     /// The buffer, workgroup variable or texture with the array. `None` for a variable of the invocation.
     pub variable: Option<String>,
@@ -201,10 +202,10 @@ pub struct Observed {
     pub turns: u64,
     /// The atomics of the dispatch.
     pub atomics: Atomics,
-    /// The order of the atomics, if it was requested.
+    /// The order in which the atomics ran, if [`Options::shows_order`](crate::Options::shows_order) requests it.
     pub order: Vec<Turn>,
-    /// The number of accesses that aren't checked for races, because the detector remembers only a limited number of
-    /// elements.
+    /// The number of accesses that aren't checked for races, because the detector stores the accesses of only a limited
+    /// number of elements.
     pub unwatched: u64,
 }
 
@@ -236,7 +237,7 @@ impl Atomics {
     }
 
     /// An upper bound of the number of orders in which the atomics can run, as a binary logarithm. Equivalent orders
-    /// count as one order. The bound adds up the orders of each word, as if words were independent of each other.
+    /// count as one order. The bound multiplies the orders of all words, as if words were independent.
     #[must_use]
     pub fn most_orders(&self) -> f64 {
         let commute = |kinds: u32| kinds.count_ones() == 1 && kinds != 1 << Touch::Changes as u32;
@@ -253,7 +254,7 @@ impl Atomics {
     }
 }
 
-/// An access that an element remembers. `epoch` is the number of barriers for the element's address space that the
+/// An earlier access to an element. `epoch` is the number of barriers for the element's address space that the
 /// workgroup had passed at the time of the access.
 #[derive(Clone, Copy, Debug)]
 struct Who {
@@ -316,10 +317,10 @@ struct Shadow {
     own: bool,
     /// `true` for a buffer whose contents are unknown until they are written.
     blank: bool,
-    /// The number of words of a variable in workgroup memory. Each workgroup begins with new words.
+    /// The number of words of a variable in workgroup memory. Each workgroup has its own copy of these words.
     words: usize,
-    /// The elements, by the byte of a word at which they begin. Most elements begin at byte 0. 16-bit floats may also
-    /// begin at byte 2, and booleans at each byte.
+    /// The cells of the elements, grouped by the byte of a word at which an element begins. Most elements begin at the
+    /// first byte, but 16-bit floats may also begin at the third byte, and booleans at any byte.
     pages: [Vec<Option<Box<[Cell]>>>; 4],
     /// The written elements. In workgroup memory, these are the elements that this workgroup wrote. In buffers with
     /// unknown contents, they include the elements that earlier passes wrote.
@@ -343,14 +344,14 @@ pub(crate) struct Detector {
     width: u32,
     /// The first invocation of each workgroup that has run. Some workgroups may not run.
     starts: Vec<usize>,
-    /// The number of the current workgroup's first invocation, counting only workgroups that run.
+    /// The number of the current workgroup's first invocation, counting only the invocations of workgroups that run.
     first: u32,
     /// The numbers of barriers that the workgroup has passed: barriers for workgroup memory, for storage, and for
     /// textures.
     epochs: [u32; 3],
-    /// The number, in its workgroup, of the first lane that runs at the moment. `waiting` has the address spaces of the
-    /// barriers at which other invocations wait.
+    /// The number of the first lane that runs at the moment, counted in its workgroup.
     base: u32,
+    /// For each of these kinds of barriers, `true` if invocations wait at one.
     waiting: [bool; 3],
     buffers: Vec<Shadow>,
     textures: Vec<Shadow>,
@@ -371,7 +372,7 @@ pub(crate) struct Accessed {
     pub(crate) lane: usize,
     pub(crate) site: u32,
     pub(crate) place: Place,
-    /// The number of the element among the elements that begin at the same byte of a word.
+    /// For a buffer, the number of the word in which the element begins. For a texture, the number of the texel.
     pub(crate) index: usize,
     pub(crate) word: u32,
 }
@@ -432,7 +433,7 @@ impl Detector {
         }
     }
 
-    /// Exchanges the detector's state with the kept state of another workgroup, which then continues.
+    /// Swaps the state of the current workgroup for the stored state of another workgroup (`of`), which then continues.
     pub(crate) fn exchange(&mut self, of: &mut OfGroup) {
         std::mem::swap(&mut self.first, &mut of.first);
         std::mem::swap(&mut self.epochs, &mut of.epochs);
@@ -464,7 +465,8 @@ impl Detector {
     }
 
     /// Lets all invocations of the workgroup that haven't ended continue after a barrier. `held` has the first
-    /// invocation of each machine at a barrier, with the barrier's site. Each machine has `lanes` invocations.
+    /// invocation of each machine that waits at a barrier, with the barrier's site. Each machine runs `lanes`
+    /// invocations.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));
@@ -512,9 +514,9 @@ impl Detector {
         self.meet(code, site, (0, false), (parted, active));
     }
 
-    /// Notes an operation that all invocations should reach together. `first` is the first of its lanes, `subgroup` is
-    /// `true` if the lanes are a subgroup, `parted` has the sites at which the other lanes took another branch, and
-    /// `active` marks the lanes that reach the operation.
+    /// Notes an operation that all lanes of a group should reach together. The group is a workgroup, or a subgroup if
+    /// `subgroup` is `true`. Its first lane is `first`. `active` marks the lanes that reach the operation, and `parted`
+    /// has the sites at which the other lanes took another branch.
     pub(crate) fn meet(
         &mut self,
         code: &Code,
@@ -591,7 +593,7 @@ impl Detector {
         self.outside.entry(site).or_insert_with(new).count += 1;
     }
 
-    /// Notes a read or a write of an element of a buffer. Returns `true` if the element's workgroup has written it.
+    /// Notes a read or a write of a buffer's element. Returns `true` if the current workgroup was the last to write it.
     #[inline]
     pub(crate) fn buffer(
         &mut self,
@@ -611,7 +613,7 @@ impl Detector {
         accessed: Accessed,
         (texel, writes): ([u32; 4], bool),
     ) {
-        /// The largest number of texels to keep for messages. They need one megabyte.
+        /// The largest number of texels to keep for messages. This number of texels needs one megabyte.
         const MOST: usize = 1 << 16;
         if self.texels.len() < MOST {
             self.texels.insert(accessed.word, texel);
@@ -798,7 +800,7 @@ impl Detector {
 }
 
 impl Shadow {
-    /// The state of an element. `None` if the detector already remembers as many elements as it may.
+    /// The earlier accesses to an element. `None` if the detector already stores [`MOST_CELLS`] elements.
     fn cell(&mut self, plane: usize, index: usize, cells: &mut usize) -> Option<&mut Cell> {
         let pages = &mut self.pages[plane];
         let page = index / PAGE;

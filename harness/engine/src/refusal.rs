@@ -9,7 +9,7 @@ use thiserror::Error;
 pub struct Refusal {
     /// The construct.
     pub what: String,
-    /// The construct's bytes in the source. Undefined if naga has no position for the construct.
+    /// The construct's position in the source. Undefined if naga knows no position for the construct.
     pub span: Span,
 }
 
@@ -31,8 +31,8 @@ pub enum Stop {
         case: usize,
         /// The number of iterations that were allowed.
         rounds: u64,
-        /// The number of iterations of the open loop that ran the most iterations. If this number is small, there are
-        /// many loops, but none is endless.
+        /// The largest number of iterations that a single loop had run, among the loops that the case was still in. If
+        /// this number is small, the case runs many loops, but none is endless.
         own: u64,
     },
     /// A loop was still running at the deadline.
@@ -47,7 +47,7 @@ pub enum Stop {
     /// word.
     #[error("case {case} waits in a loop for a value that no invocation changes")]
     Waits {
-        /// A read in one of the loops that wait.
+        /// A read in one of the waiting loops.
         span: Span,
         /// A case that is in the loop.
         case: usize,
@@ -63,17 +63,17 @@ pub enum Stop {
     /// The number of argument words isn't the number of cases times the width of a row.
     #[error("the arguments have {found} scalars, but {cases} cases need {width} scalars each")]
     Rows {
-        /// The number of words.
+        /// The number of argument words that the caller passed.
         found: usize,
         /// The number of words in a row.
         width: usize,
-        /// The number of rows that were expected.
+        /// The number of cases that the caller passed.
         cases: usize,
     },
-    /// A resource of the caller is missing, or has a wrong kind.
+    /// The caller bound no resource, or a resource of a wrong kind.
     #[error("no {kind} `{name}` is bound to group {group}, binding {binding}")]
     Missing {
-        /// `buffer`, `texture` or `sampler`, or a property that the resource doesn't have.
+        /// The kind of the missing resource, such as `buffer`, or the property that the bound resource lacks.
         kind: &'static str,
         /// The resource's name in the module.
         name: String,
@@ -99,7 +99,7 @@ pub enum Stop {
     NoRule {
         /// The operation or type without a rule.
         what: &'static str,
-        /// The position in the source.
+        /// The operation's position in the source.
         span: Span,
     },
     /// The caller dispatched a function, or called an entry point.

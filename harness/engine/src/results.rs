@@ -87,8 +87,8 @@ impl<A: Arithmetic> Results<A> {
         self.scalars.iter().map(lane).collect()
     }
 
-    /// All rows as words, in the format of arguments. Floats are rounded to `f32` or `f16`. An interval becomes its
-    /// middle.
+    /// All rows as words, in the format of arguments. Floats are rounded to `f32` or `f16`. For an interval, the word
+    /// is the interval's midpoint.
     #[must_use]
     pub fn words(&self) -> Vec<u32> {
         let mut words = Vec::with_capacity(self.cases * self.scalars.len());

@@ -2,7 +2,7 @@
 //!
 //! A rule is defined in one place: its name, the number of its arguments and results, naga's name of the builtin, and
 //! its computation in `f32`, in `f64` and in intervals. For each family, the macros below make an enum of the rules,
-//! and a function that runs the loop of a rule. The operations of a program contain values of these enums.
+//! and a function that applies a rule to all lanes. The operations of a program contain values of these enums.
 
 mod arithmetic;
 mod conversion;
@@ -83,7 +83,7 @@ macro_rules! float_rules {
 pub(crate) use float_rules;
 
 /// A family of rules from integers to an integer. The last letter of a rule's name says if the result is signed (`I`)
-/// or unsigned (`U`). If a range depends on the type of the arguments, the arguments have the same type as the result.
+/// or unsigned (`U`). If a rule's range depends on the sign of its arguments, they have the type of the result.
 macro_rules! integer_rules {
     ($(#[$meta:meta])* $family:ident {
         $($(#[$doc:meta])* $name:ident [$i:literal] $signed:literal $(= $math:ident)? {
@@ -153,7 +153,7 @@ pub(crate) enum FloatRule {
     Trigonometry(Trigonometry),
 }
 
-/// The operands of an operation that are its edges, the low edge first.
+/// The positions of the `low` and the `high` operand of `clamp` or `smoothstep`.
 pub(crate) struct Edges {
     pub(crate) low: usize,
     pub(crate) high: usize,
@@ -162,7 +162,7 @@ pub(crate) struct Edges {
 }
 
 impl FloatRule {
-    /// The operands of an operation that must be in order, if it has such operands. WGSL 17.5 lets `clamp` of floats be
+    /// The two operands that must be in order, if the rule has such operands. WGSL 17.5 lets `clamp` of floats be
     /// "either min(max(e, low), high), or the median of the three values". The two results differ if low is above high.
     /// `smoothstep` divides by high - low, and the languages into which WGSL is translated define `smoothstep` only if
     /// low is below high.
@@ -276,8 +276,8 @@ mod tests {
         (0..outs as u32).map(|out| columns.get(out)[0]).collect()
     }
 
-    /// If each argument is a single number of its interval, the bounds of the result must be within the bounds of the
-    /// result for whole intervals. Otherwise a result that WGSL allows could be outside of the bounds.
+    /// The bounds for a number from each argument's interval must lie within the bounds for the whole intervals.
+    /// Otherwise a result that WGSL allows could be outside of the bounds.
     // Lesson 109
     #[test]
     fn wider_arguments_have_wider_results() {

@@ -34,7 +34,7 @@ pub enum Priorities {
 /// a barrier orders them (15.4, *Memory model*).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stores {
-    /// All stores take effect at once.
+    /// Each store takes effect immediately.
     #[default]
     AtOnce,
     /// Some stores, chosen at random, take effect only when all other actors have ended or wait. The parameter is the
@@ -54,10 +54,9 @@ pub struct Schedule {
     /// The rule that chooses the actor of the next turn.
     pub priorities: Priorities,
     /// The number of turns in which invocations may wait in loops before a waiting invocation gets the lowest priority.
-    /// Some loops end even if no other invocation changes a word.
+    /// A waiting loop may end even if no other invocation changes a word.
     pub patience: u32,
-    /// The invocations that stall. For each, the number of the invocation's atomic before which it stalls, counted from
-    /// 1.
+    /// The invocations that stall, each with the number of its atomic before which it stalls. Atomics count from 1.
     pub stalls: Vec<(usize, u32)>,
     /// The actors that get the first turns, in order, for example in an explored order. After these turns, `priorities`
     /// decides.
@@ -124,7 +123,7 @@ const MOST_IN_A_ROW: u32 = 1 << 12;
 
 pub(crate) struct ByPriority<'s> {
     schedule: &'s Schedule,
-    /// The units that stall. For each, the number of the unit's atomic before which it stalls.
+    /// The units that stall, each with the number of its atomic before which it stalls.
     stalls: Vec<(u32, u32)>,
     heap: BinaryHeap<(i64, Reverse<Actor>)>,
     /// In an explored order, the actors whose next step has no effect that other actors see. Such a step doesn't count
@@ -133,7 +132,7 @@ pub(crate) struct ByPriority<'s> {
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,
     lowest: i64,
-    /// The number of turns in which units may still wait before a waiting unit gets the lowest priority.
+    /// The number of further turns in which units may wait before a waiting unit gets the lowest priority.
     patience: u32,
     last: Actor,
     /// The number of successive turns that the current unit has had.

@@ -25,7 +25,7 @@ pub enum Dimension {
 }
 
 /// The texels of one mip level. The rows of a slice or layer are in order, and then the next slice or layer follows.
-/// The samples of a texel are neighbours.
+/// The samples of a texel are next to each other.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texels {
     /// Four channels of `f32`. If the format has fewer channels, the missing ones are read as 0, 0, 0, 1.
@@ -74,8 +74,8 @@ pub struct Texture {
     size: [u32; 3],
     samples: u32,
     levels: Vec<Texels>,
-    /// For a cube of floats, the levels. Each face has a border: the texels beyond its edges. This field is computed
-    /// when the cube is first filtered.
+    /// The levels of a cube of floats, in which each face has a border: the texels beyond its edges. This field is
+    /// computed when the cube is first filtered.
     framed: OnceLock<Vec<Vec<[f32; 4]>>>,
     /// The least and the greatest value of each channel.
     hull: [(f32, f32); 4],

@@ -35,7 +35,7 @@ pub struct RenderArguments {
     /// Values to print in place of the frame: see `karat tap`
     #[arg(long, hide = true, value_name = "VALUE", num_args = 0..=1)]
     pub(super) tap: Option<Vec<String>>,
-    /// The number of the round in which a pixel computes the values
+    /// The number of the computation whose values to print, if a pixel computes the values several times
     #[arg(long, hide = true, value_name = "N", requires = "tap")]
     pub(super) round: Option<u32>,
     /// Also draws the frame's colours

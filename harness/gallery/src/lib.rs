@@ -51,7 +51,7 @@ pub struct RenderOptions {
     /// A file with the light around the scene, such as an EXR panorama. The file existed when the options were read.
     /// `None` means the frame's own light.
     pub environment: Option<PathBuf>,
-    /// The open path on which the frame is drawn.
+    /// The path on which the frame is drawn. Karat has already checked that the path is available.
     pub path: Path,
 }
 
@@ -342,7 +342,7 @@ fn traced<'e>(
     }
 }
 
-/// Prints values of frames. Returns the names of the frames that don't have these values, or can't run.
+/// Prints values of frames. Returns the names of the frames that don't have these values, or that Karat can't render.
 fn tapped<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,
@@ -384,7 +384,7 @@ impl Entry {
 /// Returns the requested path, or the first path on which checks run.
 ///
 /// # Errors
-/// Returns an error if the path doesn't open.
+/// Returns an error if the path isn't available.
 pub fn open(asked: Option<Path>) -> Result<Path, PathError> {
     let Some(path) = asked else {
         let selected = path::selected()?;
@@ -407,7 +407,7 @@ fn prepare(folder: &FilePath) -> io::Result<()> {
     std::fs::remove_file(&probe)
 }
 
-/// Prints an error, and the causes that its text doesn't mention.
+/// Prints an error, and the underlying causes that the error's text doesn't mention.
 fn report(err: &mut dyn Write, what: &str, error: &dyn Error) -> io::Result<()> {
     let mut text = error.to_string();
     let mut cause = error.source();

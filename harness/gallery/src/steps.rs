@@ -7,16 +7,16 @@ use serde::{Deserialize, Serialize};
 /// The relative difference between the `f32` and the `f64` value above which a value has lost half of its digits.
 const LOST: f64 = 1.0 / 4096.0;
 
-/// The text in place of a missing value: the calculation in one format may not run an operation, because a condition
-/// has another result in this format.
+/// The text in place of a missing value. For example, the call in `f64` may skip an operation that the call in `f32`
+/// runs, because the two calls take different branches.
 const ELSEWHERE: &str = "not run";
 
 /// An operation of a call.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Row {
-    /// The author's file.
+    /// The source file that contains the operation.
     pub file: String,
-    /// The number of the line, from 1.
+    /// The number of the operation's line in this file, from 1.
     pub line: usize,
     /// The operation as the author wrote it, with the name of its `let`.
     pub operation: String,
@@ -24,11 +24,11 @@ pub struct Row {
     pub single: String,
     /// The values of the operation in `f64`.
     pub double: String,
-    /// The range that WGSL allows.
+    /// The range that WGSL allows for the values of the operation.
     pub allowed: String,
     /// `true` if an `f32` value isn't finite.
     pub is_strange: bool,
-    /// `true` if half of the digits are lost, or if WGSL allows any value.
+    /// `true` if the `f32` value has lost half of its digits, or if WGSL allows any value.
     pub has_lost: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Prints values of a frame or of passes, beside the engine's values.
+//! Prints values that a frame or a pass computes, with the engine's values for comparison.
 
 use std::error::Error;
 use std::io::Write;
@@ -14,7 +14,7 @@ use crate::taps::write_tapped;
 
 /// A frame, or the passes of a test, with values that Karat can print.
 pub trait Tappable {
-    /// Lists the values that have names, each in one line.
+    /// Lists the named values of the shader, each in one line.
     ///
     /// # Errors
     /// Returns an error if the frame or pass isn't valid.
@@ -136,8 +136,8 @@ impl Tappable for Compute<'_> {
     }
 }
 
-/// Writes values of a frame or of passes, each with the engine's value at some pixels or invocations. If no values are
-/// requested, lists the values.
+/// Writes values of a frame or of passes, each with the engine's value at the given pixels or invocations. If no values
+/// are requested, lists the values.
 ///
 /// # Errors
 /// Returns an error if a value doesn't exist, if the frame or pass can't run, or if an image can't be written.

@@ -103,7 +103,8 @@ pub(crate) fn write_tapped(
     Ok(())
 }
 
-/// Returns the name of a part that can be an image, or `None` if the whole value can be an image.
+/// Returns the path of the first member or element, such as `.colour` or `[0]`. `None` for a scalar or a vector, which
+/// Karat can draw as an image.
 fn part_of(shape: &Shape) -> Option<String> {
     match shape {
         Shape::Scalar(_) | Shape::Vector { .. } => None,
@@ -121,7 +122,7 @@ fn with_ending(stem: &FilePath, ending: &str) -> PathBuf {
     name.into()
 }
 
-/// Formats a number with the six digits of an `f32`.
+/// Formats a number with six significant digits.
 fn digits(x: f64) -> String {
     let rounded: f64 = format!("{x:.5e}").parse().unwrap_or(x);
     format_f32(to_f32(rounded))
@@ -220,7 +221,8 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     text
 }
 
-/// Returns notes on pixels without a value, and on pixels that get another colour when Karat reads the value.
+/// Returns notes on pixels that compute the value never or several times, and on pixels that get another colour from
+/// the program with which Karat reads the value.
 fn notes(tapped: &Tapped) -> Vec<String> {
     let all = tapped.told.len();
     let undrawn = tapped.times.iter().filter(|times| times.is_none()).count();

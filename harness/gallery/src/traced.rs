@@ -1,4 +1,4 @@
-//! A traced pixel as JSON. One process writes the JSON, and another process reads it.
+//! A traced pixel as JSON. The gallery writes the JSON, and `karat trace` reads it.
 
 use karat::unstable::frame::TracedPixel;
 use karat::unstable::value::format_f32;
@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::steps::{Row, rows};
 
-/// A pixel with its inputs and its steps.
+/// A pixel, with the arguments and the steps of the fragment function that computes it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Traced {
-    /// The fragment function of the draw that is visible at the pixel.
+    /// The fragment function of the traced draw.
     pub function: String,
     /// The names and values of the function's arguments.
     pub arguments: Vec<(String, String)>,
@@ -17,7 +17,7 @@ pub struct Traced {
     pub steps: Vec<Row>,
     /// The result of the function in the engine.
     pub engine: String,
-    /// The pixel that the driver drew.
+    /// The colour that the driver drew at the pixel.
     pub driver: String,
     /// Notes on the values.
     pub notes: Vec<String>,

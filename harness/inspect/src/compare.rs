@@ -54,7 +54,7 @@ use rayon::prelude::*;
 
 pub use karat::unstable::interpret::{Missed, Uncovered};
 
-/// The number of inputs for each function. So many inputs run in a moment on any path.
+/// The number of inputs for each function. On any path, this many inputs run within a moment.
 const CASES: usize = 4096;
 
 /// A comparison of a package with an edited version of it.
@@ -89,8 +89,8 @@ pub struct Compared {
     /// The function's position, `file:line:column`. The position is in the edited package, or in the original package
     /// if the edit removed the function.
     pub location: String,
-    /// The features that the comparison turned on in both packages, because the edit has no effect without them. They
-    /// are off by default.
+    /// The features that the comparison turned on in both packages, because the edit has no effect without them. These
+    /// features are off by default.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub under: Vec<String>,
     /// The effect of the edit.
@@ -192,7 +192,7 @@ pub struct PathChange {
 pub struct WordChange {
     /// The resource's name.
     pub resource: String,
-    /// The element with its value before the edit: `counts[3] = 1`.
+    /// The element with its value before the edit, such as `counts[3] = 1`.
     pub before: String,
     /// The element's value after the edit.
     pub after: String,
@@ -318,7 +318,7 @@ impl Request {
         Ok(compared.collect())
     }
 
-    /// All functions of both packages, by name. If a module can't be read, the module is listed instead of its
+    /// All functions of both packages, by name. If Karat can't read a module, the result has the module instead of its
     /// functions.
     fn pairs(
         &self,
@@ -696,7 +696,7 @@ impl Request {
         all
     }
 
-    /// Compares an edited function. `attributes` has the attributes of both versions.
+    /// Compares an edited function. `attributes` has the attributes of each version's inputs and outputs.
     fn compare_linked(
         &self,
         name: &str,
@@ -772,7 +772,7 @@ impl Request {
 }
 
 impl Compared {
-    /// Checks if the results are the same so far, so that another setting may show a change.
+    /// Checks if no setting of overrides or features has shown a change so far. If so, Karat tries further settings.
     fn is_open(&self) -> bool {
         matches!(self.change, Change::Same { .. }) && self.violations.is_empty()
     }
@@ -804,21 +804,22 @@ struct Stateful {
 
 #[derive(Debug)]
 enum Pair {
-    /// A function that exists with the default features: its stage before and after the edit.
+    /// A function that exists with the default features: its stage before and after the edit. `None` for a version
+    /// without this function, and `Some(None)` if the function isn't an entry point.
     There(Option<Option<Stage>>, Option<Option<Stage>>),
-    /// A function that exists only with some features on.
+    /// An edited function that only exists, or that the edit only affects, with these features on.
     Under(Under, Option<Option<Stage>>, Option<Option<Stage>>),
     /// Changed overrides that no function uses.
     Overrides(Vec<String>),
-    /// A module that can't be read, with the reason before the edit and after it.
+    /// A module that Karat can't read before the edit, after it, or both, with the reason for each version.
     Broken(Option<String>, Option<String>),
-    /// A module that can't be read and whose text didn't change.
+    /// An invalid module whose text didn't change.
     Same,
-    /// A module whose edited code is excluded in all tested sets of features. Holds the module's features.
+    /// A module whose edited code stays excluded with all tried features. Holds the module's features.
     Hidden(Vec<String>),
 }
 
-/// The features that an edit needs, and for each package, the features among them that the package's conditions use.
+/// The features that include edited code, and for each package, those that the package's conditions use.
 #[derive(Debug)]
 struct Under {
     features: Vec<String>,
@@ -935,7 +936,7 @@ fn overrides_in(words: &[String]) -> Vec<&[String]> {
     begins.map(whole).collect()
 }
 
-/// Records a successful run, or otherwise the first reason why a run failed.
+/// Records that a version ran in the engine. If no run has succeeded, keeps the reason why the first run failed.
 fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
     if one.is_ok() || measured.is_none() {
         *measured = Some(one);
@@ -943,7 +944,7 @@ fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
 }
 
 impl Both {
-    /// Adds calls of both versions of a function.
+    /// Adds the lines that both versions of a function reach in these calls.
     fn add_calls(
         &mut self,
         sides: [&Probed; 2],
@@ -1005,13 +1006,13 @@ impl Both {
 }
 
 impl PathChange {
-    /// Ranks how clearly a case shows the edit. Karat shows the case with the highest rank.
+    /// A measure of how clearly the shown case shows the edit. Karat keeps the case with the largest measure.
     fn shows(&self) -> (Clarity, u64) {
         (self.clarity, self.ulp.unwrap_or(u64::MAX))
     }
 
-    /// Adds the change that the function shows with other contents of the buffers. Of the two shown cases, keeps the
-    /// case that shows the change more clearly.
+    /// Adds the change of the function's results with other contents of the buffers. Keeps the case that shows the
+    /// change more clearly.
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
         let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
@@ -1112,8 +1113,8 @@ mod tests {
         assert_eq!(ways("x > 3u", "3u < x"), []);
     }
 
-    /// With an index outside of an array, the engine may read what drivers read, for example the last element. The
-    /// guard in the original also chooses the last element, so both versions may return the same value.
+    /// The comparison reports an edit that removes the guard of an index, even if the results stay the same: the engine
+    /// reads the last element for an index outside of the array, and so does the guard.
     #[test]
     fn a_new_index_out_of_bounds_is_reported() {
         let of = |value: &str| {
@@ -1165,7 +1166,7 @@ mod tests {
         assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
     }
 
-    /// Karat runs a function that writes memory separately for each case. Each case covers its own lines.
+    /// If a function writes memory, Karat runs each case separately. A line counts as covered if any case reaches it.
     #[test]
     fn lines_that_any_case_comes_to_are_covered() {
         let text = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
@@ -1182,8 +1183,8 @@ mod tests {
         }
     }
 
-    /// If a function runs over several contents of its buffers, Karat shows the largest change and the first value of
-    /// each resource, and adds the numbers of cases.
+    /// If a function runs over several contents of its buffers, Karat shows the largest change and the first changed
+    /// value of each resource, and adds up the numbers of cases.
     #[test]
     fn changes_over_several_inputs_are_summed() {
         let change = |ulp: Option<u64>, resource: &str, after: &str| {
@@ -1242,7 +1243,7 @@ mod tests {
         assert_eq!(attributes(&before, &before), [""; 0]);
     }
 
-    /// The comparison covers all vertices of a quad, which has more vertices than a triangle.
+    /// The comparison runs a vertex shader for all six vertices of a quad.
     #[test]
     fn each_corner_of_a_quad_is_compared() {
         let text = "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
@@ -1361,7 +1362,7 @@ mod tests {
         }
     }
 
-    /// These edits change no results, but after such an edit, the host must supply resources differently.
+    /// The edits of this test change no results, but the host must then supply resources differently.
     // Lesson 152
     // Lesson 200
     #[test]
@@ -1408,8 +1409,8 @@ mod tests {
         assert_eq!(interface(aligned, aligned, &renamed), [""; 0]);
     }
 
-    /// Generated textures differ in size and number of levels. Numbers have the ranges in `karat.toml`. A number with a
-    /// cosine's name may be slightly above 1, because dot products are rounded.
+    /// Generated textures differ in size and number of levels. Numbers have the ranges in `karat.toml`. A number with
+    /// the name of a cosine, such as `n_dot_l`, may be slightly above 1, because dot products are rounded.
     // Lesson 153
     #[test]
     fn generated_resources_reveal_edits() {
@@ -1567,7 +1568,8 @@ mod tests {
         }
     }
 
-    /// A signed parameter may be negative, whatever its name is. A colour may be above 1.
+    /// The comparison also tries values outside of the range that a parameter's name suggests: a negative `index`, or a
+    /// `color` above 1.
     #[test]
     fn a_parameter_name_does_not_narrow_the_compared_values() {
         for (text, from, to) in [
@@ -1721,8 +1723,8 @@ mod tests {
         assert!(matches!(typed[0].1, Change::Signature { .. }), "{typed:?}");
     }
 
-    /// The comparison reports edits of a condition on a count, of a private variable's initial value, and of an
-    /// override that no function uses.
+    /// The comparison reports edits that only a few inputs show, such as `<=` in place of `<`, and edits of an override
+    /// that no function uses.
     #[test]
     fn rare_edits_of_guards_states_and_overrides_are_reported() {
         let guard = "@group(0) @binding(0) var<uniform> count: u32;
@@ -1912,8 +1914,8 @@ mod tests {
         assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
     }
 
-    /// A setting of the overrides for which the function has no verdict covers no line. If the function has a violation
-    /// with a setting, Karat reports the verdict with this setting.
+    /// If Karat can't compare the function with a setting of the overrides, this setting covers no line. If a setting
+    /// leads to a violation, Karat reports the verdict with this setting.
     #[test]
     fn a_setting_that_cannot_be_judged_covers_no_line() {
         let line = || Uncovered {
@@ -1935,8 +1937,8 @@ mod tests {
         assert!(one.is_open() && one.uncovered.is_empty());
     }
 
-    /// The comparison finds edits under several conditions with different numbers. A feature has the same value in both
-    /// packages.
+    /// The comparison finds edits under several conditions with different numbers. A feature has the same value before
+    /// and after the edit.
     #[test]
     fn edits_under_several_numeric_conditions_are_compared() {
         let package =
@@ -2009,7 +2011,7 @@ mod tests {
         assert!(matches!(one.change, Change::Signature { .. }), "{one:?}");
     }
 
-    /// If the engine couldn't run the function, the comparison reports that coverage is unknown.
+    /// If the engine can't run one of the two versions, the comparison reports that coverage is unknown.
     // Lesson 88
     #[test]
     fn unmeasured_coverage_is_reported() {
@@ -2029,7 +2031,7 @@ mod tests {
         assert_eq!(both.uncovered("f.wgsl:1:1")[0].missed, Missed::Unmeasured);
     }
 
-    /// If Karat can't read code under a condition, or in an invalid module, the code doesn't count as unchanged.
+    /// If edited code is invalid, or is in an invalid module, Karat reports that it can't compare this code.
     // Lesson 88
     #[test]
     fn edits_that_cannot_be_read_are_unjudged() {
@@ -2051,7 +2053,7 @@ mod tests {
         }
     }
 
-    /// After a `discard`, no statement has a visible effect.
+    /// After a `discard`, statements have no visible effect, so they don't count as covered.
     #[test]
     fn lines_behind_a_discard_are_not_reached() {
         let text = "fn cut(x: f32) { if x * x >= 0.0 { discard; } }
@@ -2071,7 +2073,7 @@ mod tests {
         );
     }
 
-    /// The shown case has plain numbers, and only inputs that affect the change.
+    /// Karat shows a case with finite numbers, and only the inputs that affect the change.
     #[test]
     fn a_change_is_shown_with_plain_numbers_and_relevant_inputs() {
         let text = "struct P { scale: f32, unused: f32 }

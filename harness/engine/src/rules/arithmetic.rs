@@ -32,7 +32,7 @@ float_rules! {
             double: |[x, y]| [x / y],
             interval: |[x, y]| [x.div(y)],
         }
-        /// `x - y trunc(x / y)`. It has the sign of x.
+        /// `x - y trunc(x / y)`. The result has the sign of x.
         Remainder[2, 1] {
             single: |[x, y]| [x % y],
             double: |[x, y]| [x % y],
@@ -59,7 +59,7 @@ float_rules! {
             double: |[x, y]| [if y > x || x.is_nan() { y } else { x }],
             interval: |[x, y]| [x.max(y)],
         }
-        /// `min(max(x, low), high)`. The specification also accepts the median of the three.
+        /// `min(max(x, low), high)`. The specification also allows the median of the three arguments.
         Clamp[3, 1] = Clamp {
             single: |[x, low, high]| {
                 let above = if low > x || x.is_nan() { low } else { x };
@@ -137,7 +137,7 @@ float_rules! {
                 [t.mul(t).mul(Interval::point(3.0).sub(two_t))]
             },
         }
-        /// -1, 0 or 1. For NaN it is 0.
+        /// The result is -1, 0 or 1. For NaN, the result is 0.
         Sign[1, 1] = Sign {
             single: |[x]| [if x > 0.0 { 1.0 } else if x < 0.0 { -1.0 } else { 0.0 }],
             double: |[x]| [if x > 0.0 { 1.0 } else if x < 0.0 { -1.0 } else { 0.0 }],

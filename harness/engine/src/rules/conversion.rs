@@ -103,7 +103,8 @@ macro_rules! from_int_rules {
 
 to_int_rules! {
     ToInt {
-        /// Rounds towards zero. A float outside of the type's range becomes the type's nearest end, and NaN becomes 0.
+        /// Rounds towards zero. A float outside of the integer type's range becomes the nearest end of the range, and
+        /// NaN becomes 0.
         Signed[1] true {
             single: |[x]: [f32; 1]| saturate_signed(f64::from(x)).cast_unsigned(),
             double: |[x]: [f64; 1]| saturate_signed(x).cast_unsigned(),
@@ -172,8 +173,8 @@ to_int_rules! {
 
 from_int_rules! {
     FromInt {
-        /// The nearest float. In `f64` arithmetic, the result is exact. An interval contains the exact result, or both
-        /// of its neighbours.
+        /// The nearest float. In `f64` arithmetic, the result is exact. In intervals, the result contains the exact
+        /// number, or both floats next to it.
         Signed[1] {
             single: |x: u32| [x.cast_signed() as f32],
             double: |x: u32| [f64::from(x.cast_signed())],

@@ -26,7 +26,7 @@ float_rules! {
             double: |[x]| [libm::log2(x)],
             interval: |[x]| [x.logarithm(libm::log2)],
         }
-        /// `exp2(y log2(x))`. For each x below zero it is NaN.
+        /// `exp2(y log2(x))`. For each x below zero, the result is NaN.
         Pow[2, 1] = Pow {
             single: |[x, y]| [if x < 0.0 { f32::NAN } else { libm::powf(x, y) }],
             double: |[x, y]| [if x < 0.0 { f64::NAN } else { libm::pow(x, y) }],

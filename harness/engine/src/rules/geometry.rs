@@ -158,7 +158,8 @@ float_rules! {
     }
 }
 
-/// The specification says: "Inherited from sum of x[i] * y[i]". As with every sum, the bounds include all orders.
+/// The specification says: "Inherited from sum of x[i] * y[i]". As for every sum, the bounds hold for all orders of the
+/// additions.
 fn dot(x: &[Interval], y: &[Interval]) -> Interval {
     sum(x.iter().zip(y).map(|(x, y)| x.mul(*y)))
 }
@@ -195,7 +196,7 @@ fn refract<const O: usize>(x: &[Interval]) -> [Interval; O] {
     std::array::from_fn(|i| eta.mul(e[i]).sub(bend.mul(n[i])))
 }
 
-/// Expands the determinant by the first column. The matrix has one column after another.
+/// Expands the determinant by the first column. `m` has the elements of the matrix, column after column.
 fn determinant3<T>(m: [T; 9]) -> T
 where
     T: Copy + std::ops::Mul<Output = T> + std::ops::Sub<Output = T> + std::ops::Add<Output = T>,

@@ -7,7 +7,7 @@ use super::{Basic, Exponential, FloatRule, Geometry, Trigonometry};
 pub enum Half {
     /// The result is rounded correctly, or exact.
     Rounded,
-    /// The result of a conversion from another type, which is rounded correctly. The conversion is a separate
+    /// The correctly rounded result of a conversion from another type. Karat lowers the conversion as a separate
     /// operation.
     Converted,
     /// The result is an operand that already has half precision. Karat doesn't consider other orders of the operations
@@ -29,20 +29,20 @@ pub enum Half {
 }
 
 impl Half {
-    /// Checks if the rounding is a part of the operation that computes the result.
+    /// Checks if the operation that computes the result also rounds it to half precision.
     pub(crate) fn is_of_a_result(self) -> bool {
         !matches!(self, Self::Converted | Self::Operand)
     }
 }
 
 impl FloatRule {
-    /// Checks if the operands may be reordered together with this operation.
+    /// Checks if drivers may reorder this operation together with the operations that compute its operands.
     pub(crate) fn is_one_of_a_chain(self) -> bool {
         self.half() == Some(Half::Chained(0))
     }
 
-    /// The accuracy of the rule in half precision. `None` if the result is computed from intermediate results, and the
-    /// errors of these can't be bounded from the result.
+    /// The accuracy of the rule in half precision. `None` if the rule has intermediate results whose errors Karat can't
+    /// bound from the result alone.
     pub(crate) fn half(self) -> Option<Half> {
         use {Basic as B, Exponential as E, Geometry as G, Trigonometry as T};
         Some(match self {

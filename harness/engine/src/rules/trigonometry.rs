@@ -64,8 +64,8 @@ float_rules! {
     }
 }
 
-/// The largest number for which a remainder with two parts of pi / 2 is exact enough: 2^28 pi / 2, as in FreeBSD's
-/// `e_rem_pio2f.c`.
+/// The largest number for which the remainder modulo pi / 2 is exact enough if pi / 2 is the sum of two floats: 2^28 pi
+/// / 2, as in FreeBSD's `e_rem_pio2f.c`.
 const MEDIUM: f32 = f32::from_bits(0x4DC9_0FDB);
 
 /// The sine of a number plus `quarters` quarter turns, within 0.51 ulp. Like libm, the function uses the remainder and
@@ -109,8 +109,8 @@ fn opposite(x: Interval) -> Interval {
     Interval::point(1.0).sub(x.mul(x)).sqrt()
 }
 
-/// The angle of a point. WGSL allows an error of 4096 ulp if the magnitude of x is from 2^-126 to 2^126 and y is
-/// normal.
+/// The angle of the point (x, y), as in `atan2`. WGSL allows an error of 4096 ulp if the magnitude of x is from 2^-126
+/// to 2^126 and y is normal.
 fn angle(y: Interval, x: Interval) -> Interval {
     let (Some((a, b)), Some((c, d))) = (y.bounds(), x.bounds()) else {
         return Interval::UNBOUNDED;

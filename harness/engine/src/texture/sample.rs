@@ -5,9 +5,9 @@ use crate::arithmetic::sealed::Rules;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Level {
-    /// The level is given.
+    /// The caller passes the level of detail.
     Exact(f64),
-    /// The level follows from the changes of the coordinates between neighbouring pixels, in both directions.
+    /// The level of detail follows from the changes of the coordinates to the next pixel, horizontally and vertically.
     Gradient([f64; 3], [f64; 3]),
 }
 
@@ -59,8 +59,8 @@ impl Texture {
         }
     }
 
-    /// The weighted mean of the texels that a sampler reads. With `reference`, the mean of the comparisons of these
-    /// texels with `reference`.
+    /// The weighted mean of the texels that a sampler reads. If there is a `reference`, each texel counts as 1 or 0:
+    /// the result of its comparison with `reference`.
     pub(crate) fn mean(
         &self,
         sampler: &Sampler,

@@ -1,8 +1,8 @@
-//! Compares builtins with Rust's own functions, and with values that were computed by hand.
+//! Compares WGSL's builtin functions with Rust's own functions, and with values that we computed by hand.
 
 use crate::common::{doubles, floats, words};
 
-/// Floats at the ends of ranges and formats.
+/// Floats at which builtins often go wrong, such as halves, the smallest normal float and 2^32.
 const EDGES: [f32; 22] = [
     0.0,
     -0.0,

@@ -24,7 +24,7 @@ pub(crate) fn program(source: &str, name: &str) -> Program {
     Program::function(&module, &info, name, &Settings::default()).expect("it lowers")
 }
 
-/// Calls the function `f` of a WGSL source. The rows and the results have the bits of each scalar as a `u32`.
+/// Calls the function `f` of a WGSL source. `rows` and the result have the bits of each scalar as a `u32`.
 pub(crate) fn words(source: &str, rows: &[u32]) -> Vec<u32> {
     let program = program(source, "f");
     let cases = rows.len() / program.parameters().len().max(1);

@@ -1,4 +1,4 @@
-//! Compares control flow in which cases go different ways with the same loops in Rust.
+//! Compares control flow, in which cases take different branches, with the same loops in Rust.
 
 use karat_engine::{F32, Options, Program, Resources, Settings};
 
@@ -184,8 +184,8 @@ fn a_call_in_a_loop_starts_anew_each_time() {
     assert_eq!(words(source, &(0..9).collect::<Vec<_>>()), expected);
 }
 
-/// A case that runs too many iterations is removed, whatever construct the loop is in. The other cases have the same
-/// results as without this case.
+/// The engine removes a case that runs too many iterations, whatever construct the loop is in. The removal doesn't
+/// change the results of the other cases.
 #[test]
 fn cases_with_long_loops_are_left_out() {
     let source = "
@@ -250,8 +250,8 @@ fn pointers_to_variables_are_parameters() {
     );
 }
 
-/// A program may begin with a loop. Then its arguments must stay alive through all iterations, and not only until their
-/// last use.
+/// If a program begins with a loop, the registers of its arguments must stay in use until the loop ends, and not only
+/// until the last operation that reads them.
 #[test]
 fn a_program_may_begin_with_a_loop() {
     let source = "@group(0) @binding(0) var<storage, read_write> b: array<u32, 16>;\n\

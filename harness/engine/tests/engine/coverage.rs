@@ -1,4 +1,4 @@
-//! Tests the counts of statements, and of the ways that lanes go at branches.
+//! Tests how often statements run, and how often lanes take each branch.
 
 use std::sync::Arc;
 
@@ -6,8 +6,8 @@ use karat_engine::{Count, F32, Options, Program, Resources, Settings, StatementK
 
 use crate::common;
 
-/// Calls the function `f` of `text` with the arguments `x`. Returns each statement: its text, its kind, `true` if it is
-/// needed, and its counts.
+/// Calls the function `f` of `text` with the arguments `x`. Returns for each statement its text, its kind, `true` if a
+/// result depends on the statement, and its counts.
 fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     let (module, info) = common::module(text);
     let settings = Settings { statements: true, ..Settings::default() };
@@ -29,7 +29,7 @@ fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     all.map(|(one, count)| (text_of(one.span), one.kind, one.needed, count)).collect()
 }
 
-/// The counts of the first statement of a kind whose text contains `part`.
+/// The counts of the first statement of this kind that contains `text`.
 fn of<'a>(
     all: &'a [(String, StatementKind, bool, Count)],
     kind: StatementKind,
@@ -81,7 +81,7 @@ fn rounds_of_loops_are_counted_separately() {
     assert_eq!(of(&all, StatementKind::If, "if (i > 5.0)").ways[..2], [1, 9]);
 }
 
-/// A statement is needed if a result or a buffer is computed from its value.
+/// A statement is needed if a result of the function, or a value in a buffer, depends on it.
 // Lesson 28: lines, branches and results that no test compares
 #[test]
 fn expressions_without_influence_are_not_needed() {
@@ -112,7 +112,7 @@ fn expressions_without_influence_are_not_needed() {
     }
 }
 
-/// Passes count their invocations, workgroup after workgroup. Helpers don't count.
+/// In a pass, the counts include the invocations of all workgroups, but no helper invocations.
 #[test]
 fn invocations_are_counted() {
     let text = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\nvar<workgroup> sum: u32;\nvar<workgroup> lost: u32;\n\

@@ -2,7 +2,8 @@
 
 use crate::common::words;
 
-/// Evaluates each expression in two functions: with literals in one, and with parameters in the other.
+/// Checks that each expression has the same result in two functions: one function has literals, and the other has
+/// parameters.
 fn agree(scalar: &str, expressions: &[&str], values: &[&str]) {
     for expression in expressions {
         let mut constants = String::new();

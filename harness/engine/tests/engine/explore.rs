@@ -67,11 +67,11 @@ fn text(atomics: &[Vec<Atomic>]) -> String {
     text + "}\n"
 }
 
-/// The results of a run: the words, then the result of each atomic.
+/// The results of a run: the words of memory after the run, then the value that each atomic returned.
 type Left = Vec<u32>;
 
-/// Tries all orders one by one, and returns their results. With `late`, a store may also take effect later, at each
-/// possible time.
+/// Tries all orders one by one, and returns their results. If `late` is set, a store may also take effect later, at any
+/// time that WGSL allows.
 fn naive(atomics: &[Vec<Atomic>], late: bool) -> BTreeSet<Left> {
     struct State {
         memory: [u32; WORDS],
@@ -202,7 +202,7 @@ fn generated(state: &mut u64, invocations: usize, atomics: usize) -> Vec<Vec<Ato
     (0..invocations).map(|_| (0..atomics).map(|_| one()).collect()).collect()
 }
 
-/// The explorer finds exactly the results of all possible orders, but doesn't run more orders than possible.
+/// The explorer finds exactly the results of all possible orders, and never runs more orders than there are.
 // Lesson 216: each outcome is found
 #[test]
 fn the_explorer_finds_exactly_the_outcomes_of_all_orders() {
@@ -231,7 +231,7 @@ fn the_explorer_finds_exactly_the_outcomes_of_all_orders() {
     }
 }
 
-/// Orders that only exchange commuting atomics run once.
+/// If two orders differ only in the order of commuting atomics, the explorer runs only one of the two.
 // Lesson 216: each outcome is found
 #[test]
 fn equivalent_orders_run_once() {

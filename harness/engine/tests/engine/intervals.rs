@@ -160,7 +160,7 @@ fn integers_and_booleans_have_bounds() {
     assert_eq!(row[1], Lane::Bool(Truth::Undecided));
 }
 
-/// For each builtin, the engine's own results in `f32` and `f64` are within the bounds.
+/// The engine's own results in `f32` and `f64` are within the bounds of each of these expressions.
 #[test]
 fn results_lie_within_their_bounds() {
     let expressions = [
@@ -259,8 +259,8 @@ fn results_lie_within_their_bounds() {
     }
 }
 
-/// Another implementation's sine may lead to another decision of an `if`, but the result must be within the bounds. The
-/// test changes the sine by at most the error that the specification allows.
+/// With another implementation's sine, an `if` may take another branch, but the result must still be within the bounds.
+/// The test changes the sine by at most the error that the specification allows.
 #[test]
 fn every_decision_within_the_bounds_is_followed() {
     let body = "
@@ -313,8 +313,8 @@ fn roots_of_halves_that_may_be_flushed_may_be_zero() {
     assert!(four.contains(2.0) && four.lo() > 1.98 && four.hi() < 2.03, "{four:?}");
 }
 
-/// A bound of half precision contains all results that WGSL allows, and few others. Each row has the least and the
-/// greatest result, and the accepted excess.
+/// A bound of half precision contains all results that WGSL allows, and few others. Each row has an expression, its
+/// argument, its least and its greatest result, and how much wider the bounds may be.
 #[test]
 fn functions_of_halves_are_as_exact_as_wgsl_says() {
     let tiny = 2f32.powi(-15);

@@ -75,7 +75,7 @@ fn indices_are_clamped_and_reported() {
     assert_eq!(intervals_of(source), (1.0, 3.0));
 }
 
-/// The cases whose index wraps around.
+/// Collects the cases whose index wraps around.
 #[derive(Default)]
 struct Wrapped(Mutex<Vec<usize>>);
 
@@ -134,7 +134,7 @@ fn a_wrapping_index_is_reported() {
     }
 }
 
-/// An index that may have any value in the array reads the join of all elements.
+/// The bounds of `look(i)`, where `i` may be any index from 0 to 2.
 fn intervals_of(source: &str) -> (f32, f32) {
     let source =
         format!("{source} fn g(x: f32) -> f32 {{ return look(clamp(i32(sin(x) * 1e4), 0, 2)); }}");

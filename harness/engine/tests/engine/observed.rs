@@ -19,8 +19,7 @@ fn f(x: f32, k: i32) -> f32 {
     return x;
 }";
 
-/// The lines at which an active lane got NaN, each with the case. The second field has the values of named
-/// let-bindings.
+/// Collects the lines at which an active lane computes NaN, each with its case, and the values of named let-bindings.
 #[derive(Default)]
 struct Seen {
     nan: Mutex<Vec<(u32, usize)>>,

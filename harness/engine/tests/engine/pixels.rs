@@ -24,7 +24,7 @@ fn resources() -> Resources {
     resources
 }
 
-/// The floats and the count that a draw of 11 x 5 pixels writes.
+/// Draws 11 x 5 pixels. Returns the floats and the count that the shader writes.
 fn drawn(body: &str, options: &Options) -> (Vec<f32>, u32) {
     let mut resources = resources();
     lowered(body).dispatch::<F32>([11, 5, 1], &mut resources, options, &()).expect("it runs");
@@ -75,7 +75,7 @@ fn a_discarded_pixel_gives_derivatives_and_writes_nothing() {
     }
 }
 
-/// Pixels may race. Helpers don't race, and their indices aren't checked.
+/// Pixels may race. Helper invocations don't race, and the engine doesn't check their indices.
 #[test]
 fn helper_invocations_cannot_race() {
     for (guard, expected) in [("", Some(([0, 0], [1, 0]))), ("if at(p) != 3u { discard; }", None)] {

@@ -1,4 +1,4 @@
-//! Tests races, and barriers that only some invocations reach.
+//! Tests the detection of races, and of barriers that only some invocations reach.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -31,8 +31,8 @@ const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> d: array<u32>
                     @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32,\n\
                         @builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) g: vec3u) {\n";
 
-/// The races of a body as text: the variable, the element, both invocations, each after `w` for a write or `r` for a
-/// read, `apart` if the invocations are in different workgroups, and `equal` for equal writes.
+/// The races of a body as text, such as `d[0] w0 r65 apart`: invocation 0 writes element 0 of `d`, and invocation 65,
+/// which is in another workgroup (`apart`), reads this element. `equal` marks equal writes.
 fn races(body: &str, groups: u32) -> Vec<String> {
     let observed = observe(&format!("{HEAD}{body}\n}}\n"), groups, 64 * groups as usize);
     let one = |race: &karat_engine::Race| {
@@ -109,7 +109,8 @@ fn nothing_orders_two_workgroups() {
     }
 }
 
-/// Equal writes and a read of the same element are two races of different kinds, whatever the order is.
+/// If two invocations write the same value to an element, and one of them also reads it, the detector reports two
+/// races: one of equal writes, and one of a write and a read.
 #[test]
 fn equal_writes_hide_no_other_race() {
     let twice = "if i == 0u && group.x < 2u { d[0] = 1u; }\nstorageBarrier();\n\
@@ -122,7 +123,7 @@ fn equal_writes_hide_no_other_race() {
     assert_eq!(counts, [1, 1], "an element counts once");
 }
 
-/// Each workgroup has its own memory, which is zero at the start.
+/// Each workgroup has its own memory, in which no element is written at the start.
 #[test]
 fn each_workgroup_has_its_own_unwritten_memory() {
     let unwritten = |body: &str, groups: u32| {
@@ -243,8 +244,8 @@ fn barriers_that_some_miss_are_reported() {
     assert!(of("for (var k = 0u; k < 5u; k++) { workgroupBarrier(); }").is_empty());
 }
 
-/// Indices of the elements that invocations access. Each index is a WGSL expression, and the same function of the
-/// invocation's number in Rust. There are `WIDTH` invocations.
+/// Indices of the elements that invocations access. Each index is a WGSL expression of the invocation's number `i`, and
+/// the same function in Rust. A workgroup has `WIDTH` invocations.
 const INDICES: [Index; 7] = [
     ("i", |i| i),
     ("(i ^ 1u)", |i| i ^ 1),
@@ -263,8 +264,9 @@ type Index = (&'static str, fn(u32) -> u32);
 enum Statement {
     /// A barrier for workgroup memory, or for storage if `storage` is set.
     Barrier { storage: bool },
-    /// An access by the invocations whose number is less than `below`. It accesses workgroup memory, or the part of a
-    /// storage buffer that belongs to its own workgroup or to the first workgroup.
+    /// An access by the invocations whose number is less than `below`. They access workgroup memory, or, if `storage`
+    /// is set, a storage buffer: the elements of their own workgroup, or, if `shared` is set, those of the first
+    /// workgroup.
     Access {
         below: u32,
         /// The only workgroup that makes the access. `None` if all workgroups make the access.
@@ -354,11 +356,11 @@ struct Naive {
 struct Races {
     /// Pairs of accesses that race: the element, both invocations, and `true` if both write the same word.
     pairs: BTreeSet<(u32, u32, u32, bool)>,
-    /// The pairs of lines of these accesses, the upper line first.
+    /// The lines of each pair of accesses, the upper line first.
     lines: BTreeSet<[usize; 2]>,
 }
 
-/// The races on workgroup memory, and the races on storage.
+/// Compares all pairs of accesses. Returns the races on workgroup memory, and the races on storage.
 fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
     [false, true].map(|of_storage| {
         let mut all = Vec::new();
@@ -411,8 +413,8 @@ fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
     })
 }
 
-/// The detector finds a race on a variable if and only if the naive detector finds one. Each race that it finds is also
-/// found by the naive detector. This is true for any order of invocations, because the accesses don't depend on the
+/// The detector finds a race on a variable if and only if the naive detector finds one. It reports no race that the
+/// naive detector doesn't find. This is true for any order of invocations, because the accesses don't depend on the
 /// order.
 // Lesson 215
 #[test]
@@ -478,7 +480,8 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     assert!(100 * told_lines > 85 * racing, "{told_lines} of {racing} pairs of lines");
 }
 
-/// Two workgroups may load the same value from an atomic, if one of them stalls after its load.
+/// If a workgroup stalls after it loads an atomic, another workgroup may load the same value. Both then write the same
+/// element.
 #[test]
 fn a_stalled_workgroup_uses_an_old_value() {
     let source = |body: &str| {
@@ -523,7 +526,7 @@ fn a_stalled_workgroup_uses_an_old_value() {
     }
 }
 
-/// Depending on the result of an atomic, only some invocations reach a barrier.
+/// In some orders of the atomics, only some invocations reach a barrier.
 #[test]
 fn a_barrier_that_the_order_of_atomics_divides() {
     let source = "@group(0) @binding(0) var<storage, read_write> d: array<atomic<u32>>;\n\

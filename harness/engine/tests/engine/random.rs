@@ -1,5 +1,5 @@
-//! Compares random programs with an interpreter of their syntax trees, one case at a time. Programs with undecided
-//! conditions are compared with all combinations of decisions.
+//! Compares the results of random programs with those of a simple interpreter of syntax trees, case by case. If
+//! conditions are undecided in intervals, the bounds must contain the results for all combinations of decisions.
 
 use std::fmt::Write as _;
 
@@ -17,7 +17,7 @@ enum Expression {
 
 enum Condition {
     Less(Expression, Expression),
-    /// An undecided condition. Bit `k` of the second parameter decides it.
+    /// A condition that is undecided in intervals. In `f32`, the bit with this number in `bits` decides it.
     Open(u32),
 }
 
@@ -95,7 +95,7 @@ impl Random {
 }
 
 /// The event that ended a block in the interpreter: the block's end, or a jump. `Break` leaves the innermost loop or
-/// switch. Each generated jump stands inside of an `if`.
+/// switch.
 enum End {
     Next,
     Break,

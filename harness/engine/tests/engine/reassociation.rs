@@ -135,7 +135,7 @@ impl Random {
         }
     }
 
-    /// Replaces the functions in a tree by their formulas, and gives each sum and product a random order.
+    /// Replaces `mix` and `%` in a tree by their formulas, and gives each sum and product a random order.
     fn reassociated(&mut self, tree: &Tree) -> Tree {
         match tree {
             Tree::Variable(_) | Tree::Constant(_) => tree.clone(),
@@ -177,8 +177,8 @@ impl Random {
         }
     }
 
-    /// Joins two parts at a time until one part is left. A part may be inverted: an inverted part is subtracted, or is
-    /// a divisor.
+    /// Joins two random terms or factors at a time until one is left. The `bool` of a part is `true` for a term that is
+    /// subtracted, and for a divisor.
     fn joined(
         &mut self,
         mut parts: Vec<(Tree, bool)>,
@@ -229,7 +229,7 @@ impl Random {
         }
     }
 
-    /// Writes a tree as a WGSL program. Some parts of the tree become let-bindings, variables and a function.
+    /// Writes a tree as a WGSL program. Some subexpressions become let-bindings, variables and a function.
     fn written(&mut self, tree: &Tree) -> String {
         let mut body = String::new();
         let result = self.expression(tree, &mut body, true);
@@ -356,8 +356,9 @@ fn is_narrow(bound: &Interval) -> bool {
 const PROGRAMS: usize = 2000;
 const CASES: usize = 16;
 
-/// Runs 2,000 programs in `f32`, each in four orders. Then runs each order again, with each operation rounded up or
-/// down. The bounds include all orders, but almost as many cases have bounds as with bounds for only the written order.
+/// Runs 2,000 programs in `f32`, each in four orders. Then computes each order again, with each operation rounded up or
+/// down. All results must be within the bounds. Bounds for all orders are wider than bounds for only the written order,
+/// but almost as many cases stay bounded.
 // Lesson 168: each order of terms lies within the bound
 #[test]
 fn every_order_of_a_random_program_is_within_the_bounds() {
@@ -366,7 +367,7 @@ fn every_order_of_a_random_program_is_within_the_bounds() {
 }
 
 /// Runs the test above with floats of half precision. In half precision, an ulp is about a thousandth of a number, so
-/// few bounds are narrow: 93.3 % of the cases have bounds, and 19.7 % have narrow bounds.
+/// few bounds are narrow: 93.3 % of the cases are bounded, but only 19.7 % have narrow bounds.
 #[test]
 fn every_order_of_a_random_program_of_halves_is_within_the_bounds() {
     within_the_bounds(Format::Half, [90.0, 15.0]);
@@ -412,8 +413,8 @@ fn one(result: &str, row: [f32; 4]) -> Interval {
     intervals(&source("", result, Format::Single), &row)[0]
 }
 
-/// If a sum or product overflows in another order than the written one, its result is unbounded, and the engine reports
-/// that another order is the cause.
+/// If a sum or product overflows only in another order than the written one, its result is unbounded, and
+/// `is_reordered` returns `true`.
 #[test]
 fn an_order_that_overflows_has_no_bound() {
     let large = [3e38, -3e38, 3e38, -3e38];
@@ -449,7 +450,7 @@ fn a_sum_of_some_terms_may_be_flushed() {
     }
 }
 
-/// A product isn't distributed over a sum, and all other operations keep their order.
+/// Karat doesn't rewrite `(x + y) * w` as `x * w + y * w`, and functions such as `max` keep their arguments.
 #[test]
 fn only_sums_and_products_have_several_orders() {
     let row = [16_777_216.0, 1.0, -16_777_216.0, 1.0];

@@ -1,5 +1,5 @@
-//! Tests that the engine recognises programs that compute the same results, and tells them from similar programs with
-//! other results.
+//! Tests that the engine recognises programs that compute the same results, and that similar programs with other
+//! results count as different.
 
 use karat_engine::{Program, Settings};
 
@@ -42,7 +42,8 @@ fn equivalent_expressions_are_equal_for_each_number() {
     }
 }
 
-/// A caller sees the private variables that a function writes, so these variables count as results of the function.
+/// A caller can read the `var<private>` variables that a function writes, so these variables count as results of the
+/// function.
 // Lesson 29
 #[test]
 fn private_variables_are_results() {
@@ -58,7 +59,7 @@ fn private_variables_are_results() {
     assert!(!lowered("0.3").is_same(&lowered("0.6")));
 }
 
-/// Two programs aren't the same if their results differ for a single number, for a zero or for NaN.
+/// Two programs count as different even if their results differ only for one number, for -0 or for NaN.
 // Lesson 29
 #[test]
 fn expressions_with_one_different_result_are_not_equal() {

@@ -8,7 +8,7 @@ use crate::common::module;
 
 const LANES: u32 = 64;
 
-/// Runs a function body in one workgroup, with the subgroups of a schedule. Returns the values that the buffer `d` has
+/// Runs a shader's body in one workgroup. `schedule` sets the size of subgroups. Returns the words of the buffer `d`
 /// after the run.
 fn run(body: &str, schedule: Schedule) -> Vec<u32> {
     let source = format!(
@@ -190,7 +190,7 @@ fn an_operation_that_some_of_a_subgroup_miss() {
     assert!(one.parted.as_ref().is_some_and(|site| site.span.location(source).line_number == 5));
 }
 
-/// The cases of a call aren't lanes of a subgroup.
+/// A function outside of an entry point can't use subgroup operations, because the cases of a call form no subgroup.
 #[test]
 fn a_function_has_no_subgroup() {
     let (module, info) = module("fn sum(x: f32) -> f32 { return subgroupAdd(x); }");

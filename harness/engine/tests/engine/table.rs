@@ -11,11 +11,11 @@ fn word(text: &str) -> f32 {
     f32::from_bits(u32::from_str_radix(text, 16).expect("a word"))
 }
 
-/// The inputs of a case, and the smallest and the largest allowed result, or `None` if any result is allowed.
+/// The inputs of a case, with the smallest and the largest result that WGSL allows. `None` if WGSL allows any result.
 type Case = (Vec<f32>, Option<(f32, f32)>);
 
-/// The engine's bounds contain the bounds of the table. At each end, the engine's bounds may be one step wider, because
-/// the engine computes in `f64`.
+/// The engine's bounds contain the table's bounds. Each end may be one float further out, because the engine computes
+/// bounds in `f64`.
 // Lesson 91
 #[test]
 fn bounds_are_those_of_exact_arithmetic() {

@@ -1,4 +1,4 @@
-//! Compares the results of textures with WebGPU's definitions, written as sums of texels.
+//! Compares the values that samplers return with WebGPU's definitions, which this file computes as sums of texels.
 
 use crate::common::program;
 use karat_engine::{
@@ -44,7 +44,7 @@ fn run(program: &Program, rows: &[f32], texture: Texture, sampler: Sampler) -> V
     found.words().into_iter().map(f32::from_bits).collect()
 }
 
-/// Returns the two texels around a coordinate, and the weight of the second texel.
+/// Returns the indices of the two texels around a coordinate, and the weight of the second texel.
 fn neighbours(u: f64, size: u32, address: Address) -> (u32, u32, f64) {
     let at = u * f64::from(size) - 0.5;
     let n = i64::from(size);
@@ -328,7 +328,8 @@ fn bounds(source: &str, texture: Texture) -> Vec<(f32, f32)> {
     found.row(0).into_iter().map(ends).collect()
 }
 
-/// A filter adds texels with rounded weights, so the result may differ from the texels even if all texels are equal.
+/// A linear filter adds texels with rounded weights, so its result may differ from the texels even if all texels are
+/// equal.
 // Lesson 169
 #[test]
 fn bounds_of_filtered_equal_texels_are_wider_than_the_texel() {
@@ -346,7 +347,7 @@ fn bounds_of_filtered_equal_texels_are_wider_than_the_texel() {
     }
 }
 
-/// A channel of 8 bits is divided by 255, and the quotient may be rounded. A channel of 32 bits isn't divided.
+/// The GPU divides an 8-bit channel by 255, and may round the quotient. It returns a 32-bit float channel exactly.
 // Lesson 169
 #[test]
 fn normalised_channels_are_near_to_their_quotients() {

@@ -1,1 +1,1 @@
-//! Stands for a game with Bevy. Its shaders are in `assets/shaders`.
+//! A stand-in for a game that uses Bevy. The game's shaders are in `assets/shaders`.

@@ -9,7 +9,7 @@ fn ours() -> Package {
     OURS.depends_on("bevy_render", &BEVY)
 }
 
-/// The result is never darker than the light, and brighter by less than one step.
+/// The stepped light is never darker than the smooth light, and less than one step brighter.
 #[test]
 fn steps_follow_the_light() {
     let lambert = |n_dot_l: f32| n_dot_l.max(0.0) / std::f32::consts::PI;

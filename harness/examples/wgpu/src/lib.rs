@@ -13,7 +13,7 @@ pub struct Particle {
     pub velocity: [f32; 2],
 }
 
-/// The shader, which is built into the program.
+/// The text of the shader, which the program contains.
 pub const SHADER: &str = include_str!("../shaders/particles.wgsl");
 
 /// Moves particles by `seconds` on the first adapter. Returns `None` if there is no adapter, or if the run fails.

@@ -32,8 +32,8 @@ fn particles() -> Vec<Particle> {
     (0..100).map(|i| Particle { position: [at(i), 1.0 - at(i)], velocity: [3.0, at(i)] }).collect()
 }
 
-/// Each particle moves as in the reference, on every path, and the sanitizer looks for races. Five roundings of numbers
-/// up to 3 give an error below 1e-6.
+/// Each particle moves as in the reference, on every path, and the sanitizer looks for races. The shader rounds five
+/// numbers of at most 3, so its error is below 1e-6.
 #[test]
 fn a_step_moves_each_particle() {
     let expected: Vec<f64> = particles()

@@ -68,12 +68,12 @@ impl Results {
     }
 }
 
-/// A measure of how well a case shows a change: the change's clarity, `true` if the arguments are in their domain, and
-/// the distance between the two results.
+/// A measure of how well a case shows a change: the change's clarity, `true` unless an argument is outside of its
+/// domain, and the distance between the two results.
 type Evidence = (Clarity, bool, Distance);
 
 impl Request {
-    /// Runs both versions on each path, over each content (set of generated values) of their buffers.
+    /// Runs both versions on each path, with each set of generated values (content) of their buffers.
     pub(super) fn run_both(
         &self,
         before: &Probed,
@@ -179,8 +179,8 @@ impl Request {
     }
 }
 
-/// All contents (sets of generated values) of buffers and textures: some follow from the resources' names, and some
-/// ignore the names.
+/// All sets of generated values (contents) for buffers and textures. Some have the ranges that the resources' names
+/// suggest, and some ignore the names.
 fn contents() -> impl Iterator<Item = Content> {
     Content::OF_FUNCTIONS.into_iter().chain(Content::NAMELESS)
 }
@@ -193,8 +193,8 @@ struct Made {
 }
 
 impl Made {
-    /// Generates the resources of both versions. A resource that only one version reads is generated only for that
-    /// version.
+    /// Generates the resources of both versions. If only one version reads a resource, only that version gets the
+    /// resource.
     fn of(
         [before, after]: [&Probed; 2],
         ranges: &Ranges,
@@ -213,7 +213,7 @@ impl Made {
     }
 }
 
-/// Returns the members of buffers that affect a change: another value of such a member changes the results for the
+/// Returns the members of buffers that affect a change: members for which another value changes the results of the
 /// arguments in `row`.
 fn matter(
     sides: [&Probed; 2],

@@ -13,11 +13,11 @@ use karat_core::value::{Scalar, Shape};
 pub(super) struct Shared {
     /// For each argument lane before the edit, the index of the matching lane after the edit.
     arguments: Vec<Option<usize>>,
-    /// The indices of each matched result lane, before and after the edit.
+    /// For each pair of matching result lanes, the index before the edit and the index after it.
     pub(super) results: Vec<(usize, usize)>,
     /// `true` if the lanes and their order didn't change.
     is_same: bool,
-    /// The values of the argument lanes that exist only before the edit.
+    /// For each argument lane before the edit, the value that it gets if no lane matches it after the edit.
     pub(super) own: Vec<u32>,
 }
 
@@ -26,7 +26,8 @@ pub(super) struct Shared {
 type Keyed = Vec<(String, Scalar)>;
 
 impl Shared {
-    /// Matches the lanes of two functions; `None` if their inputs or outputs differ and have no attributes.
+    /// Matches the lanes of two functions; `None` if Karat can't compare them, for example because the edit changed a
+    /// parameter's type.
     pub(super) fn of(
         before: &Probed,
         after: &Probed,
@@ -114,7 +115,7 @@ impl Shared {
         Some(Self { arguments, results, is_same: false, own })
     }
 
-    /// Sets the values of the argument lanes that exist only before the edit.
+    /// Sets the values of the argument lanes that only the original function has.
     pub(super) fn fill(&mut self, row: &[u32]) {
         self.own.copy_from_slice(row);
     }
@@ -151,7 +152,8 @@ fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     of(one).iter().any(|(attribute, lanes)| others.get(attribute).is_some_and(|of| of != lanes))
 }
 
-/// The names of the argument lanes, such as `in.uv.x`. In a quad, each value has three parts: the value, `dx` and `dy`.
+/// The names of the argument lanes, such as `in.uv.x`. With derivatives, an argument has the parts value, `dx` and
+/// `dy`.
 fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
     let of = |(name, shape): &(String, Shape)| {
         let parts: Vec<(&str, &Shape)> = match shape.quad() {
