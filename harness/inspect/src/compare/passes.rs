@@ -204,8 +204,8 @@ fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) 
     was.is_empty() && is.is_empty()
 }
 
-/// The kind of a violation, and the variable's name after the edit. For a wrong index, the text is the violation's
-/// headline, because such a violation has no variable.
+/// The properties that identify a violation in both versions: its kind, and the name of its variable after the edit.
+/// For a wrong index, the violation's headline replaces the name, because such a violation has no variable.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
     let text = match one.kind.is_of_index() {
@@ -217,18 +217,18 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     (one.kind, renamed.iter().fold(text, new_name))
 }
 
-/// The violations of only one version: the first of each kind for each variable.
+/// The violations that only one version has. For each kind and variable, only the first violation is kept.
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
     /// All indices outside of arrays, including indices that are outside only with arbitrary sizes and numbers. Such an
-    /// index shows that the edit removed a guard.
+    /// index can show that the edit removed a guard.
     of_indices: Vec<Violation>,
 }
 
 impl Brought {
-    /// Adds the violations that the second version has with one content (set of generated values), and the first
-    /// version hasn't. `renamed` has the resources that the edit renamed.
+    /// Adds the violations that occur in the second version, but not in the first version, over one content (set of
+    /// generated values). `renamed` has the resources that the edit renamed.
     fn add(&mut self, content: Content, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
         let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
@@ -377,7 +377,7 @@ impl Difference {
         Ok(all)
     }
 
-    /// The change on a path, with the members of uniforms; `None` if no value changed.
+    /// The change on a path, together with the values of buffer members; `None` if no result changed.
     fn change(self, path: String, members: &[(String, String)]) -> Option<PathChange> {
         let (clarity, first) = self.firsts.first()?.clone();
         let Largest { ulp, relative } = self.largest;
@@ -479,7 +479,7 @@ mod tests {
         }
     }
 
-    /// If only one version writes a resource, the resource's values don't count as changed.
+    /// If only one version writes a resource, Karat gives no verdict. The reason names the resource.
     #[test]
     fn a_resource_that_only_one_side_writes_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
@@ -635,7 +635,8 @@ mod tests {
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 
-    /// The host's numbers `width` and `mode` determine where a pass writes, but their names don't show that.
+    /// The host sets `width` and `mode`. The name `mode` doesn't suggest the value 77, so the guarded line may never
+    /// run.
     #[test]
     fn lines_that_no_invocation_reaches_are_listed() {
         let text = "struct P { width: u32, mode: u32 }
