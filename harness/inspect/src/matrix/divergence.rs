@@ -32,8 +32,8 @@ pub struct Divergence {
     /// `true` if the columns also differ if this input runs without other inputs. Otherwise, a result depends on other
     /// inputs of the same run: some drivers use one invocation's texture level for all invocations.
     pub alone: bool,
-    /// The first let-binding of the function whose value differs. `None` if all values agree. Then the results differ
-    /// because of the result's expression or of a value without a `let`.
+    /// The first let-binding of the function whose value differs. `None` if all values agree. In this case, the results
+    /// differ because of the `return` expression or of a value without a `let`.
     pub first: Option<Intermediate>,
     /// The let-bindings before `first` that can't be compared: pointers, bindings in the head of a `for`, NaN or
     /// infinite values, and bindings after the first 48.
@@ -47,7 +47,7 @@ pub struct Intermediate {
     pub name: String,
     /// The binding's position in the author's file.
     pub location: Option<String>,
-    /// The line of that position.
+    /// The binding's line in the author's file.
     pub line: Option<usize>,
     /// The binding's value on this column.
     pub here: String,
@@ -87,8 +87,8 @@ impl Divergence {
     }
 }
 
-/// Explains a case that differs between two columns. `text` has the translation of the second column, and the first and
-/// the last line of the function.
+/// Explains a case that differs between two columns. `text` has the translation of the second column, and the
+/// function's first and last line in it.
 pub(super) fn divergence(
     request: &Request,
     probed: &Probed,

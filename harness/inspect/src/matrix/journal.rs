@@ -1,5 +1,6 @@
-//! Recovers from rows that end the process: a hanging driver can't be stopped, and a crashing driver ends the process.
-//! A file records which row runs on which path, so that the next process can skip the row that ended the process.
+//! Recovers from rows that end the process: a driver that crashes ends the process, and a driver that hangs can't be
+//! stopped in any other way. A file records which row runs on which path, so that the next process can skip the row
+//! that ended the process.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
