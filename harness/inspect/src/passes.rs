@@ -88,7 +88,8 @@ impl Usual {
         Self { size, workgroups: usual_workgroups(size, apart, asks) }
     }
 
-    /// The number of workgroups in each direction. It is 1 if the pass doesn't distinguish workgroups.
+    /// The number of workgroups in each direction. All three numbers are 1 if the pass reads no value that differs
+    /// between workgroups.
     #[must_use]
     pub fn workgroups(&self) -> [u32; 3] {
         self.workgroups
@@ -113,7 +114,7 @@ impl Usual {
     }
 }
 
-/// Makes a pass over generated resources. The resources' sizes follow from `invocations`, or otherwise from the usual
+/// Makes a pass over generated resources. The resources' sizes follow from `invocations`, or else from the usual
 /// dispatch. The resources in `given` replace generated ones, and with `mix`, some inputs come from another content
 /// (set of generated values).
 ///
@@ -176,8 +177,8 @@ mod tests {
         assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);
     }
 
-    /// A pass that uses one component of a vector reads only this component. A pass that passes on the whole vector may
-    /// read all components.
+    /// A pass that uses one component of a vector reads only this component. A pass that gives the whole vector to a
+    /// function may read all components.
     #[test]
     fn a_pass_runs_along_the_places_that_it_asks_for() {
         let head = "struct In { @builtin(workgroup_id) w: vec3u, @builtin(local_invocation_index) i: u32 }\n\

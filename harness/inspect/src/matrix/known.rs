@@ -89,7 +89,7 @@ pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> 
 }
 
 impl Cell {
-    /// The first status that the cell doesn't reach; `None` if it reaches all.
+    /// The first status that the cell doesn't reach; `None` if the cell reaches all statuses.
     fn misses(&self) -> Option<Status> {
         Status::ALL.into_iter().find(|status| Some(*status) > self.status)
     }

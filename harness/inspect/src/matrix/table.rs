@@ -287,7 +287,7 @@ pub enum Missed {
         /// The number of all rows.
         of: usize,
     },
-    /// Rows reach a status, although declarations exclude this.
+    /// Rows reach a status, although their declarations exclude this status.
     #[error("on `{column}` these rows reach `{status}`, although declarations exclude this status; delete \
              their declarations: {}", rows.join(", "))]
     Passing {
