@@ -94,7 +94,8 @@ const MOST_HUNG: usize = 2;
 
 /// Asks an executor all questions. Calls `tell` with each answer as soon as it arrives.
 ///
-/// # Errors Returns an error if Karat can't open the path. In this case, Karat asks no question.
+/// # Errors
+/// Returns an error if Karat can't open the path. In this case, Karat asks no question.
 pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, PathError> {
     let executor = executor::of(path)?;
     let (mut answers, mut hung) = (Vec::new(), 0);

@@ -7,9 +7,9 @@
 //!
 //! To classify a finding, Karat runs the function again, with the declared inputs of a failing case and new samples of
 //! the free inputs. If the operation goes wrong in every sample that reaches it, the finding is a *fault*. If the
-//! operation gives a good value in at least one sample, the finding is a *requirement*. Declared inputs are those in
-//! `[inputs]` of `karat.toml`. In a function without callers, inputs whose names suggest a range are declared, too. If
-//! a function has callers, Karat checks if the same operation goes wrong when the callers run.
+//! operation runs without the error in at least one sample, the finding is a *requirement*. Declared inputs are those
+//! in `[inputs]` of `karat.toml`. In a function without callers, inputs whose names suggest a range are declared, too.
+//! If a function has callers, its findings count only if the operation also goes wrong when the callers run.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -83,13 +83,14 @@ pub struct Request {
 pub enum Class {
     /// The operation goes wrong in every sample of the free inputs that reaches it.
     Fault,
-    /// There is a sample in which the operation doesn't go wrong, or too few samples reached the operation.
+    /// The operation runs without the error in at least one sample, or too few samples reach the operation.
     Requirement,
     /// The function's callers meet the requirement: in at least 256 of their calls, the operation ran without an error.
     Met,
     /// The function's callers ran the operation in fewer than 256 calls.
     NotReached,
-    /// In every case, a `select`, a branch, or an operation that bounds infinities drops the wrong value.
+    /// In every case, a `select`, a branch, or an operation that bounds infinities (such as `clamp`) drops the wrong
+    /// value.
     Dropped,
 }
 
@@ -128,12 +129,11 @@ pub struct Hazard {
     /// The number of cases in which the operation goes wrong, and the number of cases that reached it. For a pass, each
     /// content (a set of generated values of its resources) counts as one case.
     pub cases: (usize, usize),
-    /// For a requirement: the inputs of the simplest case that can avert the error. A change of any one of them
+    /// For a requirement: the inputs that can avert the error in the simplest case. A change of any one of these inputs
     /// suffices.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub needs: Vec<String>,
-    /// The condition under which the operation goes wrong, if the condition is a simple property of the inputs: `where
-    /// k is 0`.
+    /// The condition under which the operation goes wrong, if it is a simple one, such as `where k is 0`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fails: Option<String>,
     /// For lost digits: the values in the simplest case, in `f32` and in `f64`.
@@ -192,13 +192,13 @@ pub struct Hazards {
     pub accepted: usize,
     /// The ranges from which arguments and members were sampled.
     pub drawn: Drawn,
-    /// The parts of the checked functions that weren't checked.
+    /// The parts of the checked functions that Karat couldn't check.
     pub unseen: Unseen,
     /// The lines with operations that no input reached, as `file:line`.
     pub unreached: Vec<String>,
 }
 
-/// The parts of functions that weren't checked.
+/// The parts of functions that Karat couldn't check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Unseen {
     /// The number of inputs that Karat didn't run, because of long loops or too many operations.

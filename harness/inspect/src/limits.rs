@@ -22,7 +22,7 @@ pub(crate) const CONTENTS: usize = 6;
 pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 
 /// The number of failing cases that Karat holds, one after the other: it keeps a case's declared inputs, and samples
-/// its free inputs again. Karat holds the cases with the least unusual values first.
+/// its free inputs again. The cases with the fewest unusual values come first.
 pub(crate) const HOLDS: usize = 4;
 
 /// The maximum number of held cases (see [`HOLDS`]) for all findings of a function together. Each held case takes a
@@ -32,11 +32,12 @@ pub(crate) const ALL_HOLDS: usize = 8;
 /// The number of failing cases that are kept for each finding. Karat chooses the held cases from the kept cases.
 pub(crate) const KEPT: usize = 64;
 
-/// The number of other values of an input that are tried to avert a finding: all edges, and as many samples.
+/// The number of other values that Karat tries for an input to avert a finding. At most half of the values are edges,
+/// and the others are random samples.
 pub(crate) const VARIED: usize = 32;
 
-/// The number of buffer members, arrays and textures that are varied separately. Each varied input costs one run over
-/// each content.
+/// The maximum number of buffer members, arrays and textures that Karat varies separately to avert a finding. Each
+/// varied input costs one run over each content.
 pub(crate) const INPUTS_TRIED: usize = 16;
 
 /// The number of calls in which callers must run an operation without an error before a requirement counts as met. The
@@ -59,7 +60,8 @@ pub(crate) const SAMPLE: usize = 16;
 
 // Limits of `compare`.
 
-/// The largest generated `@builtin(vertex_index)`: the last vertex of a box, which has twelve triangles.
+/// The largest vertex index and instance index that `compare` generates: the last vertex of a box, which has twelve
+/// triangles.
 pub(crate) const LAST_VERTEX: f64 = 35.0;
 
 /// The maximum number of operations that all inputs of a function execute over one content: one or two seconds on one
@@ -99,8 +101,8 @@ pub(crate) const MOST_STATE: usize = 256;
 /// The value of an override without a default. The value can be the size of a small texture, or a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 
-/// The second value with which an override is compared. This value isn't 0, 1 or a usual size, and is valid for each
-/// number type.
+/// The second value of an override for which `compare` runs both versions. This value isn't 0, 1 or a usual size, and
+/// is valid for each number type.
 pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 
 /// The number of workgroups of a pass that usually runs one workgroup, but may run more.

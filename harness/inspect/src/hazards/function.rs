@@ -91,7 +91,7 @@ impl Tally {
         wrong > 0 && wrong >= cases && (wrong >= DRAWS || contents >= CONTENTS)
     }
 
-    /// Checks if there is a case that reaches the operation and in which the operation doesn't go wrong.
+    /// Checks if at least one case reaches the operation without the error.
     fn is_averted(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         wrong < self.reached(key)[0]
@@ -458,7 +458,7 @@ impl Trial {
         Seen { hazards, reached, drawn, cut, in_part, trial, ..Seen::default() }
     }
 
-    /// The inputs of the simplest case that can avert the error. A change of any one of them suffices.
+    /// The inputs that can avert the error in the simplest case. A change of any one of these inputs suffices.
     pub(super) fn needs(&self, key: Key) -> Vec<String> {
         let parameters = &self.probed.function().parameters;
         if let ([(name, _)], true) = (&**parameters, self.inputs().is_empty()) {

@@ -19,8 +19,8 @@ const MOST: u64 = 16;
 /// The seed of all resources. A variable's contents depend on the variable's name, and are the same on every machine.
 pub(crate) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
-/// Fits a function to the lengths of its generated resources. A function that takes derivatives gets arguments with
-/// derivatives.
+/// Sets the lengths of the resources that a function writes to the lengths of its generated resources. If the function
+/// takes derivatives, its arguments also get derivatives.
 pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     let mut probed = probed.with_varying();
     if let Ok(made) = Resources::of(&probed, &Ranges::default(), Content::OF_FUNCTIONS[0]) {

@@ -25,7 +25,8 @@ pub struct Known {
 }
 
 impl Known {
-    /// Refuses a declaration that matches no row or no column, or has no reason. `rows` are all rows of the package.
+    /// Refuses a declaration that has no reason, or whose row or column doesn't exist. `rows` are all rows of the
+    /// package.
     pub(super) fn expect_sound<'r>(
         &self,
         mut rows: impl Iterator<Item = &'r str> + Clone,

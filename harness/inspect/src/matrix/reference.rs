@@ -15,7 +15,7 @@ pub struct Reference {
     pub checks: usize,
     /// The tests whose checks failed on the path.
     pub failed: Vec<String>,
-    /// The largest ratio of an error to its tolerance; `None` if the ratio isn't a number.
+    /// The largest ratio of an error to its tolerance; `None` if no check has a finite ratio.
     pub worst: Option<f64>,
 }
 

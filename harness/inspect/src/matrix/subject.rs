@@ -11,7 +11,7 @@ use karat_translate::{Shader, TranslateError, Translation};
 use super::column::Written;
 use super::{Column, Request, Row, Source};
 
-/// A function or an entry point with its translations. If Karat can't translate it, only a row with the error.
+/// A function or an entry point with its translations, or only a row with an error if Karat can't prepare it.
 pub(super) enum Subject {
     Row(Box<Row>),
     Ready(Box<Ready>),
