@@ -136,10 +136,10 @@ pub struct Hazard {
     /// The condition under which the operation goes wrong, if it is a simple one, such as `where k is 0`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fails: Option<String>,
-    /// For lost digits: the values in the simplest case, in `f32` and in `f64`.
+    /// For lost digits: the operation's value in the simplest case, computed in `f32` and in `f64`.
     pub values: Option<(String, String)>,
-    /// The operands in the simplest case, in `f32`. Empty if the operands aren't floats, or if there are too many to
-    /// show.
+    /// The operation's operands in the simplest case, in `f32`. Empty if the operands aren't floats, or if there are
+    /// too many to show.
     pub operands: Vec<String>,
     /// The reason why `karat.toml` accepts the finding, if accepted findings were requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]

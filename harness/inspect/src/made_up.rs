@@ -681,7 +681,7 @@ pub struct MadeUp {
     pub lanes: Vec<u32>,
     /// The contents of buffers and textures, and the samplers.
     pub fixtures: karat::fixture::Fixtures,
-    /// The members of buffers that aren't array elements, with their values.
+    /// The buffer members outside of arrays, with their values.
     pub members: Vec<(String, String)>,
     /// The ranges from which all inputs were sampled.
     pub drawn: Drawn,

@@ -34,7 +34,7 @@ pub(crate) struct Chosen {
     pub(crate) cut: usize,
     /// The rows in which a loop has too many iterations, each with the loop's position.
     pub(crate) long: Vec<(Vec<u32>, Span)>,
-    /// The number of cases that the work budget allows; 0 if even the measured cases cost too much.
+    /// The number of cases that the work budget allows; 0 if a single case costs too much.
     pub(crate) allowed: usize,
 }
 

@@ -247,8 +247,8 @@ impl Brought {
         }
     }
 
-    /// The violations to report. An index that is outside of its array only with arbitrary sizes or numbers is reported
-    /// only if nothing else shows the edit.
+    /// The violations to report. If something else shows the edit, indices that are outside only with arbitrary sizes
+    /// or numbers are left out.
     fn told(self, is_changed: bool) -> Vec<Violation> {
         if self.sure.is_empty() && !is_changed { self.of_indices } else { self.sure }
     }
@@ -260,8 +260,8 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
-/// Returns the change of the results if the invocations run in another order, or `None` if no tested order shows a
-/// change. An order counts only if the original pass has its usual results in this order.
+/// Searches for an order of invocations in which the edit changes the results, and returns the change; `None` if no
+/// tested order shows a change. An order counts only if the original pass has its usual results in this order.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
@@ -566,7 +566,7 @@ mod tests {
                 y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
             }";
 
-    /// An index that is outside of an array only for arbitrary numbers is reported only if Karat finds nothing else.
+    /// If Karat finds nothing else, it reports an index that is outside of an array for arbitrary numbers.
     #[test]
     fn findings_with_arbitrary_numbers_come_last() {
         let text = GATHER;

@@ -52,7 +52,7 @@ pub(crate) struct Mix<'m> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resources {
     pub(crate) fixtures: Fixtures,
-    /// The members of buffers that aren't array elements, with their values.
+    /// The buffer members outside of arrays, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
     /// `true` if there is a resource, so that another content may give other values.

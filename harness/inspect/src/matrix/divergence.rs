@@ -25,9 +25,9 @@ pub struct Divergence {
     pub here: String,
     /// The result on the baseline, as text.
     pub there: String,
-    /// The arguments as words, which the kernel reads.
+    /// The arguments as 32-bit words, as the kernel reads them.
     pub words: Vec<u32>,
-    /// The results as words, from this column and from the baseline.
+    /// The results as 32-bit words, from this column and from the baseline.
     pub results: (Vec<u32>, Vec<u32>),
     /// `true` if the columns also differ if this input runs without other inputs. Otherwise, a result depends on other
     /// inputs of the same run: some drivers use one invocation's texture level for all invocations.

@@ -130,7 +130,7 @@ impl Cell {
     }
 }
 
-/// A row that is wrong on a column, or an outdated declaration.
+/// A row that fails on a column, or an outdated declaration.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// The row's name.

@@ -93,7 +93,7 @@ pub enum MatrixError {
         /// The reason.
         why: String,
     },
-    /// A declaration about a row that doesn't work is wrong.
+    /// A declared failure of a row can't be used, for example because the row doesn't exist.
     #[error("the declared failure of row `{row}` on `{column}` can't be used: {why}")]
     Known {
         /// The row's name.
@@ -284,7 +284,7 @@ pub enum Missed {
         status: Status,
         /// The rows, each with its reason.
         rows: Vec<(String, String)>,
-        /// The number of all rows.
+        /// The number of rows, without functions that no kernel can call.
         of: usize,
     },
     /// Rows reach a status, although their declarations exclude this status.
