@@ -89,8 +89,7 @@ pub enum Class {
     Met,
     /// The function's callers ran the operation in fewer than 256 calls.
     NotReached,
-    /// In every case, a `select`, a branch, or an operation that bounds infinities (such as `clamp`) drops the wrong
-    /// value.
+    /// In every case, a `select`, a branch, or an operation such as `clamp` drops the wrong value.
     Dropped,
 }
 
@@ -179,8 +178,7 @@ pub struct Hazards {
     pub unread: usize,
     /// The number of functions that aren't valid WGSL, or use invalid code.
     pub invalid: usize,
-    /// Faults and requirements, one for each operation and kind of error. Faults come first, and worse kinds before
-    /// others.
+    /// Faults and requirements, one for each operation and kind of error. Faults and worse kinds come first.
     pub found: Vec<Hazard>,
     /// The findings of the other classes: requirements that the callers meet, findings that the callers don't reach,
     /// and findings whose wrong value is dropped.

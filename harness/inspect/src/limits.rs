@@ -60,8 +60,7 @@ pub(crate) const SAMPLE: usize = 16;
 
 // Limits of `compare`.
 
-/// The largest vertex index and instance index that `compare` generates: the last vertex of a box, which has twelve
-/// triangles.
+/// The largest vertex index that `compare` generates: the last vertex of a box, which has twelve triangles.
 pub(crate) const LAST_VERTEX: f64 = 35.0;
 
 /// The maximum number of operations that all inputs of a function execute over one content: one or two seconds on one
@@ -134,8 +133,7 @@ pub(crate) const CANCELLED: f64 = 1e-3;
 /// million elements.
 pub(crate) const MOST_BYTES: usize = 1 << 20;
 
-/// The largest width or height of a texture that every GPU supports, in texels (WebGPU, 3.6.2: `maxTextureDimension1D`
-/// is 8,192).
+/// The largest texture width that every GPU supports, in texels (WebGPU, 3.6.2: `maxTextureDimension1D` is 8,192).
 pub(crate) const MOST_SIDE: u32 = 8192;
 
 /// The largest size of a cube's face, in texels. The limit is low because a cube has six faces, each with mip levels.

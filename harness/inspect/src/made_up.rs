@@ -194,8 +194,7 @@ impl Ranges {
     }
 
     /// The numbers of a type in the shader's text, each with the next smaller and the next larger number. The input's
-    /// name determines which number of the text comes first. For integers, 0 comes before these numbers, and for an
-    /// `i32` also -1.
+    /// name determines which number of the text comes first. Integers begin with 0, and an `i32` with 0 and -1.
     fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
         let Some(literals) = &self.literals else { return Vec::new() };
         let mut all: Vec<[u32; 3]> = match scalar {

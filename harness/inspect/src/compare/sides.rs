@@ -1,5 +1,4 @@
-//! Compares the interface between a function and its host before and after an edit: resources, attributes and
-//! overrides.
+//! Compares a function's interface with its host before and after an edit: resources, attributes and overrides.
 
 use std::collections::BTreeSet;
 

@@ -168,8 +168,7 @@ impl Trial {
         Ok(tally)
     }
 
-    /// Adds a finding if a loop may not end, and counts the samples of the free inputs for which the loop runs long,
-    /// too.
+    /// Adds a finding if a loop may not end, and counts the samples of free inputs for which the loop runs long.
     fn endless(
         &self,
         tally: &mut Tally,

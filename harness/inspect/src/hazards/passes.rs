@@ -76,8 +76,7 @@ type Key = (BTreeSet<String>, Kind, String);
 
 #[derive(Debug, Default)]
 struct InContent {
-    /// For each finding, the invocations in which its operation goes wrong; empty for races, missed barriers and
-    /// endless loops.
+    /// The invocations in which each operation goes wrong; empty for races, missed barriers and endless loops.
     wrong: BTreeMap<Key, BTreeSet<usize>>,
     reached: BTreeMap<String, BTreeSet<usize>>,
     is_cut: bool,
@@ -284,8 +283,7 @@ impl Looked<'_> {
         }
     }
 
-    /// For each input that isn't declared, runs the pass with this input from other contents, and with all other inputs
-    /// unchanged.
+    /// Runs the pass again for each input that isn't declared, with only this input from other contents.
     fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
         let paths: BTreeSet<&str> =
             inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();

@@ -9,8 +9,8 @@ use karat_core::value::Scalar;
 pub(crate) enum Numbered {
     /// 0, 1, 2 and so on: all elements differ.
     Forwards,
-    /// The last element is 0, and each earlier one is larger by 1. Ascending values would hide that a pass no longer
-    /// sorts its data.
+    /// The last element is 0, and each earlier one is larger by 1. Ascending values would hide that a pass doesn't
+    /// sort.
     Backwards,
     /// 0 and 1, as in cells and flags.
     Bits,

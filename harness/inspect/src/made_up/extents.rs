@@ -32,8 +32,7 @@ impl Extents {
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], content: Content) -> Self {
         /// The minimum number of elements of an array.
         const LEAST: u32 = 64;
-        /// The longest side of a dispatch that counts as short: two workgroups of 8 x 8 have 16 invocations side by
-        /// side.
+        /// The longest side of a dispatch that counts as short: two workgroups of 8 x 8 invocations.
         const SHORT: u32 = 16;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
         let total = elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count));

@@ -118,8 +118,7 @@ const SIZED: [&str; 8] =
 /// Words in names of projection matrices, which divide by a distance.
 const PROJECTIONS: [&str; 6] = ["clip", "projection", "proj", "ndc", "mvp", "vp"];
 
-/// Words in names of matrices that transform points from one space to another. A host's matrices of this kind have an
-/// inverse.
+/// Words in names of matrices that transform points from one space to another. Such matrices have an inverse.
 const SPACES: [&str; 14] = [
     "view",
     "model",

@@ -167,8 +167,7 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
 }
 
-/// Checks if a pass changes any word of its resources; `None` if Karat's engine can't run the pass, or the run takes
-/// too long.
+/// Checks if a pass changes any word of its resources; `None` if the engine can't run the pass, or takes too long.
 pub(super) fn changes(passes: &Passes) -> Option<bool> {
     let left = dispatch_briefly(passes).ok()?;
     Some(!left.into_iter().flat_map(|(_, words)| words).eq(initial(passes)))

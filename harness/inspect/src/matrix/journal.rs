@@ -221,8 +221,7 @@ mod tests {
         At { package, row, path: path.map(str::to_owned) }
     }
 
-    /// Karat suspects only a row that was running when the process ended. If the row ends a second process, Karat gives
-    /// up the row.
+    /// Karat suspects only a row that was running when the process ended, and doesn't run the row a third time.
     // Lesson 161
     #[test]
     fn a_row_is_given_up_when_it_ends_the_process_alone() {

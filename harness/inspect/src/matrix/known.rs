@@ -25,8 +25,7 @@ pub struct Known {
 }
 
 impl Known {
-    /// Refuses a declaration that has no reason, or whose row or column doesn't exist. `rows` are all rows of the
-    /// package.
+    /// Refuses a declaration without a reason, or for an unknown row or column. `rows` are all rows of the package.
     pub(super) fn expect_sound<'r>(
         &self,
         mut rows: impl Iterator<Item = &'r str> + Clone,

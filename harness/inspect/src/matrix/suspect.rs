@@ -16,8 +16,7 @@ pub(super) enum Side {
 
 /// Names the suspect if a cell differs from the first column. If further columns agree with the cell, and none with the
 /// first column, the first column is the suspect. If further columns agree with the first column, and none with the
-/// cell, the cell's column is the suspect. `sides` has the name and the side of each column, including these two
-/// columns.
+/// cell, the cell's column is the suspect. `sides` has the name and side of each column.
 pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     let of = |side: Side| -> Vec<&str> {
         sides.iter().filter(|(_, own)| *own == side).map(|(name, _)| name.as_str()).collect()
