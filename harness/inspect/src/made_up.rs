@@ -194,7 +194,7 @@ impl Ranges {
     }
 
     /// The numbers of a type in the shader's text, each with the next smaller and the next larger number. The input's
-    /// name determines which number of the text comes first. Integers begin with 0, and an `i32` with 0 and -1.
+    /// name determines which number of the text comes first. A list of integers begins with 0, for `i32` also with -1.
     fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
         let Some(literals) = &self.literals else { return Vec::new() };
         let mut all: Vec<[u32; 3]> = match scalar {

@@ -635,7 +635,8 @@ mod tests {
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 
-    /// The host sets `width` and `mode`. The name `mode` doesn't suggest the value 77, so no invocation reaches a line.
+    /// The host sets `width` and `mode`. The name `mode` doesn't suggest the value 77, so no invocation takes the
+    /// branch.
     #[test]
     fn lines_that_no_invocation_reaches_are_listed() {
         let text = "struct P { width: u32, mode: u32 }
