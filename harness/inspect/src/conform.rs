@@ -61,7 +61,7 @@ pub struct Answered {
     pub why: String,
 }
 
-/// The kind of answer to a question.
+/// Karat's verdict on an executor's answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
@@ -89,13 +89,13 @@ impl<T: Into<String>> From<T> for Stop {
     }
 }
 
-/// The maximum number of questions that may time out. After that, Karat asks no more questions.
+/// The number of timeouts after which Karat asks no more questions.
 const MOST_HUNG: usize = 2;
 
 /// Asks an executor all questions. Calls `tell` with each answer as soon as it arrives.
 ///
 /// # Errors
-/// Returns an error if the path doesn't open. In this case, Karat asks no question.
+/// Returns an error if Karat can't open the path. In this case, Karat asks no question.
 pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, PathError> {
     let executor = executor::of(path)?;
     let (mut answers, mut hung) = (Vec::new(), 0);
@@ -216,7 +216,7 @@ const QUESTIONS: [Question; 21] = [
     ),
 ];
 
-/// Passes over a buffer `out`, with the values that they must write.
+/// The passes of one question, with their resources. One of the resources is the buffer `out`.
 struct Passes<'a> {
     wgsl: &'a str,
     with: Vec<(&'a str, Fixture)>,

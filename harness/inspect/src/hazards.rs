@@ -7,9 +7,9 @@
 //!
 //! To classify a finding, Karat runs the function again, with the declared inputs of a failing case and new samples of
 //! the free inputs. If the operation goes wrong in every sample that reaches it, the finding is a *fault*. If the
-//! operation doesn't go wrong in at least one sample, the finding is a *requirement*. Declared inputs are those in
-//! `[inputs]` of `karat.toml`. In a function without callers, inputs whose names suggest a range are declared, too.
-//! Karat judges a function that has callers through its callers.
+//! operation runs without the error in at least one sample, the finding is a *requirement*. Declared inputs are those
+//! in `[inputs]` of `karat.toml`. In a function without callers, inputs whose names suggest a range are declared, too.
+//! If a function has callers, its findings count only if the operation also goes wrong when the callers run.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -83,13 +83,13 @@ pub struct Request {
 pub enum Class {
     /// The operation goes wrong in every sample of the free inputs that reaches it.
     Fault,
-    /// There is a sample in which the operation doesn't go wrong, or too few samples reached the operation.
+    /// The operation runs without the error in at least one sample, or too few samples reach the operation.
     Requirement,
     /// The function's callers meet the requirement: in at least 256 of their calls, the operation ran without an error.
     Met,
     /// The function's callers ran the operation in fewer than 256 calls.
     NotReached,
-    /// In every case, a `select`, a branch, or an operation that bounds infinities drops the wrong value.
+    /// In every case, a `select`, a branch, or an operation such as `clamp` drops the wrong value.
     Dropped,
 }
 
@@ -114,7 +114,7 @@ pub struct Hazard {
     pub class: Class,
     /// The worst kind of error that occurs.
     pub kind: Kind,
-    /// The other kinds of error that the same value has for other inputs.
+    /// The other kinds of error that the same operation has for other inputs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub kinds: Vec<Kind>,
     /// The operation's position in the author's file.
@@ -128,26 +128,24 @@ pub struct Hazard {
     /// The number of cases in which the operation goes wrong, and the number of cases that reached it. For a pass, each
     /// content (a set of generated values of its resources) counts as one case.
     pub cases: (usize, usize),
-    /// For a requirement: the inputs of the simplest case that can avert the error. A change of any one of them
+    /// For a requirement: the inputs that can avert the error in the simplest case. A change of any one of these inputs
     /// suffices.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub needs: Vec<String>,
-    /// The condition under which the operation goes wrong, if it is a simple property of the inputs: `where k is 0, and
-    /// nowhere else`.
+    /// The condition under which the operation goes wrong, if it is a simple one, such as `where k is 0`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fails: Option<String>,
-    /// For lost digits: the values in the simplest case, in `f32` and in `f64`.
+    /// For lost digits: the operation's value in the simplest case, computed in `f32` and in `f64`.
     pub values: Option<(String, String)>,
-    /// The operands in the simplest case, in `f32`. Empty if the operands aren't floats, or if there are too many to
-    /// show.
+    /// The operation's operands in the simplest case, in `f32`. Empty if the operands aren't floats, or if there are
+    /// too many to show.
     pub operands: Vec<String>,
     /// The reason why `karat.toml` accepts the finding, if accepted findings were requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted: Option<String>,
     /// The other functions in which the same operation goes wrong.
     pub also: Vec<String>,
-    /// The sanitizer's finding in a compute pass, or the information that one pixel reaches a derivative and another
-    /// pixel doesn't.
+    /// The sanitizer's finding in a compute pass, or a derivative that only one of two pixels reaches.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violation: Option<Violation>,
 }
@@ -157,11 +155,11 @@ pub struct Hazard {
 pub struct Progress<'p> {
     /// The function's name.
     pub function: &'p str,
-    /// The number of findings in the function, before Karat judges them through callers.
+    /// The number of findings in the function itself, before Karat looks at the function's callers.
     pub found: usize,
     /// The number of checked functions so far.
     pub done: usize,
-    /// The number of all functions.
+    /// The number of functions in the search.
     pub of: usize,
 }
 
@@ -180,7 +178,7 @@ pub struct Hazards {
     pub unread: usize,
     /// The number of functions that aren't valid WGSL, or use invalid code.
     pub invalid: usize,
-    /// Faults and requirements, one for each line and kind. Faults come first, and worse kinds before others.
+    /// Faults and requirements, one for each operation and kind of error. Faults and worse kinds come first.
     pub found: Vec<Hazard>,
     /// The findings of the other classes: requirements that the callers meet, findings that the callers don't reach,
     /// and findings whose wrong value is dropped.
@@ -192,16 +190,16 @@ pub struct Hazards {
     pub accepted: usize,
     /// The ranges from which arguments and members were sampled.
     pub drawn: Drawn,
-    /// The parts of the checked functions that weren't checked.
+    /// The parts of the checked functions that Karat couldn't check.
     pub unseen: Unseen,
     /// The lines with operations that no input reached, as `file:line`.
     pub unreached: Vec<String>,
 }
 
-/// The parts of functions that weren't checked.
+/// The parts of functions that Karat couldn't check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Unseen {
-    /// The number of inputs that cost too much work, because of long loops or many operations.
+    /// The number of inputs that Karat didn't run, because of long loops or too many operations.
     pub inputs: usize,
     /// The number of functions with such inputs.
     pub functions: usize,
@@ -559,7 +557,7 @@ struct Seen {
     /// The number of inputs that didn't run because their loops were too long.
     cut: usize,
     in_part: bool,
-    /// `true` if the function has private variables that keep their initial values.
+    /// `true` if the function reads private variables that keep their initial values, because they are too large.
     of_state: bool,
     trial: Option<(Box<Trial>, Vec<function::Key>)>,
 }
@@ -593,8 +591,8 @@ fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
     none.map(|((file, line), _)| format!("{file}:{line}")).collect()
 }
 
-/// Returns the findings after Karat has judged them through callers. For each function, `roots` has its outermost
-/// callers, which have no callers themselves.
+/// Returns the findings of all functions. If a function has checked callers, their runs determine the class of its
+/// findings. For each function, `roots` has the outermost of these callers.
 fn judged(
     roots: &BTreeMap<String, BTreeSet<String>>,
     looked: &BTreeMap<String, Seen>,
@@ -645,8 +643,9 @@ fn key_of(hazard: &Hazard) -> OfPlace {
     (hazard.location.clone(), hazard.text.clone(), kind)
 }
 
-/// Adds a function's finding to the findings in other functions. A fault replaces other classes. Otherwise the finding
-/// in the function with fewer arguments is kept, because this function is probably closer to the operation.
+/// Adds a function's finding, and merges it with the finding of the same operation in another function. A fault has
+/// precedence over other classes. Between findings of the same class and kind, Karat keeps the one in the function with
+/// fewer arguments, because this function is probably closer to the operation.
 fn add(found: &mut ByPlace, hazard: Hazard) {
     match found.entry(key_of(&hazard)) {
         std::collections::btree_map::Entry::Vacant(place) => {

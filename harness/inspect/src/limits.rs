@@ -22,21 +22,22 @@ pub(crate) const CONTENTS: usize = 6;
 pub(crate) const HELD: [usize; 2] = [2 * DRAWS, 8];
 
 /// The number of failing cases that Karat holds, one after the other: it keeps a case's declared inputs, and samples
-/// its free inputs again. The first of these cases have an argument at an end of its range.
+/// its free inputs again. The cases with the fewest unusual values come first.
 pub(crate) const HOLDS: usize = 4;
 
-/// The number of held cases (see [`HOLDS`]) for all findings of a function together. Each held case takes a twentieth
-/// of the time that the first run of the function over all contents takes.
+/// The maximum number of held cases (see [`HOLDS`]) for all findings of a function together. Each held case takes a
+/// twentieth of the time that the first run of the function over all contents takes.
 pub(crate) const ALL_HOLDS: usize = 8;
 
 /// The number of failing cases that are kept for each finding. Karat chooses the held cases from the kept cases.
 pub(crate) const KEPT: usize = 64;
 
-/// The number of other values of an input that are tried to avert a finding: all edges, and as many samples.
+/// The number of other values that Karat tries for an input to avert a finding. At most half of the values are edges,
+/// and the others are random samples.
 pub(crate) const VARIED: usize = 32;
 
-/// The number of buffer members, arrays and textures that are varied separately. Each varied input costs one run over
-/// each content.
+/// The maximum number of buffer members, arrays and textures that Karat varies separately to avert a finding. Each
+/// varied input costs one run over each content.
 pub(crate) const INPUTS_TRIED: usize = 16;
 
 /// The number of calls in which callers must run an operation without an error before a requirement counts as met. The
@@ -47,11 +48,11 @@ pub(crate) const MET: usize = 256;
 /// takes some seconds on one core, because the engine computes each operation four times and compares all results.
 pub(crate) const WORK: u64 = 1 << 21;
 
-/// In the search for an endless loop, this number of long loops continues to run. Each of these loops takes some tenths
+/// The number of long loops that Karat continues to run, to find out if they end. Each of these loops takes some tenths
 /// of a second.
 pub(crate) const LONG_CASES: usize = 3;
 
-/// The number of buffer members that are shown beside the arguments.
+/// The maximum number of buffer members that a report shows beside the arguments.
 pub(crate) const MEMBERS: usize = 6;
 
 /// The number of inputs with which Karat measures the work of a function. These inputs always run.
@@ -59,18 +60,18 @@ pub(crate) const SAMPLE: usize = 16;
 
 // Limits of `compare`.
 
-/// The number of the last vertex of a box, which has twelve triangles.
+/// The largest vertex index that `compare` generates: the last vertex of a box, which has twelve triangles.
 pub(crate) const LAST_VERTEX: f64 = 35.0;
 
 /// The maximum number of operations that all inputs of a function execute over one content: one or two seconds on one
 /// core.
 pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 
-/// The maximum number of operations over each further content once Karat knows that the results change. The further
-/// contents only show how far the results change, and take a tenth of a second each.
+/// The maximum number of operations over each further content after one content has shown that the results change. The
+/// further contents only show how far the results change, and take a tenth of a second each.
 pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
 
-/// If not all inputs could run, the verdict "same" needs at least this number of inputs with equal results. It equals
+/// The minimum number of inputs with equal results for the verdict "same", if some inputs couldn't run. It equals
 /// [`DRAWS`].
 pub(crate) const LEAST_EQUAL: usize = 64;
 
@@ -81,10 +82,11 @@ pub(crate) const SIMPLER: usize = 64;
 /// and samples.
 pub(crate) const OTHER_WORDS: usize = 16;
 
-/// The largest number of features for which each set is tested: 32 sets, each of which links the module twice.
+/// The largest number of features for which Karat tests all combinations: 5 features have 32 combinations. Karat links
+/// the module twice for each combination.
 pub(crate) const WHOLE_FEATURES: usize = 5;
 
-/// The largest number of features for which each pair is tested: 28 pairs.
+/// The largest number of features for which Karat tests all pairs: 8 features have 28 pairs.
 pub(crate) const PAIRED_FEATURES: usize = 8;
 
 /// If a function's results are the same before and after the edit, the function also runs with this number of other
@@ -98,8 +100,8 @@ pub(crate) const MOST_STATE: usize = 256;
 /// The value of an override without a default. The value can be the size of a small texture, or a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 
-/// The second value with which an override is compared. This value isn't 0, 1 or a usual size, and is valid for each
-/// number type.
+/// The second value of an override for which `compare` runs both versions. This value isn't 0, 1 or a usual size, and
+/// is valid for each number type.
 pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 
 /// The number of workgroups of a pass that usually runs one workgroup, but may run more.
@@ -120,9 +122,9 @@ pub(crate) const VISIBLE: f32 = 1e-3;
 /// in texels still has 10 bits after the point.
 pub(crate) const REPEATED: f64 = 1024.0;
 
-/// Karat compares each component relative to its scale, the largest magnitude of its results. This is the smallest
-/// scale, as a share of the largest component's scale. With the default tolerance of 1e-3, the allowed error is 1e-6 of
-/// the largest component, or about 8 steps of an `f32`.
+/// The smallest scale of a component, as a share of the largest component's scale. A component's scale is the largest
+/// magnitude of its results, and Karat compares the component relative to its scale. With the default tolerance of
+/// 1e-3, the allowed error is 1e-6 of the largest component, or about 8 steps of an `f32`.
 pub(crate) const CANCELLED: f64 = 1e-3;
 
 // Sizes of generated resources.
@@ -131,10 +133,10 @@ pub(crate) const CANCELLED: f64 = 1e-3;
 /// million elements.
 pub(crate) const MOST_BYTES: usize = 1 << 20;
 
-/// The largest size of a texture that each GPU supports, in texels (WebGPU, 3.6.2: `maxTextureDimension1D` is 8,192).
+/// The largest texture width that every GPU supports, in texels (WebGPU, 3.6.2: `maxTextureDimension1D` is 8,192).
 pub(crate) const MOST_SIDE: u32 = 8192;
 
-/// The largest size of a cube's face, in texels. A cube has six faces with mip levels.
+/// The largest size of a cube's face, in texels. The limit is low because a cube has six faces, each with mip levels.
 pub(crate) const MOST_FACE: u32 = 64;
 
 /// The number of elements in a runtime-sized array.

@@ -3,8 +3,8 @@
 //!
 //! The range of a number is the one that [`Ranges`] declares for its name. Without a declaration, the name may suggest
 //! a range (`n_dot_l`, `NoV`, `worldNormal`, `perceptualRoughness`). Otherwise the type determines the range. The
-//! inputs include both ends of each range, and 0 and 1 if the range contains them. Members of structures and of buffers
-//! have names, too.
+//! inputs include both ends of each range, and 0 and 1 if the range contains them. The names of members of structures
+//! and buffers count in the same way.
 
 #[cfg(test)]
 mod bounds;
@@ -104,7 +104,8 @@ impl Ranges {
         all
     }
 
-    /// Records the declarations of array lengths, and of a pass's number of workgroups, that apply to an input.
+    /// Records in `drawn` which declared array lengths apply to one of the bindings, and which declared number of
+    /// workgroups applies to the pass.
     pub(crate) fn note_sizes<'b>(
         &self,
         bindings: impl Iterator<Item = &'b str>,
@@ -134,7 +135,7 @@ impl Ranges {
     }
 
     /// The number of workgroups of a pass in each direction; `usual` without a declaration. With a declaration, the
-    /// product of the three numbers is the declared number.
+    /// product of the three numbers is in the declared range.
     pub(crate) fn workgroups(&self, pass: &str, usual: [u32; 3]) -> [u32; 3] {
         let own = pass.rsplit("::").next().unwrap_or(pass);
         let keys = [pass, own].map(|name| format!("workgroups({name})"));
@@ -193,7 +194,7 @@ impl Ranges {
     }
 
     /// The numbers of a type in the shader's text, each with the next smaller and the next larger number. The input's
-    /// name determines which number is first. Integers may be 0 or negative, whatever their names are.
+    /// name determines which number of the text comes first. A list of integers begins with 0, for `i32` also with -1.
     fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
         let Some(literals) = &self.literals else { return Vec::new() };
         let mut all: Vec<[u32; 3]> = match scalar {
@@ -224,7 +225,7 @@ impl Ranges {
         least.iter().chain(all.as_flattened()).map(|word| vec![*word]).collect()
     }
 
-    /// Returns the ranges for the arguments of a function. An entry point may have builtin values.
+    /// Returns the ranges for the arguments of a function, including the builtin values of an entry point.
     #[must_use]
     pub fn of_function(&self, function: &Function) -> Self {
         Self { builtins: function.form.builtins.clone(), ..self.scoped(&function.name) }
@@ -250,7 +251,7 @@ pub fn suggested(name: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Part>
     Ok(described(name, shape, ranges)?.into_iter().map(|one| one.part).collect())
 }
 
-/// The largest change of a number from a pixel to its neighbour.
+/// The largest generated derivative: the change of a number from a pixel to its neighbour.
 const STEEPEST: f64 = 0.5;
 
 const DERIVATIVES: &str = "derivatives";
@@ -262,7 +263,8 @@ struct Described {
     /// `true` if neither a declaration nor the name constrains the number.
     guessed: bool,
     declared: bool,
-    /// `true` if the number is declared, or if names count as declarations and the number's name suggests a range.
+    /// `true` if the number isn't free: a declared number, a builtin value with a range in WGSL, or a float whose name
+    /// counts as a declaration.
     known: bool,
     /// `true` for a size that follows from the dispatch.
     sized: bool,
@@ -429,7 +431,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
     shape.lanes().into_iter().enumerate().map(part).collect()
 }
 
-/// The bits of a number, if the type can represent it exactly.
+/// The bits of a number, rounded for floats; `None` if an integer or a boolean can't represent the number.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
 fn exact(scalar: Scalar, x: f64) -> Option<u32> {
     let whole = x.fract() == 0.0;
@@ -462,7 +464,7 @@ impl Arguments {
         Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all })
     }
 
-    /// The domain of a fragment function's inputs. Sizes follow from the number of pixels.
+    /// The domain of a fragment function's inputs. Inputs that are sizes follow from the number of pixels.
     pub(crate) fn of_draw(
         function: &Function,
         ranges: &Ranges,
@@ -480,8 +482,8 @@ impl Arguments {
         (usize::try_from(count).unwrap_or_default(), rows)
     }
 
-    /// Rows as in [`rows`](Self::rows), followed by a quarter as many rows of `others`, which ignore names. In every
-    /// second of these additional rows, two inputs of the same type are equal.
+    /// At most `cases` rows: three quarters as in [`rows`](Self::rows), and then a quarter from `others`, which ignore
+    /// names. In every second row from `others`, two undeclared inputs of the same type are equal.
     pub(crate) fn rows_beside(&self, others: &Self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
         /// One in four rows comes from `others`.
         const SHARE: usize = 4;
@@ -506,12 +508,12 @@ impl Arguments {
     /// The rows that run over one content (set of generated values) of the resources. All rows run over the first
     /// content, and some rows over each further content.
     pub(crate) fn part(&self, rows: &[u32], count: usize, draw: usize) -> (usize, Vec<u32>) {
-        /// One in four rows runs over a further content.
+        /// One in four rows runs over each further content.
         const SHARE: usize = 4;
         self.select(rows, count, |at| draw == 0 || count < SHARE || at % SHARE == draw % SHARE)
     }
 
-    /// Returns the rows with the numbers for which `wanted` returns `true`.
+    /// Returns the rows for whose numbers `wanted` returns `true`.
     pub(crate) fn select(
         &self,
         rows: &[u32],
@@ -569,7 +571,7 @@ impl Arguments {
         self.replaced(row, others, count, &|lane| !known[lane])
     }
 
-    /// Makes rows in which some lanes come from other rows.
+    /// Makes `count` copies of `row`, in which the lanes that `takes` selects come from `others`.
     pub(crate) fn replaced(
         &self,
         row: &[u32],
@@ -587,7 +589,7 @@ impl Arguments {
     }
 
     /// A measure of how unusual a row is: its number of extreme values, and its number of values other than 0, 1, -1
-    /// and the ends of their range.
+    /// and the largest generated values of their type.
     pub(crate) fn oddity(&self, row: &[u32]) -> [usize; 2] {
         /// The largest usual magnitude. Positions, times and sizes are rarely larger.
         const MOST: f32 = 1e4;
@@ -678,7 +680,7 @@ pub struct MadeUp {
     pub lanes: Vec<u32>,
     /// The contents of buffers and textures, and the samplers.
     pub fixtures: karat::fixture::Fixtures,
-    /// The members of buffers that aren't array elements, with their values.
+    /// The buffer members outside of arrays, with their values.
     pub members: Vec<(String, String)>,
     /// The ranges from which all inputs were sampled.
     pub drawn: Drawn,

@@ -234,14 +234,14 @@ pub struct Row {
     pub kind: String,
     /// The position in the author's file.
     pub location: String,
-    /// The row as its author wrote it.
+    /// The row's source text, as its author wrote it.
     #[serde(skip)]
     pub source: Source,
     /// The text that is translated: the author's text with everything that it uses, and a kernel that calls the
     /// function.
     #[serde(skip)]
     pub text: Arc<str>,
-    /// The initial buffers of an entry point, if its results differ.
+    /// The buffers of an entry point before the run, if its results differ between columns.
     #[serde(skip)]
     pub buffers: Vec<Buffer>,
     /// The reason why the row has no cells: a kernel can't call the function, or the code is invalid.

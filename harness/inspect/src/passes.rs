@@ -15,8 +15,8 @@ use crate::made_up::{Content, Extents, Mix, Ranges, Resources};
 /// The number of workgroups in each direction for a pass whose dispatch isn't known. Several workgroups run in each
 /// direction in which the pass reads its position. They also run in a direction in which the pass may read its
 /// position, if the workgroup has several invocations there. "Several" means two workgroups, which run in no fixed
-/// order, or three in the vertical direction, so that the numbers of rows and columns differ. A pass that reads no
-/// value that distinguishes workgroups has one workgroup.
+/// order, or three in the vertical direction, so that the numbers of rows and columns differ. A pass that reads none of
+/// the builtin values in [`APART`] has one workgroup.
 fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) -> [u32; 3] {
     if !tells_apart {
         return [1; 3];
@@ -37,7 +37,7 @@ fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) 
     groups
 }
 
-/// The builtin values that differ between workgroups.
+/// The builtin values that let a pass depend on its number of workgroups.
 const APART: [&str; 5] = [
     "@builtin(global_invocation_id)",
     "@builtin(global_invocation_index)",
@@ -88,7 +88,8 @@ impl Usual {
         Self { size, workgroups: usual_workgroups(size, apart, asks) }
     }
 
-    /// The number of workgroups in each direction. It is 1 if the pass doesn't distinguish workgroups.
+    /// The number of workgroups in each direction. All three numbers are 1 if the pass reads no builtin value that
+    /// depends on workgroups, or if one workgroup covers all elements.
     #[must_use]
     pub fn workgroups(&self) -> [u32; 3] {
         self.workgroups
@@ -113,7 +114,7 @@ impl Usual {
     }
 }
 
-/// Makes a pass over generated resources. The resources' sizes follow from `invocations`, or otherwise from the usual
+/// Makes a pass over generated resources. The resources' sizes follow from `invocations`, or else from the usual
 /// dispatch. The resources in `given` replace generated ones, and with `mix`, some inputs come from another content
 /// (set of generated values).
 ///
@@ -176,8 +177,8 @@ mod tests {
         assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);
     }
 
-    /// A pass that uses one component of a vector reads only this component. A pass that passes on the whole vector may
-    /// read all components.
+    /// A pass that uses one component of a vector reads only this component. A pass that gives the whole vector to a
+    /// function may read all components.
     #[test]
     fn a_pass_runs_along_the_places_that_it_asks_for() {
         let head = "struct In { @builtin(workgroup_id) w: vec3u, @builtin(local_invocation_index) i: u32 }\n\

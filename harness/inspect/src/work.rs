@@ -1,4 +1,4 @@
-//! Selects the cases of a function that run. In a selected case, no loop has more than 4,096 iterations. The selected
+//! Selects the cases in which a function runs. In a selected case, no loop has more than 4,096 iterations. The selected
 //! cases are evenly spread over all cases, and their number is as large as the function's work budget allows.
 
 use std::borrow::Cow;
@@ -14,8 +14,8 @@ use crate::made_up::{Arguments, Ranges, SEED};
 /// Converts rows (the arguments of `count` cases) into the arguments of another version of the function.
 type Own<'s> = &'s dyn Fn(&[u32], usize) -> Vec<u32>;
 
-/// A function with its resources, and the conversion of its rows; without a conversion, the function gets the rows
-/// unchanged.
+/// One version of a function, with its resources. `own` converts rows into this version's arguments; without `own`, the
+/// version gets the rows unchanged.
 pub(crate) struct Side<'s> {
     pub(crate) probed: &'s Probed,
     pub(crate) fixtures: &'s Fixtures,
@@ -34,7 +34,7 @@ pub(crate) struct Chosen {
     pub(crate) cut: usize,
     /// The rows in which a loop has too many iterations, each with the loop's position.
     pub(crate) long: Vec<(Vec<u32>, Span)>,
-    /// The number of cases that the work budget allows; 0 if even the measured cases cost too much.
+    /// The number of cases that the work budget allows; 0 if a single case costs too much.
     pub(crate) allowed: usize,
 }
 
@@ -55,8 +55,8 @@ impl Chosen {
         Self { count, rows: left, cut: all - count, long, allowed: usize::MAX }
     }
 
-    /// Selects as many rows as the work budget allows for the costliest of the functions, and leaves out rows for which
-    /// a loop of the first function doesn't end.
+    /// Selects as many rows as the work budget allows for the costliest version of the function, and leaves out rows
+    /// for which a loop of the first version doesn't end.
     pub(crate) fn of(
         sides: &[Side<'_>],
         arguments: &Arguments,
@@ -111,6 +111,6 @@ pub(crate) fn rows(
     Ok(rows.iter().copied().cycle().take(cases * width).collect())
 }
 
-/// The reason why a function has no verdict.
+/// The reason why a function has no verdict if one of its loops runs too long in each case.
 pub(crate) const ENDS_FOR_NONE: &str =
     "for each input, a loop of the function runs more than 4096 iterations";

@@ -204,8 +204,8 @@ fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) 
     was.is_empty() && is.is_empty()
 }
 
-/// The kind of a violation, and the variable's name after the edit. For a wrong index, the text is the violation's
-/// headline, because such a violation has no variable.
+/// The properties that identify a violation in both versions: its kind, and the name of its variable after the edit.
+/// For a wrong index, the violation's headline replaces the name, because such a violation has no variable.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
     let text = match one.kind.is_of_index() {
@@ -217,18 +217,18 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     (one.kind, renamed.iter().fold(text, new_name))
 }
 
-/// The violations of only one version: the first of each kind for each variable.
+/// The violations that only one version has. For each kind and variable, only the first violation is kept.
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
     /// All indices outside of arrays, including indices that are outside only with arbitrary sizes and numbers. Such an
-    /// index shows that the edit removed a guard.
+    /// index can show that the edit removed a guard.
     of_indices: Vec<Violation>,
 }
 
 impl Brought {
-    /// Adds the violations that the second version has with one content (set of generated values), and the first
-    /// version hasn't. `renamed` has the resources that the edit renamed.
+    /// Adds the violations that occur in the second version, but not in the first version, over one content (set of
+    /// generated values). `renamed` has the resources that the edit renamed.
     fn add(&mut self, content: Content, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
         let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
@@ -247,8 +247,8 @@ impl Brought {
         }
     }
 
-    /// The violations to report. An index that is outside of its array only with arbitrary sizes or numbers is reported
-    /// only if nothing else shows the edit.
+    /// The violations to report. If something else shows the edit, indices that are outside only with arbitrary sizes
+    /// or numbers are left out.
     fn told(self, is_changed: bool) -> Vec<Violation> {
         if self.sure.is_empty() && !is_changed { self.of_indices } else { self.sure }
     }
@@ -260,8 +260,8 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
-/// Returns the change of the results if the invocations run in another order, or `None` if no tested order shows a
-/// change. An order counts only if the original pass has its usual results in this order.
+/// Searches for an order of invocations in which the edit changes the results, and returns the change; `None` if no
+/// tested order shows a change. An order counts only if the original pass has its usual results in this order.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
@@ -377,7 +377,7 @@ impl Difference {
         Ok(all)
     }
 
-    /// The change on a path, with the members of uniforms; `None` if no value changed.
+    /// The change on a path, together with the values of buffer members; `None` if no result changed.
     fn change(self, path: String, members: &[(String, String)]) -> Option<PathChange> {
         let (clarity, first) = self.firsts.first()?.clone();
         let Largest { ulp, relative } = self.largest;
@@ -479,7 +479,7 @@ mod tests {
         }
     }
 
-    /// If only one version writes a resource, the resource's values don't count as changed.
+    /// If only one version writes a resource, Karat gives no verdict. The reason names the resource.
     #[test]
     fn a_resource_that_only_one_side_writes_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
@@ -566,7 +566,7 @@ mod tests {
                 y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
             }";
 
-    /// An index that is outside of an array only for arbitrary numbers is reported only if Karat finds nothing else.
+    /// If Karat finds nothing else, it reports an index that is outside of an array for arbitrary numbers.
     #[test]
     fn findings_with_arbitrary_numbers_come_last() {
         let text = GATHER;
@@ -635,7 +635,8 @@ mod tests {
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 
-    /// The host's numbers `width` and `mode` determine where a pass writes, but their names don't show that.
+    /// The host sets `width` and `mode`. The name `mode` doesn't suggest the value 77, so no invocation takes the
+    /// branch.
     #[test]
     fn lines_that_no_invocation_reaches_are_listed() {
         let text = "struct P { width: u32, mode: u32 }

@@ -1,4 +1,4 @@
-//! The interface of a function with its host, before and after an edit: resources, attributes and overrides.
+//! Compares a function's interface with its host before and after an edit: resources, attributes and overrides.
 
 use std::collections::BTreeSet;
 
@@ -49,9 +49,9 @@ pub(super) fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)
     after.bindings.iter().filter_map(of).collect()
 }
 
-/// Sets the same contents in both packages for renamed resources, and for resources with renamed members, because
-/// contents depend on names. If one version writes a resource, this version determines the resource's length in both
-/// packages.
+/// Gives renamed resources, and resources with renamed members, the same contents in both packages. Otherwise the
+/// contents would differ, because they depend on names. If only one version writes a resource, both packages get the
+/// contents of this version.
 pub(super) fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
     let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
     let mut named = renamed(Side::of(before), Side::of(after));
@@ -103,7 +103,8 @@ fn with_renamed_members(before: &Probed, after: &Probed) -> Vec<(String, String)
     all.map(|one| (one.path.clone(), one.path.clone())).collect()
 }
 
-/// The changed attributes of an entry point's inputs and outputs, which affect the host. Names don't matter.
+/// The changed attributes of an entry point's inputs and outputs, such as `@location(1)`, as sentences. If only an
+/// input's name changed, the host isn't affected, so there is no sentence.
 pub(super) fn attributes(before: &[(String, String)], after: &[(String, String)]) -> Vec<String> {
     let is_given = |(path, _): &(String, String)| path.starts_with("result");
     let has = |all: &[(String, String)], one: &(String, String)| {
@@ -142,7 +143,7 @@ pub(super) fn gained_and_lost(before: Side<'_>, after: Side<'_>) -> Vec<String> 
     gained.chain(lost.map(|one| format!("{} is no longer used", shown(one)))).collect()
 }
 
-/// The changes of overrides' names and values that affect the host.
+/// The overrides that the edit added, removed or changed, as sentences.
 pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
     let [old, new] = [before, after].map(Program::declared_overrides);
     let of = |all: &[(String, String)], name: &str| {
@@ -205,8 +206,8 @@ pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
     all
 }
 
-/// The signatures of a function before and after an edit. If the signatures are equal, the texts also name the written
-/// resources.
+/// The signatures of a function before and after an edit. If the signatures are equal and the function writes memory,
+/// the texts also name the written variables.
 pub(super) fn signatures(sides: [&Probed; 2]) -> [String; 2] {
     let shown = sides.map(|one| one.function.to_string());
     if shown[0] != shown[1] || sides.iter().all(|one| one.function.written().next().is_none()) {

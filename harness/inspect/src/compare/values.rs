@@ -8,8 +8,7 @@ use karat_core::value::{Scalar, Shape, format_lane};
 /// only the changed components are shown.
 const WHOLE: usize = 16;
 
-/// The text of a result. Shows the changed components if the result is long, or if the two versions have different
-/// lanes.
+/// A result as text. The text has only the changed components if the result is long, or if `is_whole` is `false`.
 pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool) -> String {
     let scalars = shape.lanes();
     if is_whole && scalars.len() <= WHOLE {
@@ -34,7 +33,7 @@ pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool
 pub(super) enum Distance {
     /// Two integers or booleans that differ.
     Other,
-    /// The distance of two floats in steps of an `f32`.
+    /// The distance between two floats, in steps of an `f32`.
     Ulp(u64),
     /// A number and NaN.
     Nan,
@@ -102,7 +101,8 @@ pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
 pub(super) struct Largest {
     /// The largest distance in steps of an `f32`; `None` if a changed lane has no such distance.
     pub(super) ulp: Option<u64>,
-    /// The largest change relative to the old value; `None` in the same cases as `ulp`.
+    /// The largest change relative to the old value; `None` if a changed lane has no finite relative change, for
+    /// example because the old value is 0.
     pub(super) relative: Option<f64>,
 }
 

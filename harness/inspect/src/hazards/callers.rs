@@ -36,7 +36,7 @@ impl Callers {
     }
 
     /// Returns the functions through which Karat judges a function: the checked direct and indirect callers of the
-    /// function, except for callers that another checked caller calls. If there is no caller, returns the function.
+    /// function, except for callers that another checked caller calls. Without a checked caller, returns the function.
     pub(super) fn roots<'c>(
         &'c self,
         function: &'c str,

@@ -26,10 +26,10 @@ pub(super) type Key = (usize, Kind);
 const CONTENTS_TRIED: &[Content] = &Content::OF_FUNCTIONS;
 const FIRST: Content = Content::OF_FUNCTIONS[0];
 
-/// The number that stands for a loop that may not end.
+/// The operation's number in the [`Key`] of a loop that may not end.
 const LOOP: usize = usize::MAX;
 
-/// A function with the inputs over which Karat runs the function, and with the findings of this run.
+/// A function, the inputs over which Karat runs the function, and the findings of this run.
 pub(super) struct Trial {
     name: String,
     probed: Probed,
@@ -61,7 +61,7 @@ struct Gathered {
     /// The numbers of the failing cases over the first content.
     numbers: Vec<usize>,
     kinds: BTreeSet<Kind>,
-    /// The content and the number of the last counted case.
+    /// The content and the number of the last counted case, so that no case counts twice.
     last: Option<(Content, usize)>,
 }
 
@@ -91,7 +91,7 @@ impl Tally {
         wrong > 0 && wrong >= cases && (wrong >= DRAWS || contents >= CONTENTS)
     }
 
-    /// Checks if there is a case that reaches the operation and in which the operation doesn't go wrong.
+    /// Checks if at least one case reaches the operation without the error.
     fn is_averted(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         wrong < self.reached(key)[0]
@@ -168,7 +168,7 @@ impl Trial {
         Ok(tally)
     }
 
-    /// Adds the finding of a loop that may not end, and counts the other inputs for which the loop may not end.
+    /// Adds a finding if a loop may not end, and counts the samples of free inputs for which the loop runs long.
     fn endless(
         &self,
         tally: &mut Tally,
@@ -390,8 +390,8 @@ impl Trial {
         named
     }
 
-    /// The findings, and the number of cases that reached each position. Only faults of functions without callers are
-    /// classified here.
+    /// The findings, and the number of cases that reached each position. At first, each finding has the class
+    /// `Requirement` or `Dropped`. [`judge`](Self::judge) finds the faults later.
     pub(super) fn seen(self) -> Seen {
         let function = self.probed.function();
         let hazard = |(key, one): (&Key, &Gathered)| {
@@ -457,7 +457,7 @@ impl Trial {
         Seen { hazards, reached, drawn, cut, in_part, trial, ..Seen::default() }
     }
 
-    /// The inputs of the simplest case that can avert the error. A change of any one of them suffices.
+    /// The inputs that can avert the error in the simplest case. A change of any one of these inputs suffices.
     pub(super) fn needs(&self, key: Key) -> Vec<String> {
         let parameters = &self.probed.function().parameters;
         if let ([(name, _)], true) = (&**parameters, self.inputs().is_empty()) {
@@ -512,8 +512,8 @@ impl Trial {
     }
 }
 
-/// Checks if a finding of this kind needs declared inputs to count as a fault: most functions lose digits somewhere, or
-/// use an operation for which WGSL bounds no error.
+/// Checks if a finding of this kind counts as a fault only if all inputs are declared. With arbitrary inputs, most
+/// functions lose digits somewhere, or use an operation for which WGSL bounds no error.
 fn is_of_wgsl(kind: Kind) -> bool {
     matches!(kind, Kind::LostDigits | Kind::Unbounded)
 }

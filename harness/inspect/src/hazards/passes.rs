@@ -18,7 +18,7 @@ use crate::made_up::{Content, Input, Mix, Numbered, Ranges, Resources};
 
 use rayon::prelude::*;
 
-/// The name of the first argument of a finding in a pass.
+/// The first argument's name in a finding in a pass. The argument's value is the invocation that goes wrong.
 pub(super) const INVOCATION: &str = "invocation";
 
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
@@ -55,8 +55,8 @@ fn others() -> Vec<Content> {
     [&plain()[..], &[first, second].map(Content::long), &one].concat()
 }
 
-/// To classify a finding, the pass runs again over each of these contents, with the declared inputs of a failing
-/// content. The list is short, but its contents are of different kinds.
+/// The contents over which Karat runs a pass again to classify a finding. In each run, the declared inputs keep their
+/// values from a failing content. The list is short, but its contents are of different kinds.
 fn held() -> Vec<Content> {
     let [first, _, third, bits, _, _, _, _, drawn] = Content::OF_PASSES;
     [&[first, third, bits, drawn][..], &plain(), &[first.long(), first.of_one_workgroup()]].concat()
@@ -76,7 +76,7 @@ type Key = (BTreeSet<String>, Kind, String);
 
 #[derive(Debug, Default)]
 struct InContent {
-    /// The invocations in which an operation goes wrong; empty for a race.
+    /// The invocations in which each operation goes wrong; empty for races, missed barriers and endless loops.
     wrong: BTreeMap<Key, BTreeSet<usize>>,
     reached: BTreeMap<String, BTreeSet<usize>>,
     is_cut: bool,
@@ -269,7 +269,7 @@ impl Looked<'_> {
         Ok(seen)
     }
 
-    /// Runs the pass over further contents.
+    /// Runs the pass over each content in `more`, and adds the results to `contents`.
     fn add(
         &self,
         contents: &mut BTreeMap<Content, InContent>,
@@ -283,7 +283,7 @@ impl Looked<'_> {
         }
     }
 
-    /// Runs the pass again for each input, with only this input from another content.
+    /// Runs the pass again for each input that isn't declared, with only this input from other contents.
     fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
         let paths: BTreeSet<&str> =
             inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();
@@ -410,7 +410,7 @@ impl Looked<'_> {
     }
 }
 
-/// The texts for two changes that may avert a finding in a pass: another number of workgroups, and other sizes.
+/// Texts for [`Hazard::needs`]: a change of the number of workgroups, or of sizes, may avert a finding in a pass.
 const WORKGROUPS: &str = "another number of workgroups";
 const SIZES: &str = "other sizes of arrays and textures";
 

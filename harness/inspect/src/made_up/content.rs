@@ -9,7 +9,8 @@ use karat_core::value::Scalar;
 pub(crate) enum Numbered {
     /// 0, 1, 2 and so on: all elements differ.
     Forwards,
-    /// The last element is 0, and each earlier one is larger by 1. Sorted input would hide that a pass doesn't sort.
+    /// The last element is 0, and each earlier one is larger by 1. Ascending values would hide that a pass doesn't
+    /// sort.
     Backwards,
     /// 0 and 1, as in cells and flags.
     Bits,
@@ -62,7 +63,7 @@ pub(crate) enum Texels {
     OfText(usize),
 }
 
-/// The choice of the resources that are shorter than others. A resource is a runtime-sized array or a texture.
+/// Selects the runtime-sized arrays and textures that have fewer elements than others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shorter {
     /// Resources with a small hash of their names have more elements than others.
@@ -89,12 +90,11 @@ pub(crate) struct Content {
     /// the workgroup size.
     pub(crate) tail: Option<[u32; 2]>,
     /// The number of elements for each invocation of a one-dimensional dispatch; the elements then form a grid of
-    /// several rows. In this grid, a pass has only races that it also has with other contents.
+    /// several rows. The grid itself causes no races.
     pub(super) rows: Option<u32>,
     /// `true` if unconstrained floats in arrays are negative, so that a missing element changes the result.
     pub(super) negative: bool,
-    /// The choice of runtime-sized arrays and textures that are shorter than others, each by a different share; `None`
-    /// if all have the same size.
+    /// Selects the runtime-sized arrays and textures that are shorter than others; `None` if all have the same size.
     pub(crate) shorter: Option<Shorter>,
     /// `true` if resources have more elements than a pass needs.
     pub(super) long: bool,
@@ -139,16 +139,16 @@ impl Content {
         Self { draw: 5, texels: Texels::Noise, ..DRAWN },
     ];
 
-    /// The contents that functions read if names are ignored. All texels of a texture have the same number from the
-    /// text.
+    /// The contents that functions read if names are ignored. All texels of a texture have the same number, which comes
+    /// from the shader's text.
     pub(crate) const NAMELESS: [Self; 2] = [
         Self { draw: 60, texels: Texels::OfText(10), ..DRAWN },
         Self { draw: 66, texels: Texels::OfText(11), ..DRAWN },
     ];
 
-    /// The contents that passes read and write. In the first content, sizes follow from the dispatch. In the second
-    /// content, some invocations have no element. Other contents have numbers with which a shader may compare a
-    /// parameter. The last content has random samples.
+    /// The contents that passes read and write. In the first content, each invocation has one element. In the second
+    /// content, some invocations have no element. In other contents, integers have small values such as 2, 3 or 4, with
+    /// which a shader may compare a parameter. The last content has random samples.
     pub(crate) const OF_PASSES: [Self; 9] = {
         use Numbered::{Backwards, Bits, Forwards};
         const LIKELY: Content = Content { is_likely: true, ..DRAWN };
@@ -219,7 +219,7 @@ impl Content {
         }
     }
 
-    /// Checks if each texture is partly transparent.
+    /// Checks if each texture is partly transparent with this content.
     pub(super) fn is_transparent(self) -> bool {
         self.draw % 2 == 1
     }

@@ -32,7 +32,7 @@ impl Extents {
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], content: Content) -> Self {
         /// The minimum number of elements of an array.
         const LEAST: u32 = 64;
-        /// The number of invocations along a side of two workgroups of 8 x 8.
+        /// The longest side of a dispatch that counts as short: two workgroups of 8 x 8 invocations.
         const SHORT: u32 = 16;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
         let total = elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
@@ -59,9 +59,9 @@ impl Extents {
         Self { elements, workgroups, content: Content { shorter, ..content } }
     }
 
-    /// The value of an integer whose name suggests no range: the content's `least`, or a few more if `least` is 2, 3 or
-    /// 4; `None` without `least`. Neighbouring components have different values, so that exchanging them changes the
-    /// result.
+    /// The value of an integer whose name suggests no range: the content's `least`, or `None` without `least`. If
+    /// `least` is 2, 3 or 4, the value is a little larger and depends on the name and the component's index, so that
+    /// exchanging two integers changes the result.
     pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
         const APART: std::ops::RangeInclusive<u32> = 2..=4;
         let least = self.content.least?;
@@ -95,16 +95,16 @@ impl Extents {
         self.part_of(name, self.total())
     }
 
-    /// The number of elements of a resource: `count`, a share of `count` that depends on the resource's name, or a
-    /// multiple. Of two resources, the one with the smaller share under `Shorter::Most` has the larger share under
-    /// `Shorter::Least`.
+    /// The number of elements of a resource: `count`, a share of `count` that depends on the resource's name, or 8
+    /// times `count` if resources are long. Of two resources, the one with the smaller share under `Shorter::Most` has
+    /// the larger share under `Shorter::Least`.
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
-        /// The largest and the smallest share in sixteenths. The smallest share is more than half, because a host
+        /// The largest and the smallest share, in sixteenths. The smallest share is more than half, because a host
         /// dispatches no workgroup without elements.
         const MOST: u32 = 16;
         const LEAST: u32 = 9;
-        /// Long resources have this multiple of the usual elements, in each direction of a texture. A pass that halves
-        /// the size at each level then has four levels.
+        /// The factor by which long resources are longer than usual; for a texture, in each direction. A pass that
+        /// halves the size at each level then has four levels.
         const LONG: u32 = 8;
         if self.content.long {
             return count.saturating_mul(LONG);

@@ -11,7 +11,7 @@ pub(super) enum Meaning {
     Direction,
     /// An integer of at least 1.
     Count,
-    /// An integer of at least 0 that counts few things, such as levels of a texture.
+    /// An integer from 0 to 15, such as a mip level.
     Index,
     /// Any number, because the name suggests nothing.
     Any,
@@ -118,7 +118,7 @@ const SIZED: [&str; 8] =
 /// Words in names of projection matrices, which divide by a distance.
 const PROJECTIONS: [&str; 6] = ["clip", "projection", "proj", "ndc", "mvp", "vp"];
 
-/// Words in names of matrices that transform points from one space to another. Such a matrix of a host has an inverse.
+/// Words in names of matrices that transform points from one space to another. Such matrices have an inverse.
 const SPACES: [&str; 14] = [
     "view",
     "model",
@@ -208,8 +208,8 @@ pub(super) fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// Checks if a matrix has a name such as `world_from_local`. A host builds such a matrix with an inverse. All other
-/// matrices are unconstrained, so their determinant may be 0.
+/// Checks if a matrix has a name such as `world_from_local`. Karat generates such a matrix with an inverse, as a host
+/// does. All other matrices are unconstrained, so their determinant may be 0.
 pub(super) fn is_transform(name: &str) -> bool {
     is_projection(name) || words(name).iter().any(|word| SPACES.contains(&word.as_str()))
 }
@@ -229,14 +229,14 @@ fn is_cosine_of_two(name: &str) -> bool {
 /// The builtin value with a pixel's position.
 pub(super) const POSITION: &str = "position";
 
-/// The width and height of the screen in pixels.
+/// The width and height of the generated screen, in pixels.
 const PIXELS: f64 = 64.0;
 
-/// The number of the last vertex and instance. A shader that reads its vertices from a constant has at least one
-/// triangle.
+/// The largest generated vertex index and instance index. A shader may keep its vertices in a constant array, which has
+/// at least the three vertices of a triangle.
 const LAST_VERTEX: f64 = 2.0;
 
-/// The number of the last invocation. Generated buffers have 64 elements.
+/// The largest generated `global_invocation_id.x`, which is a valid index: generated buffers have 64 elements.
 const LAST_INVOCATION: f64 = 63.0;
 
 /// The largest coordinate of an invocation in a workgroup of 8 x 8, the smallest usual size.
@@ -386,7 +386,7 @@ mod tests {
         }
     }
 
-    /// The guide's page contains each word.
+    /// The guide's page about names contains each word of these lists.
     #[test]
     fn the_guide_lists_each_name() {
         let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guide/hazard-names.md");

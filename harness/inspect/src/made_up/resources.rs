@@ -13,14 +13,14 @@ use super::content::{Numbered, Texels as Held, hashed};
 use super::{Content, Declaration, Described, Drawn, End, Extents, Ranges, described};
 use crate::limits::{ELEMENTS, MOST_BYTES, MOST_FACE, MOST_SIDE};
 
-/// The largest integer in textures.
+/// The upper bound of each random number in the integer texels of a texture.
 const MOST: u64 = 16;
 
-/// The seed. A variable's contents depend on its name, and are the same on every machine.
+/// The seed of all resources. A variable's contents depend on the variable's name, and are the same on every machine.
 pub(crate) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
-/// Fits a function to the lengths of its generated resources. A function that takes derivatives gets arguments with
-/// derivatives.
+/// Sets the lengths of the resources that a function writes to the lengths of its generated resources. If the function
+/// takes derivatives, its arguments also get derivatives.
 pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     let mut probed = probed.with_varying();
     if let Ok(made) = Resources::of(&probed, &Ranges::default(), Content::OF_FUNCTIONS[0]) {
@@ -35,7 +35,7 @@ pub(crate) struct Input {
     pub(crate) path: String,
     /// `true` if the input's range is declared, for example in `[inputs]`.
     pub(crate) declared: bool,
-    /// `true` if the input is declared, or if names count as declarations and the input's name suggests a range.
+    /// `true` if the input isn't free: it is declared, or its name counts as a declaration.
     pub(crate) known: bool,
     lanes: usize,
 }
@@ -52,7 +52,7 @@ pub(crate) struct Mix<'m> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resources {
     pub(crate) fixtures: Fixtures,
-    /// The members of buffers that aren't array elements, with their values.
+    /// The buffer members outside of arrays, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
     /// `true` if there is a resource, so that another content may give other values.
@@ -459,8 +459,8 @@ fn described_elements(
 }
 
 impl Ranges {
-    /// Checks if an integer in an element depends on the element's index. The integer depends on the index if no
-    /// declaration determines the integer's value.
+    /// Checks if a number in an array element follows from the element's index. The content numbers only integers
+    /// without a declaration.
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
@@ -474,7 +474,7 @@ impl Ranges {
         one.scalars.iter().map(|scalar| numbered.constant(*scalar)).collect()
     }
 
-    /// Makes unconstrained floats negative, if the ranges request it.
+    /// Makes unconstrained numbers negative, if the ranges or the content request it.
     fn negate(&self, parts: &[Described], lanes: &mut [u32]) {
         const SIGN: u32 = 1 << 31;
         if !(self.negative || self.extents.is_some_and(|extents| extents.content.negative)) {
@@ -528,8 +528,8 @@ pub(crate) fn fixtures(
     Ok(Resources::made_of(probed, ranges, of, Likeness::Equal(beyond))?.fixtures)
 }
 
-/// The address modes that a function's samplers use, each in a share of the function's cases. With several modes, a
-/// driver that confuses two modes gives wrong results.
+/// The address modes that a function's samplers use, each in a share of the function's cases. With several modes, the
+/// results show if a driver confuses two modes.
 pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
     const ALL: [Address; 3] = [Address::Clamp, Address::Repeat, Address::Mirror];
     let mut bindings = probed.function().bindings.iter();
@@ -537,9 +537,9 @@ pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
     if samples { &ALL } else { &ALL[..1] }
 }
 
-/// Generates the contents of an entry point's resources, the same on each path. An error names the resource that can't
-/// be generated. A runtime-sized array has an element for each invocation. Samplers repeat, so that a sampler that
-/// wrongly clamps changes the result.
+/// Generates the contents of an entry point's resources. The contents are the same on each path. An error names the
+/// resource that can't be generated. A runtime-sized array has an element for each invocation. Samplers repeat, so that
+/// a sampler that wrongly clamps changes the result.
 pub(crate) fn data(
     program: &Program,
     bindings: &[Binding],
@@ -699,8 +699,8 @@ fn texture_or_sampler(
     })
 }
 
-/// The nearest numbers that 16-bit floats can represent. GL filters textures of such floats in place of textures of
-/// `f32`.
+/// Rounds a texel to numbers that 16-bit floats can represent. On GL, textures with 16-bit floats replace filtered
+/// textures of `f32`.
 fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
     /// The number of steps in a unit. A 16-bit float below 8 has at least these steps.
     const STEPS: f32 = 128.0;
@@ -911,8 +911,8 @@ mod tests {
         assert!(sizes("image") > 2);
     }
 
-    /// Only undeclared integers in array elements have values such as 0, 1, 2: an integer after an array doesn't, and a
-    /// declared integer doesn't.
+    /// Only undeclared integers in array elements get the values 0, 1, 2 and so on. A member after an array doesn't get
+    /// these values, and neither does a declared integer.
     #[test]
     fn integers_after_an_array_are_not_numbered() {
         let text =

@@ -15,7 +15,7 @@ pub struct Allowed {
     pub bounded: usize,
     /// The number of cases with a component outside of its bounds.
     pub outside: usize,
-    /// The first such case: its arguments, the bounds, and the result.
+    /// The first case outside of its bounds: its arguments, the bounds, and the result.
     pub first: Option<String>,
 }
 
@@ -52,7 +52,7 @@ impl Allowed {
 }
 
 impl Row {
-    /// The columns with results that WGSL doesn't allow, by their indices.
+    /// The columns with results that WGSL doesn't allow, each with its index.
     pub fn columns_outside(&self) -> impl Iterator<Item = (usize, &Allowed)> {
         let cells = self.cells.iter().enumerate();
         let outside = cells.filter_map(|(index, cell)| Some((index, cell.allowed.as_ref()?)));

@@ -31,8 +31,8 @@ pub(super) enum Written {
 }
 
 impl Column {
-    /// The default columns: each graphics API with its language, the routes on Vulkan, two languages that no path of
-    /// Karat runs, Tint's verdict on the author's text, and the engine.
+    /// The default columns: each graphics API with its language, the routes on Vulkan, GLSL ES and HLSL 6 (which only
+    /// validators check), Tint's verdict on the author's text, and the engine.
     #[must_use]
     pub fn usual() -> Vec<Self> {
         let names = [

@@ -167,7 +167,7 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
 }
 
-/// Checks if a pass changes any word; `None` if Karat's engine can't run the pass, or the run takes too long.
+/// Checks if a pass changes any word of its resources; `None` if the engine can't run the pass, or takes too long.
 pub(super) fn changes(passes: &Passes) -> Option<bool> {
     let left = dispatch_briefly(passes).ok()?;
     Some(!left.into_iter().flat_map(|(_, words)| words).eq(initial(passes)))
@@ -356,7 +356,7 @@ mod tests {
     use crate::made_up::Ranges;
     use karat::package::Package;
 
-    /// Each driver runs the invocations in a different order, so the invocations append in a different order.
+    /// Each driver runs the invocations in its own order, so the elements of `found` may have any order.
     #[test]
     fn results_that_depend_on_the_order_are_open() {
         let text = "@group(0) @binding(0) var<storage, read_write> next: atomic<u32>;

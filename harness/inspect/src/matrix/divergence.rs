@@ -25,15 +25,15 @@ pub struct Divergence {
     pub here: String,
     /// The result on the baseline, as text.
     pub there: String,
-    /// The arguments as words, which the kernel reads.
+    /// The arguments as 32-bit words, as the kernel reads them.
     pub words: Vec<u32>,
-    /// The results as words, from this column and from the baseline.
+    /// The results as 32-bit words, from this column and from the baseline.
     pub results: (Vec<u32>, Vec<u32>),
     /// `true` if the columns also differ if this input runs without other inputs. Otherwise, a result depends on other
     /// inputs of the same run: some drivers use one invocation's texture level for all invocations.
     pub alone: bool,
-    /// The first let-binding of the function whose value differs. `None` if all values agree. Then the results differ
-    /// because of the result's expression or of a value without a `let`.
+    /// The first let-binding of the function whose value differs. `None` if all values agree. In this case, the results
+    /// differ because of the `return` expression or of a value without a `let`.
     pub first: Option<Intermediate>,
     /// The let-bindings before `first` that can't be compared: pointers, bindings in the head of a `for`, NaN or
     /// infinite values, and bindings after the first 48.
@@ -47,7 +47,7 @@ pub struct Intermediate {
     pub name: String,
     /// The binding's position in the author's file.
     pub location: Option<String>,
-    /// The line of that position.
+    /// The binding's line in the author's file.
     pub line: Option<usize>,
     /// The binding's value on this column.
     pub here: String,
@@ -87,8 +87,8 @@ impl Divergence {
     }
 }
 
-/// Explains a case that differs between two columns. `text` has the translation of the second column, and the first and
-/// the last line of the function.
+/// Explains a case that differs between two columns. `text` has the translation of the second column, and the
+/// function's first and last line in it.
 pub(super) fn divergence(
     request: &Request,
     probed: &Probed,

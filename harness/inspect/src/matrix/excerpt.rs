@@ -15,9 +15,9 @@ pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Optio
     Some((first + 1, first + rest + 1))
 }
 
-/// Returns the line, counted from 1, that defines a variable. If several variables have this name, `which` is the
-/// variable's number among them, from 0. naga writes variables in the author's order. `None` if the translation has
-/// more or fewer variables with this name.
+/// Returns the line, counted from 1, that defines a variable. The author's text has `of` variables with this name, and
+/// `which` is the variable's number among them, counted from 0. naga keeps their order. Returns `None` if the
+/// translation doesn't have exactly `of` such variables.
 pub(super) fn definition_line(
     text: &str,
     (first, last): (usize, usize),

@@ -15,8 +15,8 @@ pub(super) struct Ran<'p> {
     pub(super) results: Vec<u32>,
 }
 
-/// The reason why a function didn't run. The text has no function name, so that a reason that several functions have
-/// appears only once.
+/// The reason why a function didn't run. The text has no function name, so that a report can show a reason once for
+/// several functions.
 pub(super) fn not_run(error: ProbeError) -> String {
     match error {
         ProbeError::Compile { error, .. } => error.to_string(),
@@ -59,7 +59,7 @@ pub(super) struct Judge<'j> {
 }
 
 impl<'j> Judge<'j> {
-    /// Makes the rules from the first column's results.
+    /// Makes the rules for a comparison. The first column's results determine the scales.
     pub(super) fn new(scalars: &'j [Scalar], within: &'j Tolerance, expected: &[u32]) -> Self {
         let mut scales = vec![0.0_f64; scalars.len()];
         for case in expected.chunks_exact(scalars.len()) {
@@ -162,7 +162,7 @@ pub(super) fn flushed(word: u32) -> u32 {
     if is_subnormal { 0 } else { word }
 }
 
-/// The distance between two components in steps of an `f32`, with subnormal numbers as 0.
+/// The distance between two components in steps of an `f32`. Subnormal numbers count as 0.
 fn distance((scalar, (expected, actual)): (&Scalar, (&u32, &u32))) -> Option<u64> {
     if !scalar.is_float() {
         return None;

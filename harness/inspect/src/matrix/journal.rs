@@ -1,5 +1,6 @@
-//! Recovers from rows that end the process: a hanging driver can't be stopped, and a crashing driver ends the process.
-//! A file records which row runs on which path, so that the next process can skip the row that ended the process.
+//! Recovers from rows that end the process: a driver that crashes ends the process, and a driver that hangs can't be
+//! stopped in any other way. A file records which row runs on which path, so that the next process can skip the row
+//! that ended the process.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -68,8 +69,8 @@ impl Journal {
         self.culprits.contains_key(row)
     }
 
-    /// Checks if a row ended a process in which it ran without other rows. Then the row doesn't run, and its cells give
-    /// the reason.
+    /// Checks if a row ended a process in which it ran without other rows. In this case, the row doesn't run again, and
+    /// its cells give the reason.
     pub(super) fn ends(&self, row: &str, columns: &[Column], cells: &mut [Cell]) -> bool {
         let Some([.., _, last]) = self.culprits.get(row).map(Vec::as_slice) else { return false };
         let runs = |(column, cell): &(&Column, &mut Cell)| match &cell.stopped {
@@ -93,7 +94,7 @@ impl Journal {
         true
     }
 
-    /// Runs a row, and records in the file where it runs.
+    /// Runs a row, and records in the file on which path the row is running.
     pub(super) fn watched<T>(&self, row: &str, work: impl FnOnce() -> T) -> T {
         let Some(file) = self.file.clone() else { return work() };
         let row = At { package: self.package.clone(), row: row.to_owned(), path: None };
@@ -136,8 +137,8 @@ fn lines(file: &Path) -> io::Result<Vec<Line>> {
     Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
 }
 
-/// The rows that ran when each process ended. If rows exceeded the time limit before a process ended, only these rows
-/// are listed for this process.
+/// For each process that ended, the rows that were running. If some of these rows had exceeded the time limit, only
+/// those rows are listed.
 fn culprits(lines: &[Line]) -> Vec<Culprit> {
     let (mut culprits, mut running, mut overdue) = (Vec::new(), Vec::<At>::new(), Vec::new());
     for line in lines {
@@ -220,7 +221,7 @@ mod tests {
         At { package, row, path: path.map(str::to_owned) }
     }
 
-    /// The first recorded row may have waited for the row that hung.
+    /// Karat suspects only a row that was running when the process ended, and doesn't run the row a third time.
     // Lesson 161
     #[test]
     fn a_row_is_given_up_when_it_ends_the_process_alone() {

@@ -25,7 +25,7 @@ pub struct Known {
 }
 
 impl Known {
-    /// Refuses a declaration that matches no row or no column, or has no reason. `rows` are all rows of the package.
+    /// Refuses a declaration without a reason, or for an unknown row or column. `rows` are all rows of the package.
     pub(super) fn expect_sound<'r>(
         &self,
         mut rows: impl Iterator<Item = &'r str> + Clone,
@@ -89,7 +89,7 @@ pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> 
 }
 
 impl Cell {
-    /// The first status that the cell doesn't reach; `None` if it reaches all.
+    /// The first status that the cell doesn't reach; `None` if the cell reaches all statuses.
     fn misses(&self) -> Option<Status> {
         Status::ALL.into_iter().find(|status| Some(*status) > self.status)
     }
@@ -129,7 +129,7 @@ impl Cell {
     }
 }
 
-/// A row that is wrong on a column, or an outdated declaration.
+/// A row that fails on a column, or an outdated declaration.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// The row's name.

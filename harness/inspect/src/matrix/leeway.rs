@@ -20,7 +20,7 @@ pub(super) enum Leeway {
     Alone(Alone),
 }
 
-/// The lanes that WGSL leaves open in some cases.
+/// The values that WGSL allows for the lanes of some cases.
 pub(super) struct Latitude {
     /// The allowed bounds of each lane; `None` if the bounds are unknown, as for derivatives.
     pub(super) bounds: Option<Vec<Bound>>,
@@ -30,7 +30,7 @@ pub(super) struct Latitude {
     loose: bool,
 }
 
-/// The lanes that WGSL leaves open in one case.
+/// The values that WGSL allows for the lanes of one case.
 #[derive(Clone, Copy)]
 pub(super) struct OfCase<'l> {
     bounds: Option<&'l [Bound]>,
@@ -64,7 +64,7 @@ impl Leeway {
         }
     }
 
-    /// The open lanes of these cases; `None` if the engine doesn't know them.
+    /// The values that WGSL allows for the lanes of these cases; `None` if the engine doesn't know them.
     pub(super) fn at(&self, rows: &[u32], cases: usize) -> Option<Latitude> {
         match self {
             Self::Unknown => None,
@@ -82,7 +82,7 @@ impl Leeway {
 }
 
 impl Latitude {
-    /// The open lanes of a case whose result has `width` lanes.
+    /// The allowed values for a case whose result has `width` lanes.
     pub(super) fn case(&self, case: usize, width: usize) -> OfCase<'_> {
         let lanes = case * width..(case + 1) * width;
         let bounds = self.bounds.as_ref().and_then(|bounds| bounds.get(lanes.clone()));

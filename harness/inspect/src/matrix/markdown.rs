@@ -59,7 +59,7 @@ fn code(name: &str) -> String {
     }
 }
 
-/// A sentence in which single backticks enclose code.
+/// A sentence as Markdown. Single backticks in pairs enclose code, and all other special characters are escaped.
 fn prose(text: &str) -> String {
     let parts: Vec<&str> = text.split('`').collect();
     // If backticks come in pairs and are never adjacent, exactly the parts between them are code.
@@ -74,8 +74,8 @@ fn prose(text: &str) -> String {
 }
 
 impl Matrix {
-    /// The reasons why rows stop, each with its columns and rows. Faults come first, before reasons such as missing
-    /// tools or rows that didn't run. More frequent reasons come earlier.
+    /// The reasons why rows get no further, each with its columns and rows. Faults come first, before reasons such as
+    /// missing tools or rows that didn't run. Among faults, and among other reasons, the most frequent one comes first.
     #[must_use]
     pub fn reasons(&self) -> Vec<(String, Vec<String>)> {
         self.ranked_reasons().into_iter().map(|(_, why, rows)| (why, rows)).collect()
@@ -139,8 +139,8 @@ impl Matrix {
         ))
     }
 
-    /// The matrix as a Markdown page: the columns, the number of rows by status, each row, and the reasons why rows
-    /// stop.
+    /// The matrix as a Markdown page: the columns, the number of rows by status, each row, and the reasons why rows get
+    /// no further.
     #[must_use]
     pub fn markdown(&self) -> String {
         self.write_markdown().expect("writing to a String never fails")

@@ -30,8 +30,8 @@ pub(super) struct Case {
 }
 
 impl Pair<'_, '_> {
-    /// Simplifies a case's arguments as long as the columns differ when the case runs without other cases. `None` if
-    /// the columns agree in such a run, because the difference then depends on the other cases.
+    /// Simplifies a case's arguments as long as the columns differ, and then runs the case without other cases. Returns
+    /// `None` if the columns agree in this last run, because the difference then depends on the other cases.
     pub(super) fn reduce(&self, found: &Case) -> Option<Case> {
         let mut simplest = found.row.clone();
         for _ in 0..ROUNDS {

@@ -15,14 +15,15 @@ pub struct Reference {
     pub checks: usize,
     /// The tests whose checks failed on the path.
     pub failed: Vec<String>,
-    /// The largest ratio of an error to its tolerance; `None` if the ratio isn't a number.
+    /// The largest ratio of an error to its tolerance; `None` if no check has a finite ratio.
     pub worst: Option<f64>,
 }
 
 impl Matrix {
-    /// Replaces the comparison with other columns by the verdicts that the functions' tests have on the same path in
-    /// the records of a run. A test has a reference and a tolerance that its author chose, so its verdict counts more.
-    /// Verdicts on files that have changed since the run are skipped.
+    /// Judges functions by their own tests instead of the comparison with other columns. `records` has the verdicts of
+    /// an earlier test run, and each cell gets the verdicts on its column's path. A test has a reference and a
+    /// tolerance that its author chose, so its verdict counts more. If a file has changed since the run, its records
+    /// are skipped.
     ///
     /// Returns the number of judged cells.
     pub fn judge_by(&mut self, records: &[Record]) -> usize {

@@ -363,7 +363,7 @@ mod tests {
         }
     }
 
-    /// naga's GLSL doesn't clamp coordinates before a sampler repeats.
+    /// With a repeating sampler, naga's GLSL for `textureSampleBaseClampToEdge` doesn't clamp the coordinates.
     // Lesson 86
     #[test]
     fn samplers_clamp_repeat_and_mirror() {

@@ -11,7 +11,7 @@ use karat_translate::{Shader, TranslateError, Translation};
 use super::column::Written;
 use super::{Column, Request, Row, Source};
 
-/// A function or an entry point with its translations, or only its row if there are none.
+/// A function or an entry point with its translations, or only a row with an error if Karat can't prepare it.
 pub(super) enum Subject {
     Row(Box<Row>),
     Ready(Box<Ready>),
@@ -21,7 +21,7 @@ pub(super) enum Subject {
 pub(super) struct Ready {
     pub(super) row: Row,
     pub(super) about: About,
-    /// One translation for each column, in the order of the columns.
+    /// One translation for each kind of text. Columns that run or check the same text share its translation.
     pub(super) made: Vec<Made>,
 }
 

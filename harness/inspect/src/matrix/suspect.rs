@@ -8,15 +8,15 @@ use super::{Cell, Stop};
 pub(super) enum Side {
     /// The column agrees with the first column.
     First,
-    /// The column agrees with the second column, which differs from the first one.
+    /// The column agrees with the second column, which differs from the first column.
     Other,
     /// The column agrees with neither of these two columns, or with both.
     Neither,
 }
 
-/// Names the suspect if a cell differs from the first column. If no further column agrees with the first column, and
-/// some agree with the cell, the first column is the suspect. If it is the reverse, the cell's column is the suspect.
-/// `sides` has the name and the side of each column, including these two columns.
+/// Names the suspect if a cell differs from the first column. If further columns agree with the cell, and none with the
+/// first column, the first column is the suspect. If further columns agree with the first column, and none with the
+/// cell, the cell's column is the suspect. `sides` has the name and side of each column.
 pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     let of = |side: Side| -> Vec<&str> {
         sides.iter().filter(|(_, own)| *own == side).map(|(name, _)| name.as_str()).collect()

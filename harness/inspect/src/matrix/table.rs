@@ -93,7 +93,7 @@ pub enum MatrixError {
         /// The reason.
         why: String,
     },
-    /// A declaration about a row that doesn't work is wrong.
+    /// A declared failure of a row can't be used, for example because the row doesn't exist.
     #[error("the declared failure of row `{row}` on `{column}` can't be used: {why}")]
     Known {
         /// The row's name.
@@ -284,10 +284,10 @@ pub enum Missed {
         status: Status,
         /// The rows, each with its reason.
         rows: Vec<(String, String)>,
-        /// The number of all rows.
+        /// The number of rows, without functions that no kernel can call.
         of: usize,
     },
-    /// Rows reach a status, although declarations exclude this.
+    /// Rows reach a status, although their declarations exclude this status.
     #[error("on `{column}` these rows reach `{status}`, although declarations exclude this status; delete \
              their declarations: {}", rows.join(", "))]
     Passing {
@@ -342,8 +342,8 @@ impl Matrix {
         self.expect_but(column, status, &[]);
     }
 
-    /// Does the same as [`expect`](Self::expect), except for rows that are declared with a reason. A declared row must
-    /// not reach the status, because its declaration would be outdated.
+    /// Does the same as [`expect`](Self::expect), except for the rows in `known`, each with a reason. A declared row
+    /// must not reach the status, because its declaration would be outdated.
     ///
     /// # Panics
     /// Panics in the same cases as [`expect`](Self::expect), and also if a declared row reaches the status.

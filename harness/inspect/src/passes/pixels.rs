@@ -19,8 +19,8 @@ const SIZES: [[u32; 2]; 4] = [[18, 26], [14, 22], [22, 30], [10, 34]];
 /// The seed of the inputs. Functions with the same signature get the same inputs on every machine.
 const SEED: u64 = 0x7069_7865_6c73; // "pixels"
 
-/// Makes the pixels of a draw, or a single pixel. Inputs and resources are generated; the resources' sizes follow from
-/// the number of pixels.
+/// Makes a pass whose invocations are the pixels of a draw, or a single pixel. Inputs and resources are generated; the
+/// resources' sizes follow from the number of pixels.
 ///
 /// # Errors
 /// Returns an error if the function isn't valid, or if an input or a resource can't be generated.
