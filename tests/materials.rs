@@ -96,7 +96,7 @@ fn painting_the_same_roughness_changes_nothing() {
         .agrees_with(|roughness: f64, _: f64, _: f64| roughness, Ulp(3.0).or(Abs(1e-30)));
 }
 
-/// The function computes the same operations as `masked_roughness`, with the same error.
+/// The function blends f0 by `metallic` with the operations of `masked_roughness`, so it has the same error.
 #[test]
 fn material_from_texels() {
     PBR.function("materials::material_from_texels")
