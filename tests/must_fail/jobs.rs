@@ -327,7 +327,8 @@ fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
     })
 }
 
-/// Jobs, greetings and replies follow the published JSON schema, which also lists their required members.
+/// Karat's jobs, greetings and replies match the published JSON schema. Both the schema and Karat's reader refuse a job
+/// if any member is missing.
 // Lesson 87
 #[test]
 fn jobs_are_as_the_schema_says() {
