@@ -12,7 +12,7 @@ const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 const VANISHED: Abs = Abs(1e-30);
 
 /// WGSL allows exp(x) an error of 3 + 2 |x| ulp. The error of x, from a division of 2.5 ulp and two products, adds 5
-/// |x| ulp. The shader returns 0 from x = -87 on, so both errors together are at most 612 ulp. With the errors of the
+/// |x| ulp. The shader returns 0 for x <= -87, so both errors together are at most 612 ulp. With the errors of the
 /// other factors, the result stays within 640 ulp, or 7.6e-5.
 const EXPONENTIAL: Ulp = Ulp(640.0);
 
@@ -198,8 +198,8 @@ fn lobes_rise_to_their_pole() {
     );
 }
 
-/// All microfacets of a mirror face the pole, so D is 0 in other directions. More than 18 degrees away from the pole, D
-/// of a narrow lobe is at most alpha^2 / (pi sin^4), which approaches 0 with alpha.
+/// All microfacets of a mirror have the normal at the pole, so D is 0 in other directions. More than 18 degrees away
+/// from the pole, D of a narrow lobe is at most alpha^2 / (pi sin^4), which approaches 0 with alpha.
 #[test]
 fn the_lobe_of_a_mirror_is_its_pole() {
     let beside = |_: f64, _: f64| 0.0;

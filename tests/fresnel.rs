@@ -34,8 +34,8 @@ fn schlick_survives_cosines_that_round_above_one() {
         });
 }
 
-/// If light comes from the rarer medium, only r_p cancels, near Brewster's angle, where r_s outweighs r_p. Sums,
-/// products and one division lose up to 13 ulp of r_s.
+/// If light comes from the rarer medium, the only subtraction that cancels is in r_p, near Brewster's angle, where r_s
+/// outweighs r_p. Sums, products and one division lose up to 13 ulp of r_s.
 #[test]
 fn dielectric_into_the_denser_medium() {
     PBR.function("fresnel::dielectric")
@@ -87,10 +87,10 @@ fn conductor_with_little_absorption() {
         .agrees_with(fresnel::conductor, Ulp(32.0));
 }
 
-/// The function computes two square roots of 4.5 ulp, one of them for the modulus, and a division. The test leaves out
-/// complex numbers so small that the square of their modulus isn't a normal f32, because no index of refraction is that
-/// small. The reference uses polar coordinates, in which the cosine of a right angle is 6e-17 instead of 0. The
-/// reference multiplies this error by a root of up to 14.
+/// The function computes two square roots, each with an error of 4.5 ulp, and a division. One of the roots is the
+/// modulus. The test leaves out complex numbers so small that the square of their modulus isn't a normal f32, because
+/// no index of refraction is that small. The reference uses polar coordinates, in which the cosine of a right angle is
+/// 6e-17 instead of 0. The reference multiplies this error by a root of up to 14.
 #[test]
 fn complex_root() {
     let numbers = (-200.0..=200.0_f32, 0.0..=200.0_f32).map(|(x, y)| Vec2::new(x, y));

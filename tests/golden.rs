@@ -28,10 +28,10 @@ fn gl_tolerance(name: &str) -> f32 {
 }
 
 /// The tolerance of a frame on SwiftShader, which moves drawn surfaces by up to 1/32 of a pixel (`frames::is_snapped`).
-/// This shift changes pixels at each outline and in each highlight, so the gate would need a very wide tolerance.
-/// Frames of the spheres have HDR-FLIP errors of up to 0.050 in a tile, with a mean of 0.0057. Faulty shaders cause
-/// tiles with errors of 0.09 and more. `second_opinion` proves more about this driver: it computes the values that each
-/// pixel can have if surfaces move by up to 1/32 of a pixel.
+/// This shift changes pixels at each outline and in each highlight, so a tolerance for single pixels would have to be
+/// very wide. Frames of the spheres have HDR-FLIP errors of up to 0.050 in a tile, with a mean of 0.0057. Faulty
+/// shaders cause tiles with errors of 0.09 and more. `second_opinion` proves more about this driver: it computes the
+/// values that each pixel can have if surfaces move by up to 1/32 of a pixel.
 fn swiftshader_tolerance(name: &str) -> FrameTolerance {
     let gate = || FrameTolerance::gate(karat::unstable::metric::DEFAULT_RELATIVE);
     let flip = |tile, mean| {

@@ -6,9 +6,9 @@ use karat::prelude::*;
 
 use crate::drivers::{NVIDIA, SWIFTSHADER};
 
-/// WGSL requires `mix(x, y, a)` to be as accurate as x (1 - a) + y a, which is exactly y at a = 1. Some drivers round x
-/// into the result. So the library doesn't use `mix` for masks: below a mask of 1, the rounding error of a bright base
-/// would show.
+/// WGSL requires `mix(x, y, a)` to be as accurate as x (1 - a) + y a, which is exactly y at a = 1. Some drivers compute
+/// x + (y - x) a, so their result contains the rounding error of x. The library doesn't use `mix` for masks, because
+/// below a mask of 1 the rounding error of a bright base would show.
 // Lesson 45
 #[test]
 fn mix_ends_at_its_second_value() {

@@ -108,7 +108,8 @@ struct Hit {
 }
 
 /// The largest distance between the unit sphere and a facet of its mesh, at the middle of the facet. Facets are 5.6
-/// degrees wide in both directions. The normals of mesh and sphere also differ by at most this length.
+/// degrees wide in both directions. At the middle of a facet, the normals of mesh and sphere also differ by this
+/// length.
 const FACET: f64 = 2.5e-3;
 
 /// All hits of the ray through the middle of a pixel. `None` if the ray passes near the rim of a sphere, because the
@@ -140,9 +141,9 @@ fn rays(camera: &Camera) -> Vec<Option<Vec<Hit>>> {
     pixels.map(|(x, y)| hits(camera, DVec2::new(centre(x, SIZE.0), -centre(y, SIZE.1)))).collect()
 }
 
-/// Checks if a pixel shows the sphere and the normal of a hit. The pixel shows a facet, so its normal may differ from
-/// the sphere's normal by up to 8 times [`FACET`]. The difference can't be larger, because all rays pass the rim at a
-/// distance of at least 0.02.
+/// Checks if a pixel shows the sphere and the normal of a hit. The pixel shows a facet, whose normal differs from the
+/// sphere's normal. Near the rim the difference is larger than [`FACET`], but at most 8 times as large, because all
+/// rays pass the rim at a distance of at least 0.02.
 fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     let Some(hit) = hit else { return pixel[..3] == [0.0; 3] };
     let expected = overdraw::label(hit.instance, hit.normal).to_array();

@@ -561,8 +561,9 @@ fn an_estimate_that_misses_a_part_is_rejected() {
     assert!((mean / expected - 0.75).abs() < 1e-3, "{mean} {expected}");
 }
 
-/// The planted samplers ignore one of their two random numbers. Karat places the cells of its histogram according to
-/// samples, and the check must still have enough cells to detect the fault.
+/// The planted samplers have lost a dimension: their samples all have the same azimuth, or are among only 64 values.
+/// Karat places the cells of its histogram by samples. Even if many samples are equal, the check has enough cells to
+/// find the fault.
 #[test]
 fn a_sampler_that_has_lost_a_dimension_is_rejected() {
     let planted = planted();
