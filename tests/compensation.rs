@@ -17,7 +17,7 @@ fn light() -> impl Domain<Value = Vec3> {
     (0.0..=50.0_f32, 0.0..=50.0_f32, 0.0..=50.0_f32).map(|(r, g, b)| Vec3::new(r, g, b))
 }
 
-/// The function computes a product and a sum of positive terms.
+/// The function computes a product and a sum of positive terms, so nothing cancels.
 #[test]
 fn directional_albedo() {
     PBR.function("compensation::directional_albedo")

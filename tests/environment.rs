@@ -51,8 +51,8 @@ fn directions_find_the_face_that_webgpu_says() {
         );
 }
 
-/// The colour of each texel is the direction of the texel, so the test compares the cube maps of `karat` and of the
-/// library with the hardware's addressing. Bilinear filtering between texel centres has an error of 1.2e-4: 1/8 of
+/// Each texel has its direction as its colour. So the test shows that the cube maps of `karat` and of the library place
+/// texels where the hardware looks for them. Bilinear filtering between texel centres has an error of 1.2e-4: 1/8 of
 /// (1/32)^2 times a curvature of at most 1. The filter's weights have 8 bits, which adds an error of 1/512 of 1/64 in
 /// each of two directions: 6e-5 together. At a corner of the cube only three texels meet, and the filter uses their
 /// mean in place of a fourth texel. The mean has a weight of at most 1/4, lies at most a texel (1/32) away from the
@@ -210,7 +210,7 @@ fn unit_square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// The function computes a product and a sum of numbers up to 1.
+/// The function computes products and sums of numbers up to 1, each with one rounding.
 // Lesson 10: each direction has its own reference
 #[test]
 fn face_direction() {
@@ -317,7 +317,8 @@ fn equirectangular_direction() {
         .agrees_with(environment::equirectangular_direction, Abs(1e-3));
 }
 
-/// The room's box as two corners, and two points in the room.
+/// Arguments of `parallax_box`: the position and the direction of a ray, the centre of the cube map, and two corners of
+/// the room.
 type Room = (Vec3, Vec3, Vec3, Vec3, Vec3);
 
 /// Rooms that are 0.2 to 20 long along each axis, with `position` and `centre` at any place inside. If `share` is
@@ -444,7 +445,8 @@ fn log_density() -> impl Domain<Value = f32> {
     (-7.0..=20.0_f32).map(|log: f32| log.exp() / (4.0 * PI as f32))
 }
 
-/// The level depends only on the number of samples per steradian. Four times as many samples lower the level by 1.
+/// The mip level depends only on the number of samples per steradian. So four times the samples with a quarter of the
+/// density give the same level.
 #[test]
 fn levels_depend_on_samples_per_steradian() {
     PBR.function("environment::mip_level")

@@ -23,7 +23,7 @@ fn schlick_lies_between_f0_and_one() {
         });
 }
 
-/// V.H of two equal unit vectors often rounds to a number just above 1.
+/// V.H of two equal unit vectors often rounds to a number just above 1, so `schlick` must be right for such a number.
 #[test]
 fn schlick_survives_cosines_that_round_above_one() {
     let above_one = (0..=8_u32).map(|steps| f32::from_bits(1.0_f32.to_bits() + steps)).collect();
@@ -171,7 +171,7 @@ fn reflectance_rises_toward_grazing() {
     );
 }
 
-/// The average reflectance rises with the difference between the medium and air.
+/// The average reflectance rises with the medium's index of refraction.
 #[test]
 fn reflectance_rises_with_the_index() {
     PBR.function("fresnel::dielectric_average").over(1.0..=2.5).is_monotone_in(

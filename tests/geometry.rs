@@ -10,8 +10,8 @@ const UNDERFLOW: Abs = Abs(1e-30);
 /// Widths of the distribution, from the smallest width that the library accepts to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// The function computes two products and a division (2.5 ulp in WGSL). The test leaves out cosines for which a product
-/// is denormal, because a denormal product has fewer digits, and so has the quotient.
+/// The function computes two products and a division, which has an error of 2.5 ulp. The test leaves out cosines for
+/// which a product is denormal, because a denormal product has fewer digits, and so has the quotient.
 #[test]
 fn v_cavity() {
     let cosines = (0.0..=1.0, 0.0..=1.0, 0.0..=1.0, 0.0..=1.0_f32).filter(|(h, v, l, _)| {
@@ -31,9 +31,9 @@ fn nothing_is_hidden_where_v_dot_h_vanishes() {
         .satisfies("is 1", |_, g: f32| g == 1.0);
 }
 
-/// The function computes two quotients (2.5 ulp each) of products. The larger cosine is at least 1e-18. The smaller
-/// cosine goes down to the smallest normal f32, for which the product 4 N.V N.L underflows to 0. As for any half
-/// vector, V.H is at least half the sum of the cosines, and N.H is at least their sum.
+/// The function computes two quotients of products, each with an error of 2.5 ulp. The larger cosine is at least 1e-18.
+/// The smaller cosine goes down to the smallest normal f32, for which the product 4 N.V N.L underflows to 0. As for any
+/// half vector, V.H is at least half the sum of the cosines, and N.H is at least their sum.
 #[test]
 fn v_cavity_visibility() {
     let cosines = (-18.0..=0.0_f32, -37.9..=0.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32)
@@ -168,8 +168,8 @@ fn masking_is_a_probability() {
         .satisfies("lies in 0..=1", |_, g: f32| (0.0..=1.0 + f32::EPSILON).contains(&g));
 }
 
-/// A surface hides more of itself at flatter views and at larger widths. The tolerance is twice the tolerance of the
-/// function's own check, because both compared results have an error.
+/// A surface hides more of itself as the view becomes more grazing and as the distribution becomes wider. The tolerance
+/// is twice the tolerance of the function's own check, because both compared results have an error.
 #[test]
 fn masking_grows_toward_grazing_and_with_the_width() {
     for (function, ulp) in [("geometry::smith_g1", 20.0), ("geometry::smith_g1_beckmann", 40.0)] {

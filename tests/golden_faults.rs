@@ -44,7 +44,7 @@ const SPHERES: [(DVec3, DVec3); 5] = [
 const EYE: DVec3 = DVec3::new(0.0, 2.6, 9.0);
 const SUN: DVec3 = DVec3::new(0.48, 0.8, 0.36);
 
-/// The distance to the nearer intersection with a sphere of radius 1.
+/// The distance along a ray to its nearer intersection with a sphere of radius 1.
 fn hit(from: DVec3, towards: DVec3, centre: DVec3) -> Option<f64> {
     let to = centre - from;
     let along = to.dot(towards);

@@ -366,7 +366,7 @@ fn faults_are_seen() {
     }
 }
 
-/// Entry points, and functions that no test calls, are also valid.
+/// The whole library is valid, including entry points and functions that no test calls.
 // Lesson 53
 #[test]
 fn the_whole_library_is_valid() {

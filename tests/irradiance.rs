@@ -393,7 +393,7 @@ fn coefficients() -> impl Domain<Value = [Vec3; 9]> {
     })
 }
 
-/// The function adds nine products of numbers up to 2 with basis functions up to 1.1.
+/// The function adds nine products of a coefficient up to 2 and a basis function up to 1.1.
 #[test]
 fn sh_irradiance() {
     PBR.function("irradiance::sh_irradiance")

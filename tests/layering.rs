@@ -98,7 +98,7 @@ fn a_mirror_on_white_neither_gains_nor_loses() {
         .agrees_with(|_: DVec3, _: DVec3, _: DVec3, _: f64| DVec3::ONE, Ulp(8.0));
 }
 
-/// Less light crosses an interface at flatter views.
+/// Less light crosses an interface as the view becomes more grazing.
 #[test]
 fn less_crosses_toward_grazing() {
     PBR.function("layering::interface_transmittance").over((UnitRgb, 0.0..=1.0)).is_monotone_in(

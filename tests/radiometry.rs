@@ -45,7 +45,7 @@ fn intensity_from_flux() {
         .agrees_with(radiometry::intensity_from_flux, Ulp(2.0));
 }
 
-/// The function computes a product and two divisions of 2.5 ulp each.
+/// The function computes a product and two divisions, each with an error of 2.5 ulp.
 #[test]
 fn irradiance_from_intensity() {
     PBR.function("radiometry::irradiance_from_intensity")
@@ -74,7 +74,7 @@ fn irradiance_from_radiance() {
         .agrees_with(radiometry::irradiance_from_radiance, Ulp(2.0).or(UNDERFLOW));
 }
 
-/// The function computes two divisions of 2.5 ulp each.
+/// The function computes two divisions, each with an error of 2.5 ulp.
 #[test]
 fn radiance_from_irradiance() {
     PBR.function("radiometry::radiance_from_irradiance")
@@ -90,9 +90,9 @@ fn irradiance_from_cap() {
         .agrees_with(radiometry::irradiance_from_cap, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// The function computes two divisions of 2.5 ulp each, and three products. WGSL may flush the first product, area
-/// times cosine, to 0 if it is below 1.2e-38. At a distance of a millimetre and a radiance of 1e9, this changes the
-/// result by up to 1.2e-23.
+/// The function computes three products and two divisions, each with an error of 2.5 ulp. WGSL may flush the first
+/// product, area times cosine, to 0 if it is below 1.2e-38. At a distance of a millimetre and a radiance of 1e9, this
+/// changes the result by up to 1.2e-23.
 #[test]
 fn irradiance_from_patch() {
     PBR.function("radiometry::irradiance_from_patch")
@@ -155,9 +155,9 @@ fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
     })
 }
 
-/// The function computes three square roots of 4.5 ulp, a division, and the squared width of the texel (5 ulp). Two
-/// thirds of the error of the roots reach the divisor. The coordinates of the texel's corners are rounded, too. Nothing
-/// cancels, even for small texels.
+/// The function computes three square roots, each with an error of 4.5 ulp, a division, and the squared width of the
+/// texel, with an error of 5 ulp. Two thirds of the error of the roots reach the divisor. The coordinates of the
+/// texel's corners are rounded, too. Nothing cancels, even for small texels.
 #[test]
 fn texel_solid_angle() {
     PBR.function("radiometry::texel_solid_angle")

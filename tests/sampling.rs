@@ -274,7 +274,7 @@ fn counters() -> impl Domain<Value = (u32, u32)> {
         .map(|(share, n)| (((share * n as f32) as u32).min(n - 1), n))
 }
 
-/// The function computes one division (2.5 ulp). Its radical inverse drops the bits below 2^-24.
+/// The function computes one division, with an error of 2.5 ulp. Its radical inverse drops the bits below 2^-24.
 #[test]
 fn hammersley() {
     let tolerance = Ulp(4.0).or(Abs(2.0_f64.powi(-24)));
@@ -409,7 +409,7 @@ fn ggx_visible_normal_follows_its_pdf() {
         });
 }
 
-/// The mean of cos is 2/3, because its density is 2 cos.
+/// The mean of the sampled cosine is 2/3, because the density of the cosine is 2 cos.
 #[test]
 fn cosine_hemisphere_has_its_mean() {
     let sampled =

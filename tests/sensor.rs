@@ -59,7 +59,7 @@ fn luminance() {
         .agrees_with(sensor::luminance, Ulp(4.0).or(Abs(3.0 * f64::from(f32::MIN_POSITIVE))));
 }
 
-/// The function computes two divisions, of 2.5 ulp each, and sums of positive terms.
+/// The function computes sums of positive terms, and two divisions, each with an error of 2.5 ulp.
 #[test]
 fn reinhard() {
     PBR.function("sensor::reinhard")

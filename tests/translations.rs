@@ -254,8 +254,8 @@ fn remainders_of_negative_integers_differ_in_glsl() {
 }
 
 /// WGSL clamps a float outside an integer's range: -1 becomes 0 as a `u32`. naga clamps in SPIR-V, HLSL and MSL, but
-/// writes a plain conversion in GLSL, which leaves the result undefined. The fault affects Bevy's clusters and
-/// `kludgine`.
+/// writes a plain conversion in GLSL, which leaves the result undefined. This fault affects shaders of Bevy (light
+/// clusters) and of `kludgine`.
 #[cfg_attr(not(target_os = "linux"), ignore = "another driver's GL may have the right values")]
 #[test]
 fn floats_out_of_range_become_other_integers_in_glsl() {

@@ -188,7 +188,7 @@ fn bounds_that_nothing_exceeds_are_refused() {
     all(f64::from(u32::MAX) - 1.0).expect("they do");
 }
 
-/// If passes change nothing in the checked buffer, a check of the buffer can't pass.
+/// If passes change nothing in the checked buffer, the check fails, even if the buffer is as expected.
 // Lesson 176
 #[test]
 fn passes_that_change_no_word() {
