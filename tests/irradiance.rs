@@ -103,8 +103,8 @@ fn a_furnace_is_exact_at_every_level() {
         .agrees_with(|_: DVec3, _: u32, _: u32| DVec3::splat(3.0), Ulp(4.0));
 }
 
-/// The shaders divide by the sum of the weights. The result is a quotient of two sums of up to 1600 terms, so only
-/// roundings remain.
+/// The shaders divide by the sum of the weights. So the result is exact, except for the rounding of sums of up to 1600
+/// terms.
 #[test]
 fn a_furnace_is_exact_where_weights_are_divided_out() {
     furnace("irradiance::midpoint")

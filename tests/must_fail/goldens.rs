@@ -118,8 +118,8 @@ fn ci_leaves_the_folder_of_goldens_alone() {
     );
 }
 
-/// Karat accepts goldens only from lavapipe, which draws the same image on each machine. A golden from another driver
-/// could fail on other machines.
+/// By default, Karat accepts goldens only from lavapipe, which draws the same image on each machine. A golden from
+/// another driver could fail on other machines.
 // Lesson 17
 #[test]
 fn accepting_off_the_canonical_rasteriser_is_refused() {
