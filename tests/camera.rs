@@ -4,8 +4,8 @@ use glam::{DVec2, DVec3, Mat4, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, camera, scene};
 
-/// The shader uses the rows of the matrix in place of its inverse. Shader and reference return parallel vectors of
-/// different lengths.
+/// The shader uses the rows of the matrix in place of its inverse. So the shader's vector is parallel to the reference,
+/// but has another length.
 #[test]
 fn view_direction() {
     let cameras = (0.5..=3.0_f32, -1.0..=1.0_f32, -1.0..=1.0_f32)
@@ -19,9 +19,9 @@ fn view_direction() {
     );
 }
 
-/// Cameras at any position that look in any direction except straight up or down, so no axis of the scene is an axis of
-/// the view. The matrix is rounded to 6e-8 of its elements, so its rows are orthogonal only within a few times 6e-8.
-/// The shader assumes exactly orthogonal rows.
+/// Tests cameras that look in any direction except steeply up or down. The shader assumes that the rows of the matrix
+/// are orthogonal. Each element has a relative rounding error of 6e-8, so the rows of a rotated camera are orthogonal
+/// only within a few times 6e-8.
 // Lesson 32
 #[test]
 fn view_direction_along_any_axis() {

@@ -4,7 +4,8 @@ use glam::{Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, compensation};
 
-/// Scale and bias of f0, each at least 0. Their sum goes from the sum for the roughest metal at grazing angles to 1.
+/// The scale and the bias of f0 from the split sum's table, each at least 0. Their sum is between 0.1, as for the
+/// roughest metals at grazing angles, and 1.
 fn tables() -> impl Domain<Value = Vec2> {
     (0.1..=1.0_f32, 0.0..=1.0_f32).map(|(furnace, bias)| {
         let bias = bias * furnace;
@@ -16,7 +17,7 @@ fn light() -> impl Domain<Value = Vec3> {
     (0.0..=50.0_f32, 0.0..=50.0_f32, 0.0..=50.0_f32).map(|(r, g, b)| Vec3::new(r, g, b))
 }
 
-/// The function computes a product and a sum of positive terms.
+/// The function computes a product and a sum of positive terms, so nothing cancels.
 #[test]
 fn directional_albedo() {
     PBR.function("compensation::directional_albedo")
@@ -24,8 +25,8 @@ fn directional_albedo() {
         .agrees_with(compensation::directional_albedo, Ulp(2.0));
 }
 
-/// The sum in the quotient is rounded, and the quotient has 2.5 ulp. Nothing cancels: the quotient is at least 1, and
-/// the function later adds the number that it subtracts.
+/// The function computes 1 + f0 (1 / (scale + bias) - 1). The sum is rounded, and the division has an error of 2.5 ulp.
+/// The subtraction of 1 loses no digits of the result, because the function then adds 1 again.
 #[test]
 fn compensated() {
     PBR.function("compensation::compensated")
@@ -33,8 +34,9 @@ fn compensated() {
         .agrees_with(compensation::compensated, Ulp(6.0).or(Abs(1e-30)));
 }
 
-/// If nearly all light is reflected, 1 - E cancels. E is at most 1, and two roundings give it an error of 1.2e-7. The
-/// pigment's factor of 50 turns this error into 6e-6.
+/// If nearly all light is reflected, 1 - E cancels, where E is the directional albedo. Two roundings give E, which is
+/// at most 1, an error of 1.2e-7. The function multiplies 1 - E by diffuse light of up to 50, so this error grows to
+/// 6e-6.
 #[test]
 fn coupled() {
     PBR.function("compensation::coupled")

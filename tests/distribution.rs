@@ -7,15 +7,17 @@ use shaders::{PBR, distribution};
 /// Widths of the distribution, from the smallest width that the library accepts to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// WGSL may flush an exponential below the smallest normal f32. Its factor 1 / (pi alpha^2) is at most 3e7.
+/// WGSL may flush an exponential below the smallest normal f32 (1.2e-38) to 0. The lobe multiplies the exponential by 1
+/// / (pi alpha^2), which is at most 3e7.
 const VANISHED: Abs = Abs(1e-30);
 
-/// WGSL allows exp 3 + 2 |x| ulp. The error of its argument, from a division of 2.5 ulp and two products, adds 5 |x|
-/// ulp. The test stops at x = 87, so that these 610 ulp and the other factors stay below 640 ulp: 7.6e-5.
+/// WGSL allows exp(x) an error of 3 + 2 |x| ulp. The error of x, from a division of 2.5 ulp and two products, adds 5
+/// |x| ulp. The shader returns 0 for x <= -87, so both errors together are at most 612 ulp. With the errors of the
+/// other factors, the result stays within 640 ulp, or 7.6e-5.
 const EXPONENTIAL: Ulp = Ulp(640.0);
 
-/// A normal and a half vector on the side of the normal: anywhere, or within a few widths of the normal, for narrow
-/// lobes.
+/// Pairs of a normal and a half vector on the normal's side of the surface. Some half vectors are close to the normal,
+/// so that they are inside narrow lobes.
 fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
     (UnitVector, UnitVector, 1e-5..=1.0_f32)
         .map(|(n, other, share)| {
@@ -30,8 +32,8 @@ fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
         })
 }
 
-/// The squared quotient has twice the division's 2.5 ulp, and twice the roundings of its parts. Two products add their
-/// roundings.
+/// Squaring the quotient doubles the 2.5 ulp of its division and the rounding errors of its numerator and denominator.
+/// Two other products are rounded, too.
 #[test]
 fn ggx() {
     PBR.function("distribution::ggx")
@@ -39,9 +41,9 @@ fn ggx() {
         .agrees_with(distribution::ggx, Ulp(14.0));
 }
 
-/// sin^2 adds the errors of a difference, two products and a sum. The cosine is a sum of products and at least 0.01, so
-/// its error is at most 1e-7 / 0.01. This error counts little, because at such cosines alpha^2 cos^2 is at most 1e-4 of
-/// the other term.
+/// sin^2 has the errors of a difference, two products and a sum. The cosine is a sum of products and at least 0.01, so
+/// its error is at most 1e-7 / 0.01. This error hardly matters, because at such small cosines alpha^2 cos^2 is at most
+/// 1e-4 of sin^2.
 #[test]
 fn ggx_from_vectors() {
     PBR.function("distribution::ggx_from_vectors")
@@ -56,8 +58,9 @@ fn beckmann() {
         .agrees_with(distribution::beckmann, Tolerance::from(EXPONENTIAL).or(VANISHED));
 }
 
-/// The exponent is at most 87, and has twice the relative error of N.H. Because tan^2 < 87, N.H > 0.1, and the error of
-/// the dot product is at most 1e-7 / 0.1 = 1e-6. So the relative error of the result is 2 * 87 * 1e-6.
+/// The exponent is tan^2 / alpha^2. Where D isn't 0, the exponent is at most 87, so tan^2 < 87 and N.H > 0.1. The
+/// relative error of the dot product N.H is then at most 1e-7 / 0.1 = 1e-6. The exponent has twice this relative error,
+/// so the relative error of D is at most 2 * 87 * 1e-6.
 #[test]
 fn beckmann_from_vectors() {
     PBR.function("distribution::beckmann_from_vectors")
@@ -65,7 +68,8 @@ fn beckmann_from_vectors() {
         .agrees_with(distribution::beckmann_from_vectors, Rel(2e-4).or(VANISHED));
 }
 
-/// Below 60 degrees the series is within 4 ulp. Above 60 degrees WGSL's log is within 3 ulp.
+/// The shader computes the logarithm of the cosine by a series below 60 degrees, with an error of 4 ulp, and by WGSL's
+/// `log` above 60 degrees, with an error of 3 ulp.
 #[test]
 fn blinn_phong() {
     let exponent = ALPHA.map(|alpha| 2.0 / (alpha * alpha) - 2.0);
@@ -77,7 +81,8 @@ fn blinn_phong() {
         .agrees_with(distribution::blinn_phong, Tolerance::from(EXPONENTIAL).or(VANISHED));
 }
 
-/// The function computes two exact differences (1 - alpha loses half an ulp for alpha < 1/2), products and a division.
+/// The function computes 1 - alpha and 1 + alpha, which are exact or have an error of half an ulp, and then products
+/// and a division.
 #[test]
 fn blinn_phong_exponent() {
     PBR.function("distribution::blinn_phong_exponent")
@@ -106,9 +111,9 @@ fn cosines_that_round_above_one() {
     );
 }
 
-/// For each exponent, a cosine above 1 counts as a cosine equally far below 1. The distance from 1 is at most 1e-6, and
-/// is the error of the half angle's tan^2. The factor of 87 turns this error into 9e-5, which adds to the exponential's
-/// error.
+/// For each exponent, the function treats a cosine just above 1 like the cosine that is equally far below 1. For a
+/// distance of d from 1, d <= 1e-6, tan^2 of the half angle then has a relative error of d. The exponent of up to 87
+/// turns this error into 9e-5, in addition to the error of the exponential.
 // Lesson 31
 #[test]
 fn blinn_phong_mirrors_cosines_above_one() {
@@ -142,7 +147,7 @@ fn lobes_end_at_the_horizon() {
         .satisfies("is 0", |_, d: f32| d == 0.0);
 }
 
-/// The height of the lobe at the pole is exact.
+/// At the pole, where both vectors are equal, D is 1 / (pi alpha^2).
 #[test]
 fn equal_vectors_are_at_the_peak() {
     for function in ["distribution::ggx_from_vectors", "distribution::beckmann_from_vectors"] {
@@ -156,7 +161,8 @@ fn equal_vectors_are_at_the_peak() {
     }
 }
 
-/// D depends only on the angle. Both results have the error of the function's own check.
+/// D depends only on the angle between the two vectors, so swapping the vectors doesn't change D. The tolerance is
+/// twice the tolerance of the function's own check, because both results have an error.
 #[test]
 fn lobes_are_symmetric_in_their_vectors() {
     let swapped = |(alpha, n, h)| (alpha, h, n);
@@ -168,9 +174,10 @@ fn lobes_are_symmetric_in_their_vectors() {
         .invariant_under(swapped, Rel(4e-4).or(VANISHED));
 }
 
-/// Each lobe has one peak: D rises with N.H up to the pole. For Beckmann, this holds while 2 alpha^2 is at most 1. A
-/// wider lobe has its peak on a ring, where cos^2 = 1 / (2 alpha^2), because the fourth power of the cosine outweighs
-/// the exponential. The tolerance is twice the error of the function's own check.
+/// Each lobe has one peak: D rises with N.H up to the pole. For Beckmann, this holds if 2 alpha^2 is at most 1. A wider
+/// Beckmann lobe has its peak on a ring around the pole, where cos^2 = 1 / (2 alpha^2), because the fourth power of the
+/// cosine outweighs the exponential. The tolerance is twice the tolerance of the function's own check, because both
+/// compared results have an error.
 #[test]
 fn lobes_rise_to_their_pole() {
     let up = Trend::Increasing;
@@ -191,8 +198,8 @@ fn lobes_rise_to_their_pole() {
     );
 }
 
-/// A mirror has only the normal at the pole. When a lobe narrows, its part more than 18 degrees away from the pole is
-/// at most alpha^2 / (pi sin^4).
+/// All microfacets of a mirror have the normal at the pole, so D is 0 in other directions. More than 18 degrees away
+/// from the pole, D of a narrow lobe is at most alpha^2 / (pi sin^4), which approaches 0 with alpha.
 #[test]
 fn the_lobe_of_a_mirror_is_its_pole() {
     let beside = |_: f64, _: f64| 0.0;
@@ -205,9 +212,8 @@ fn the_lobe_of_a_mirror_is_its_pole() {
     );
 }
 
-/// D depends only on the angle between the vectors, not on their directions. Both results have the error of the
-/// function's own check. The rotated vectors are rounded to 1e-7, which is 1e-4 of the smallest angle, a few widths
-/// (1e-3).
+/// D depends only on the angle between the vectors, not on their directions. Rotating both vectors rounds their
+/// components by up to 1e-7. The lobes are at least 1e-2 wide, so this rounding changes D by at most 1e-4 of its value.
 #[test]
 fn lobes_turn_with_their_normal() {
     let turned = |q: glam::DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();
@@ -220,7 +226,7 @@ fn lobes_turn_with_their_normal() {
         );
 }
 
-/// The projected normals cover the surface: the integral of D cos is 1.
+/// The projected areas of all microfacets add up to the area of the surface: the integral of D cos is 1.
 #[test]
 fn lobes_cover_the_surface() {
     let package = Package::from_modules(

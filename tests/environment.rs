@@ -25,7 +25,7 @@ fn a_constant_environment_is_constant_everywhere() {
         .agrees_with(move |_: DVec3| color.as_dvec3(), Ulp(2.0));
 }
 
-/// Each face has its own colour. A direction well inside a face finds the colour of that face.
+/// Each face has its own colour. If a direction points well inside a face, the shader returns the colour of that face.
 #[test]
 fn directions_find_the_face_that_webgpu_says() {
     let size = 4;
@@ -51,13 +51,14 @@ fn directions_find_the_face_that_webgpu_says() {
         );
 }
 
-/// The colour of each texel is the direction of the texel, so the test compares the cube maps of `karat` and of the
-/// library with the hardware's addressing. Between texel centres the map is bilinear, with an error of 1.2e-4: 1/8 of
-/// (1/32)^2 times a curvature of at most 1. Weights of 8 bits add 1/512 of 1/64 in each of two directions: 6e-5. At a
-/// corner of the cube only three texels meet, and their mean replaces the fourth texel. The weight of the mean is at
-/// most 1/4, its distance is at most a texel (1/32), and the colour's slope at the corner is at most 1/2 of 0.58:
-/// together 2.3e-3. At the edges of faces, wgpu's desktop GL doesn't filter across the edge, but clamps to the nearest
-/// texel: the error is half a texel (1/64) times the slope of 1/2.
+/// Each texel has its direction as its colour. So the test shows that the cube maps of `karat` and of the library place
+/// texels where the hardware looks for them. Bilinear filtering between texel centres has an error of 1.2e-4: 1/8 of
+/// (1/32)^2 times a curvature of at most 1. The filter's weights have 8 bits, which adds an error of 1/512 of 1/64 in
+/// each of two directions: 6e-5 together. At a corner of the cube only three texels meet, and the filter uses their
+/// mean in place of a fourth texel. The mean has a weight of at most 1/4, lies at most a texel (1/32) away from the
+/// corner, and the colour's slope there is at most 1/2 of 0.58. The product of these numbers is an error of 2.3e-3. At
+/// the edges of faces, wgpu's desktop GL doesn't filter across the edge, but clamps to the nearest texel. The error of
+/// GL is half a texel (1/64) times the slope of 1/2.
 // Lesson 22: a tolerance of one path
 #[test]
 fn directions_find_their_texel() {
@@ -90,8 +91,9 @@ fn noise(size: u32) -> CubeMap {
     CubeMap::from_levels(size, levels.collect())
 }
 
-/// At the centre of a texel only this texel counts. Rounding the direction moves the point by less than a step of the
-/// filter's weights, 1/256. This step may show if the colours of neighbours differ by 1.
+/// At the centre of a texel, the filter returns the colour of this texel alone. Rounding the direction moves the point
+/// by less than 1/256 of a texel, which is one step of the filter's weights. A whole step would show, because the
+/// colours of neighbours differ by up to 1.
 #[test]
 fn a_texel_is_found_at_its_centre() {
     let size = 8;
@@ -121,14 +123,14 @@ fn a_texel_is_found_at_its_centre() {
         );
 }
 
-/// The error of a linear filter with weights of 8 bits: 1/512 for each of two directions and for the level, in each
-/// case between values that differ by at most 1.
+/// The error of a linear filter with weights of 8 bits: 1/512 along each of two axes and 1/512 between mip levels,
+/// because the filtered values differ by at most 1.
 const FILTER: Abs = Abs(3.0 / 512.0);
 
-/// The error of the linear filter on drivers that cut off bits.
+/// The error of the linear filter on drivers that cut off bits of the weights.
 const FILTER_CUT_OFF: Abs = Abs(3.0 * CUT_OFF);
 
-/// The error of the linear filter with half floats, which round texels by 2^-12.
+/// The error of the linear filter on paths that store texels as half floats, with a rounding error of 2^-12.
 const FILTER_OF_HALVES: Abs = Abs(3.0 / 512.0 + 2.5e-4);
 
 fn noisy() -> karat::check::Probe<'static> {
@@ -137,7 +139,7 @@ fn noisy() -> karat::check::Probe<'static> {
         .with("environment_sampler", Sampler::LINEAR)
 }
 
-/// All texels that the filter reads are on one face, on both levels.
+/// Tests directions for which all texels that the filter reads are on one face, on both mip levels.
 #[test]
 fn radiance_level_inside_faces() {
     let cube_map = noise(16);
@@ -154,8 +156,8 @@ fn radiance_level_inside_faces() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// The function also agrees across edges and corners, and beyond the last level. Only the path of wgpu's desktop GL
-/// differs, because it clamps to the face.
+/// The function also agrees with the reference near edges and corners of the cube, and beyond the last mip level. Only
+/// wgpu's desktop GL differs, because it doesn't filter across the edges of faces.
 #[test]
 fn radiance_level_across_edges() {
     let cube_map = noise(16);
@@ -176,7 +178,7 @@ fn radiance_level_across_edges() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// Tests the corners at which three faces meet. The check above leaves them out.
+/// Tests the corners at which three faces meet. `radiance_level_across_edges` leaves out these corners.
 #[test]
 fn radiance_level_at_corners() {
     let cube_map = noise(16);
@@ -190,7 +192,7 @@ fn radiance_level_at_corners() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// The colour of each level is the level's number, so the result is the level.
+/// Each mip level has its own number as its colour, so the result is the requested level, at most the last level.
 #[test]
 fn levels_are_interpolated_and_end_at_the_last() {
     let levels = (0..5).map(|level| vec![[level as f32; 4]; 6 << (2 * (4 - level))]).collect();
@@ -203,12 +205,12 @@ fn levels_are_interpolated_and_end_at_the_last() {
         .agrees_with(|_: DVec3, level: f64| DVec3::splat(level.clamp(0.0, 4.0)), Abs(1.0 / 512.0));
 }
 
-/// Two numbers in 0..=1, including both ends.
+/// Points of the unit square, including its border.
 fn unit_square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// The function computes a product and a sum of numbers up to 1.
+/// The function computes products and sums of numbers up to 1, each with one rounding.
 // Lesson 10: each direction has its own reference
 #[test]
 fn face_direction() {
@@ -221,7 +223,7 @@ fn face_direction() {
 }
 
 /// The article defines the cube's faces with coordinates in -1..=1 and y upward, and its code has face 4 in the default
-/// branch. The article's faces are WebGPU's faces.
+/// branch. The test shows that the article and WebGPU define the same faces.
 // Lesson 10: each direction has its own reference
 #[test]
 fn the_faces_of_the_article() {
@@ -243,7 +245,7 @@ fn the_faces_of_the_article() {
         );
 }
 
-/// The function computes a halved quotient (2.5 ulp) and a sum.
+/// The function computes a quotient (2.5 ulp), halves it and adds 0.5.
 // Lesson 10: each direction has its own reference
 #[test]
 fn face_point() {
@@ -270,7 +272,8 @@ fn face_point_inverts_face_direction() {
     );
 }
 
-/// WGSL allows atan2 4096 ulp, which is 4.9e-4 of up to pi. Divided by 2 pi that is 2.5e-4, divided by pi 4.9e-4.
+/// WGSL allows `atan2` an error of 4096 ulp, which is 4.9e-4 of an angle of up to pi. The function divides one angle by
+/// 2 pi, so u has an error of 2.5e-4. It divides the other angle by pi, so v has an error of 4.9e-4.
 // Lesson 10: each direction has its own reference
 #[test]
 fn equirectangular_uv() {
@@ -281,8 +284,8 @@ fn equirectangular_uv() {
         .agrees_with(environment::equirectangular_uv, Abs(5e-4));
 }
 
-/// Converting a direction to uv and back gives the same direction, also at the poles and at the seam. Each of the two
-/// angles has an error of 4096 ulp, from atan2.
+/// Converting a direction to uv and back gives the same direction, also at the poles and at the seam. `atan2` gives
+/// each of the two angles an error of up to 4096 ulp.
 #[test]
 fn equirectangular_uv_finds_every_direction() {
     PBR.function("environment::equirectangular_uv").over(UnitVector).satisfies(
@@ -296,8 +299,8 @@ fn equirectangular_uv_finds_every_direction() {
     );
 }
 
-/// A pole is a whole row of texels. The result is the centre of the row even if the direction has negative zeros, for
-/// which atan2(-0, -0) is half a turn.
+/// In a panorama, each pole is a whole row of texels. The result is the centre of this row, even if the direction has
+/// negative zeros, for which `atan2(-0, -0)` would give half a turn.
 #[test]
 fn poles_are_in_the_middle_of_their_row() {
     PBR.function("environment::equirectangular_uv")
@@ -305,7 +308,7 @@ fn poles_are_in_the_middle_of_their_row() {
         .agrees_with(|d: DVec3| DVec2::new(0.5, 0.5 - 0.5 * d.y), Abs(1e-6));
 }
 
-/// WGSL allows sin and cos an error of 2^-11 = 4.9e-4. Products of both have twice this error.
+/// WGSL allows sin and cos an error of 2^-11 = 4.9e-4. The product of a sine and a cosine has twice this error.
 // Lesson 10: each direction has its own reference
 #[test]
 fn equirectangular_direction() {
@@ -314,10 +317,12 @@ fn equirectangular_direction() {
         .agrees_with(environment::equirectangular_direction, Abs(1e-3));
 }
 
-/// The room's box as two corners, and two points in the room.
+/// Arguments of `parallax_box`: the position and the direction of a ray, the centre of the cube map, and two corners of
+/// the room.
 type Room = (Vec3, Vec3, Vec3, Vec3, Vec3);
 
-/// A room of 0.2 to 20 across each axis, with `position` and `centre` anywhere in the room.
+/// Rooms that are 0.2 to 20 long along each axis, with `position` and `centre` at any place inside. If `share` is
+/// 0.1..=0.9, both points are at least a tenth of the room's length away from the walls.
 fn room(share: std::ops::RangeInclusive<f32>) -> impl Domain<Value = Room> {
     let point = move || {
         let share = || share.clone();
@@ -331,8 +336,8 @@ fn room(share: std::ops::RangeInclusive<f32>) -> impl Domain<Value = Room> {
     })
 }
 
-/// The function computes a difference, a quotient (2.5 ulp) and a product: the error is 5e-7 of a distance of up to 35.
-/// The rounding of two points with coordinates up to 10 adds to it.
+/// The function computes a difference, a quotient (2.5 ulp) and a product, so the distance of up to 35 has a relative
+/// error of 5e-7. In addition, two points with coordinates up to 10 are rounded.
 #[test]
 fn parallax_box() {
     PBR.function("environment::parallax_box")
@@ -340,10 +345,9 @@ fn parallax_box() {
         .agrees_with(environment::parallax_box, Abs(2e-5));
 }
 
-/// The result is continuous where two walls meet. There, rounding decides which of two walls a ray hits, and a slightly
-/// turned ray hits nearly the same point. The point moves by the angle of the turn, times the squared length of the
-/// ray, divided by the distance to the wall. The length is at most 35, and the distance is at least 1/10 of a side of
-/// 1.1.
+/// The result is continuous where two walls meet. There, rounding decides which of the two walls a ray hits. So a
+/// slightly rotated ray must hit nearly the same point. The point moves by the angle of the rotation, times the squared
+/// length of the ray (at most 35), divided by the distance to the wall (at least 0.11).
 #[test]
 fn parallax_box_is_continuous() {
     let turn = 1e-5_f32;
@@ -363,7 +367,8 @@ fn parallax_box_is_continuous() {
     );
 }
 
-/// At the centre of the cube map, the function adds 0 to a multiple of the direction, so the result has one rounding.
+/// If `position` is the centre of the cube map, the function adds 0 to a multiple of the direction, so the result is
+/// the direction with one rounding.
 #[test]
 fn parallax_vanishes_at_the_centre() {
     let along = |d: DVec3, seen: Vec3| {
@@ -381,7 +386,7 @@ fn parallax_vanishes_at_the_centre() {
         .satisfies("is the direction", |(_, d, ..), seen: Vec3| along(d.as_dvec3(), seen));
 }
 
-/// A ball of radius 0.1 to 20 around a point, and a second point in the ball or on its surface.
+/// Balls of radius 0.1 to 20 around a point on the unit sphere, with a position inside the ball.
 fn ball() -> impl Domain<Value = (Vec3, Vec3, Vec3, f32)> {
     (UnitVector, 0.0..=0.999_f32, UnitVector, UnitVector, 0.1..=20.0_f32).map(
         |(to_position, share, direction, centre, radius)| {
@@ -390,8 +395,9 @@ fn ball() -> impl Domain<Value = (Vec3, Vec3, Vec3, f32)> {
     )
 }
 
-/// Rounding the position, with coordinates up to 21, gives q an error of 1e-6. Near the surface, sqrt(b^2 + c) may be
-/// as small as sqrt(2e-3) radii, which multiplies the error by 22.
+/// The position has coordinates up to 21, so its distance from the centre has a rounding error of 1e-6. Near the
+/// surface of the ball, the shader's sqrt(b^2 + c) may be as small as sqrt(2e-3) radii, which multiplies the error by
+/// 22.
 #[test]
 fn parallax_sphere() {
     PBR.function("environment::parallax_sphere")
@@ -408,8 +414,8 @@ fn parallax_sphere_ends_on_the_sphere() {
         });
 }
 
-/// If a point lies on the sphere and its ray leaves the sphere, both terms of the root vanish, and the distance is 0.
-/// The test uses axes and powers of two, so nothing rounds.
+/// If a point lies on the sphere and its ray is a tangent of the sphere, both terms below the root are 0, and the ray
+/// ends at the point. The test uses axes and powers of two, so that no operation rounds.
 // Lesson 31
 #[test]
 fn parallax_sphere_touches_the_sphere() {
@@ -424,9 +430,9 @@ fn parallax_sphere_touches_the_sphere() {
         .agrees_with(|position: DVec3, _: DVec3, _: DVec3, _: f64| position, Ulp(0.0));
 }
 
-/// Tests solid angles of samples from 1e-12 sr to the whole sphere, over the ranges of sizes and counts. The error is
-/// half of log2's 3 ulp. For arguments near 1, log2 has an absolute error of 2^-21, and the rounding of its argument is
-/// absolute, too.
+/// Tests samples that stand for solid angles between 6e-12 sr and more than the whole sphere. The level is half of a
+/// logarithm, and WGSL allows `log2` an error of 3 ulp. For arguments near 1, `log2` has an absolute error of 2^-21, to
+/// which the rounding of the argument adds an absolute error.
 #[test]
 fn mip_level() {
     PBR.function("environment::mip_level")
@@ -434,12 +440,13 @@ fn mip_level() {
         .agrees_with(environment::mip_level, Ulp(4.0).or(Abs(1e-6)));
 }
 
-/// Densities from 1/100 of a uniform density to the density of a mirror.
+/// Densities from 1/1000 of the uniform density, 1 / (4 pi), to the peak of the narrowest lobe.
 fn log_density() -> impl Domain<Value = f32> {
     (-7.0..=20.0_f32).map(|log: f32| log.exp() / (4.0 * PI as f32))
 }
 
-/// The level depends only on the number of samples per steradian. Four times as many samples lower the level by 1.
+/// The mip level depends only on the number of samples per steradian. So four times the samples with a quarter of the
+/// density give the same level.
 #[test]
 fn levels_depend_on_samples_per_steradian() {
     PBR.function("environment::mip_level")
@@ -447,7 +454,7 @@ fn levels_depend_on_samples_per_steradian() {
         .invariant_under(|(pdf, samples, size)| (pdf / 4.0, 4 * samples, size), Ulp(0.0));
 }
 
-/// A constant environment has the same colour on each level.
+/// A constant environment has the same colour on each mip level.
 #[test]
 fn a_constant_environment_is_constant_at_every_level() {
     let color = Vec3::new(0.25, 1.0, 3.5);
@@ -459,7 +466,7 @@ fn a_constant_environment_is_constant_at_every_level() {
         .agrees_with(move |_: DVec3, _: f64| color.as_dvec3(), Ulp(2.0));
 }
 
-/// Fewer samples, or a lower density of samples, give a coarser level, within half of log2's 3 ulp.
+/// Fewer samples or a lower density give a higher mip level, except for the rounding of `log2`.
 #[test]
 fn denser_samples_look_at_finer_levels() {
     let over = || {

@@ -23,7 +23,7 @@ fn schlick_lies_between_f0_and_one() {
         });
 }
 
-/// V.H of two equal unit vectors often rounds to a number just above 1.
+/// V.H of two equal unit vectors often rounds to a number just above 1, so `schlick` must be right for such a number.
 #[test]
 fn schlick_survives_cosines_that_round_above_one() {
     let above_one = (0..=8_u32).map(|steps| f32::from_bits(1.0_f32.to_bits() + steps)).collect();
@@ -34,8 +34,8 @@ fn schlick_survives_cosines_that_round_above_one() {
         });
 }
 
-/// Light that comes from the rarer medium causes no cancellation. Where r_p vanishes beside r_s, sums, products and one
-/// division lose 13 ulp.
+/// If light comes from the rarer medium, the only subtraction that cancels is in r_p, near Brewster's angle, where r_s
+/// outweighs r_p. Sums, products and one division lose up to 13 ulp of r_s.
 #[test]
 fn dielectric_into_the_denser_medium() {
     PBR.function("fresnel::dielectric")
@@ -43,8 +43,9 @@ fn dielectric_into_the_denser_medium() {
         .agrees_with(fresnel::dielectric, Ulp(24.0));
 }
 
-/// Near the critical angle g^2 = eta^2 - 1 + c^2 cancels, and the slope of the reflectance in g^2 is infinite. With
-/// g^2 >= 0.01, an error of 1e-7 in g^2 is 5e-7 in g. The reflectance has twice this error, times the slope of r in g
+/// Near the critical angle, the sum g^2 = eta^2 - 1 + c^2 cancels, and the reflectance has an infinite slope as a
+/// function of g^2. The test stays away from this angle: for g^2 >= 0.01, an error of 1e-7 in g^2 is an error of 5e-7
+/// in g. The error of the reflectance is at most twice that, times the slope of the amplitude r as a function of g
 /// (below 2).
 #[test]
 fn dielectric_away_from_the_critical_angle() {
@@ -57,8 +58,8 @@ fn dielectric_away_from_the_critical_angle() {
         .agrees_with(fresnel::dielectric, Ulp(24.0).or(Abs(4e-6)));
 }
 
-/// At the critical angle, an error of 1.2e-7 in g^2 is an error of sqrt(1.2e-7) = 3.5e-4 in g. The reflectance falls
-/// from 1 with a slope of up to 2 (1 + eta^2) / (eta^2 c) in g. No formula in f32 is more exact.
+/// At the critical angle, an error of 1.2e-7 in g^2 is an error of sqrt(1.2e-7) = 3.5e-4 in g. As g grows from 0, the
+/// reflectance falls from 1 with a slope of up to 2 (1 + eta^2) / (eta^2 c). No formula in f32 can be more exact there.
 #[test]
 fn dielectric_around_the_critical_angle() {
     PBR.function("fresnel::dielectric")
@@ -66,9 +67,9 @@ fn dielectric_around_the_critical_angle() {
         .agrees_with(fresnel::dielectric, Abs(2e-3));
 }
 
-/// For metals, the modulus of q loses 6 ulp. The fourth powers of two sums with a square root lose four times as much
-/// as the sums, and the last division loses 2.5 ulp. The error of r_p is largest at its minimum, where r_s outweighs
-/// r_p.
+/// For metals, |q|^2 has an error of 6 ulp. The formula divides by fourth powers of two sums that contain a square
+/// root, so these powers have four times the error of the sums. The last division has an error of 2.5 ulp. The relative
+/// error of r_p is largest where r_p is smallest, and there r_s outweighs r_p.
 #[test]
 fn conductor() {
     PBR.function("fresnel::conductor")
@@ -76,8 +77,8 @@ fn conductor() {
         .agrees_with(fresnel::conductor, Ulp(32.0));
 }
 
-/// A metal with little absorption is nearly a tinted dielectric. For light from the rarer medium, only the terms cancel
-/// that also cancel in the dielectric.
+/// A metal with little absorption is nearly a tinted dielectric. If light comes from the rarer medium, only those terms
+/// cancel that also cancel for a dielectric.
 #[test]
 fn conductor_with_little_absorption() {
     let absorption = (0.0..=0.5_f32).filter(|k| *k == 0.0 || *k >= 1e-18);
@@ -86,9 +87,10 @@ fn conductor_with_little_absorption() {
         .agrees_with(fresnel::conductor, Ulp(32.0));
 }
 
-/// The function computes two square roots of 4.5 ulp, one of them for the modulus, and a division. The test leaves out
-/// moduli with squares that aren't normal f32: no index of refraction has such a modulus. For the cosine of a right
-/// angle, the reference's polar form gives 6e-17 instead of 0, times a root of up to 14.
+/// The function computes two square roots, each with an error of 4.5 ulp, and a division. One of the roots is the
+/// modulus. The test leaves out complex numbers so small that the square of their modulus isn't a normal f32, because
+/// no index of refraction is that small. The reference uses polar coordinates, in which the cosine of a right angle is
+/// 6e-17 instead of 0. The reference multiplies this error by a root of up to 14.
 #[test]
 fn complex_root() {
     let numbers = (-200.0..=200.0_f32, 0.0..=200.0_f32).map(|(x, y)| Vec2::new(x, y));
@@ -97,15 +99,16 @@ fn complex_root() {
     PBR.function("fresnel::complex_root").over(normal).agrees_with(root, Ulp(12.0).or(Abs(1e-15)));
 }
 
-/// At the critical angle of a metal without absorption, both parts of the root are 0, so the code can divide by neither
-/// part.
+/// At the critical angle of a metal without absorption, the real and the imaginary part of the root are 0, so the
+/// shader must not divide by either part.
 #[test]
 fn complex_root_of_nothing() {
     let root = |_: DVec2| DVec2::ZERO;
     PBR.function("fresnel::complex_root").over(Just(Vec2::ZERO)).agrees_with(root, Ulp(0.0));
 }
 
-/// Without absorption, a conductor is a dielectric. The dielectric's reference uses other formulas.
+/// Without absorption, a conductor is a dielectric. So the test compares `conductor` with the reference of
+/// `dielectric`, which uses other formulas.
 #[test]
 fn conductor_without_absorption_is_a_dielectric() {
     PBR.function("fresnel::conductor")
@@ -131,7 +134,7 @@ fn schlick_average() {
 }
 
 /// The error of the quadrature is 5e-7 at eta = 2.5, which is 7 ulp for results between 0.2 and 1. The other 17 ulp of
-/// the tolerance are for sums of positive and negative terms.
+/// the tolerance cover the rounding of sums whose terms have different signs.
 #[test]
 fn dielectric_average() {
     PBR.function("fresnel::dielectric_average")
@@ -139,7 +142,8 @@ fn dielectric_average() {
         .agrees_with(fresnel::dielectric_average, Ulp(24.0));
 }
 
-/// Tests indices near 1, where the closed form cancels completely, and 1 - F in f32 nearly does.
+/// Tests indices near 1. There, the closed form of the average reflectance loses all digits in f32, and 1 - F loses
+/// most digits.
 #[test]
 fn dielectric_average_of_almost_no_interface() {
     for side in [0.999..=1.0, 1.0..=1.001] {
@@ -149,8 +153,9 @@ fn dielectric_average_of_almost_no_interface() {
     }
 }
 
-/// Each reflectance is largest at grazing angles. Each operation of Schlick's formula is monotone, also after rounding.
-/// The exact reflectance has the error of its own check, upwards or downwards.
+/// Each reflectance is largest at grazing angles. Each operation of Schlick's formula is monotone, even after rounding.
+/// Results of `dielectric` may be too large or too small by the 24 ulp of the function's own check, so the tolerance is
+/// 48 ulp.
 #[test]
 fn reflectance_rises_toward_grazing() {
     PBR.function("fresnel::schlick").over((UnitRgb, 0.0..=1.0)).is_monotone_in(
@@ -166,7 +171,7 @@ fn reflectance_rises_toward_grazing() {
     );
 }
 
-/// The average reflectance rises with the difference between the medium and air.
+/// The average reflectance rises with the medium's index of refraction.
 #[test]
 fn reflectance_rises_with_the_index() {
     PBR.function("fresnel::dielectric_average").over(1.0..=2.5).is_monotone_in(
@@ -176,8 +181,8 @@ fn reflectance_rises_with_the_index() {
     );
 }
 
-/// An interface to almost the same medium reflects almost nothing: about (eta - 1)^2 / (4 c^4), which is 1.4e-3 at the
-/// last step and the smallest cosine.
+/// An interface to almost the same medium reflects almost nothing: about (eta - 1)^2 / (4 c^4), which is 1.4e-3 for eta
+/// = 1.003, the last step, and the smallest cosine c = 0.2.
 #[test]
 fn no_interface_reflects_nothing() {
     PBR.function("fresnel::dielectric").over((Just(1.0), 0.2..=1.0)).at_limit(

@@ -25,7 +25,8 @@ fn write(folder: &Path, name: &str, width: u32, height: u32) -> String {
     file.display().to_string()
 }
 
-/// Draws the scene in an environment of one colour, from a panorama and from six faces. The frame shows this colour.
+/// Draws a frame in an environment of one colour, given as a panorama and as six faces, and checks that the frame shows
+/// this colour.
 #[test]
 fn a_users_environment_is_what_is_seen() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -67,8 +68,9 @@ fn images_that_are_no_environment_are_refused() {
     }
 }
 
-/// Values of the scene on drivers lie in the range that WGSL allows for the inputs that the drivers interpolated. Most
-/// values equal the engine's to the bit: products and sums are exact on both, but `normalize` and `dot` aren't.
+/// Compares values inside the scene's shader on drivers with the engine. Each value is in the range that WGSL allows
+/// for the inputs that the driver interpolated. Most values equal the engine's to the bit, because drivers and engine
+/// round products and sums in the same way. Only operations such as `normalize` and `dot` may differ.
 // Lesson 39
 #[test]
 fn values_of_the_scene_are_the_engine_s() {

@@ -3,15 +3,15 @@
 use karat::prelude::*;
 use shaders::{PBR, geometry};
 
-/// Products of tiny values may be below the smallest normal f32, where WGSL may flush them. A product as small as this
-/// has no visible effect.
+/// A product of tiny values may be below the smallest normal f32, and WGSL may flush such a product to 0. Results below
+/// 1e-30 have no visible effect.
 const UNDERFLOW: Abs = Abs(1e-30);
 
-/// Widths of the distribution, from the smallest width that f32 resolves to the widest lobe.
+/// Widths of the distribution, from the smallest width that the library accepts to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// The function computes two products and a division (2.5 ulp in WGSL). The test leaves out cosines for which a product
-/// is denormal: the product has lost digits, and so has the quotient.
+/// The function computes two products and a division, which has an error of 2.5 ulp. The test leaves out cosines for
+/// which a product is denormal, because a denormal product has fewer digits, and so has the quotient.
 #[test]
 fn v_cavity() {
     let cosines = (0.0..=1.0, 0.0..=1.0, 0.0..=1.0, 0.0..=1.0_f32).filter(|(h, v, l, _)| {
@@ -23,7 +23,7 @@ fn v_cavity() {
         .agrees_with(geometry::v_cavity, Ulp(4.0).or(UNDERFLOW));
 }
 
-/// Mistake P2: if V.H is 0, each quotient of the formula is 0 / 0 or infinite.
+/// Tests the correction of mistake P2: if V.H is 0, each quotient of the paper's formula is 0 / 0 or infinite.
 #[test]
 fn nothing_is_hidden_where_v_dot_h_vanishes() {
     PBR.function("geometry::v_cavity")
@@ -31,9 +31,9 @@ fn nothing_is_hidden_where_v_dot_h_vanishes() {
         .satisfies("is 1", |_, g: f32| g == 1.0);
 }
 
-/// The function computes two quotients (2.5 ulp each) of products. The larger cosine is at least 1e-18. The smaller
-/// cosine goes down to the least normal f32, where 4 N.V N.L is 0. As for any half vector, V.H is at least half the sum
-/// of the cosines, and N.H is at least their sum.
+/// The function computes two quotients of products, each with an error of 2.5 ulp. The larger cosine is at least 1e-18.
+/// The smaller cosine goes down to the smallest normal f32, for which the product 4 N.V N.L underflows to 0. As for any
+/// half vector, V.H is at least half the sum of the cosines, and N.H is at least their sum.
 #[test]
 fn v_cavity_visibility() {
     let cosines = (-18.0..=0.0_f32, -37.9..=0.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32)
@@ -50,8 +50,8 @@ fn v_cavity_visibility() {
         .agrees_with(geometry::v_cavity_visibility, Ulp(8.0));
 }
 
-/// In WGSL sqrt has the error of 1 / inverseSqrt, 4.5 ulp. With the sum inside the root and the division, the error is
-/// 10 ulp.
+/// WGSL allows `sqrt` the error of `1 / inverseSqrt`, 4.5 ulp. With the errors of the sum below the root and of the
+/// division, the result has an error of up to 10 ulp.
 #[test]
 fn smith_g1() {
     PBR.function("geometry::smith_g1")
@@ -59,7 +59,8 @@ fn smith_g1() {
         .agrees_with(geometry::smith_g1, Ulp(10.0));
 }
 
-/// The result has twice the error of one factor, and the rounding of a product.
+/// The function returns the product of two results of `smith_g1`, so the error is twice the error of `smith_g1`, plus
+/// one rounding.
 #[test]
 fn smith_separable() {
     PBR.function("geometry::smith_separable")
@@ -67,7 +68,8 @@ fn smith_separable() {
         .agrees_with(geometry::smith_separable, Ulp(20.0).or(UNDERFLOW));
 }
 
-/// The function computes two square roots, weights them, adds them and divides. Nothing cancels.
+/// The function computes two square roots, divides each by a cosine, adds the quotients and divides again. Nothing
+/// cancels.
 // Lesson 25
 #[test]
 fn smith_correlated() {
@@ -76,7 +78,8 @@ fn smith_correlated() {
         .agrees_with(geometry::smith_correlated, Ulp(16.0).or(UNDERFLOW));
 }
 
-/// The errors are those of `smith_correlated`, in another order.
+/// The function has the same errors as `smith_correlated`, because it computes nearly the same operations in another
+/// order.
 #[test]
 fn smith_correlated_visibility() {
     // Leaves out pairs of tiny cosines with a denormal product.
@@ -94,9 +97,8 @@ fn smith_schlick_ggx() {
         .agrees_with(geometry::smith_schlick_ggx, Ulp(12.0).or(UNDERFLOW));
 }
 
-/// The approximation of erf has an error of 1.5e-7. G1 multiplies it by a, and its denominator has a term of 2 a, so
-/// the result has half of this error. The other 14 ulp come from the exponential (5 ulp at a = 1), a square root and
-/// divisions.
+/// The approximation of erf has an error of 1.5e-7. G1 has erf times a in its denominator 2 a + ..., so the error of G1
+/// is half of this error. The other 14 ulp come from the exponential (5 ulp at a = 1), a square root and divisions.
 #[test]
 fn smith_g1_beckmann() {
     PBR.function("geometry::smith_g1_beckmann")
@@ -104,7 +106,7 @@ fn smith_g1_beckmann() {
         .agrees_with(geometry::smith_g1_beckmann, Rel(2e-6).or(UNDERFLOW));
 }
 
-/// At the horizon, the formulas of a mirror give 0 / 0, but the result is 0, because nothing is visible there.
+/// At the horizon, nothing is visible, so the result must be 0. The papers' formulas give 0 / 0 there for a mirror.
 #[test]
 fn nothing_is_visible_at_the_horizon() {
     for function in ["geometry::smith_g1", "geometry::smith_g1_beckmann"] {
@@ -123,8 +125,8 @@ fn nothing_is_visible_at_the_horizon() {
     }
 }
 
-/// N.V of two equal unit vectors often rounds to a number just above 1, where 1 - cos^2 is negative. The tangent there
-/// is below 1.5e-3, so nothing is hidden.
+/// N.V of two equal unit vectors often rounds to a number just above 1, where 1 - cos^2 is negative. The tangent of
+/// such an angle is below 1.5e-3, so the surface hides nothing, and the result is 1.
 // Lesson 31
 #[test]
 fn cosines_that_round_above_one() {
@@ -149,8 +151,7 @@ fn masking_is_symmetric_in_v_and_l() {
         .invariant_under(|(h, v, l, v_dot_h)| (h, l, v, v_dot_h), Ulp(0.0));
 }
 
-/// A point is visible from both directions more often with correlated heights than with independent heights. Heitz
-/// 2014, sec. 6.
+/// Each masking function returns a probability, a number in 0..=1.
 #[test]
 fn masking_is_a_probability() {
     // The functions return products of two quotients, and WGSL allows a division 2.5 ulp.
@@ -167,8 +168,8 @@ fn masking_is_a_probability() {
         .satisfies("lies in 0..=1", |_, g: f32| (0.0..=1.0 + f32::EPSILON).contains(&g));
 }
 
-/// A surface hides more of itself at flatter views and at larger widths. The tolerance is the error of the function's
-/// own check, in both directions.
+/// A surface hides more of itself as the view becomes more grazing and as the distribution becomes wider. The tolerance
+/// is twice the tolerance of the function's own check, because both compared results have an error.
 #[test]
 fn masking_grows_toward_grazing_and_with_the_width() {
     for (function, ulp) in [("geometry::smith_g1", 20.0), ("geometry::smith_g1_beckmann", 40.0)] {
@@ -191,8 +192,9 @@ fn masking_grows_toward_grazing_and_with_the_width() {
         .is_monotone_in("n_dot_v", Trend::Increasing, Ulp(8.0).or(UNDERFLOW));
 }
 
-/// A mirror hides nothing. 1 - G1 is at most (alpha tan)^2 / 4, which is 5e-5 at the last step for cosines above 0.05,
-/// and twice that for both directions. Karis's k = alpha / 2 removes alpha / (2 cos) for each direction.
+/// A mirror hides nothing. For a narrow lobe and one direction, 1 - G1 is at most (alpha tan)^2 / 4, which is 1e-6 at
+/// the last step for cosines above 0.05. Karis's formula with k = alpha / 2 hides more: alpha / (2 cos) for each
+/// direction.
 #[test]
 fn a_mirror_hides_nothing() {
     let limit = || Limit::toward(0.0, [1e-1, 1e-2, 1e-3, 1e-4]);

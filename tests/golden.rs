@@ -8,9 +8,10 @@ use karat::{Goldens, Image};
 static GOLDEN: Goldens = karat::goldens!("../golden");
 
 /// The tolerance of a frame on GL, where wgpu draws into 16-bit floats. The rounding to 16 bits changes one pixel in a
-/// hundred by more than lavapipe's tolerance of 1e-3. GL also doesn't filter across the edges of cube-map faces. This
-/// affects few pixels of a frame, but one bound applies to all its pixels. Wide bounds prove little about GL.
-/// `second_opinion` proves more: it computes pixels of GL's frames without the filter, with a bound of 1e-2.
+/// hundred by more than lavapipe's tolerance of 1e-3. GL also doesn't filter across the edges of cube-map faces. The
+/// missing filter affects few pixels, but one tolerance applies to all pixels of a frame. Such a wide tolerance proves
+/// little about GL. `second_opinion` proves more: it computes pixels of GL's frames again, without filtering across
+/// edges, with a tolerance of 1e-2.
 fn gl_tolerance(name: &str) -> f32 {
     match name {
         // On higher mip levels a texel, and so the visible edge, is up to a face wide. Measured: 0.34 and 0.44.
@@ -27,9 +28,10 @@ fn gl_tolerance(name: &str) -> f32 {
 }
 
 /// The tolerance of a frame on SwiftShader, which moves drawn surfaces by up to 1/32 of a pixel (`frames::is_snapped`).
-/// Each outline and each highlight shows this shift, so a gate for single pixels proves little. HDR-FLIP finds up to
-/// 0.050 in a tile of the spheres and a mean of 0.0057, while faults of shaders have tiles of 0.09 and more.
-/// `second_opinion` proves more about this driver: it computes the range of each pixel within that 1/32.
+/// This shift changes pixels at each outline and in each highlight, so a tolerance for single pixels would have to be
+/// very wide. Frames of the spheres have HDR-FLIP errors of up to 0.050 in a tile, with a mean of 0.0057. Faulty
+/// shaders cause tiles with errors of 0.09 and more. `second_opinion` proves more about this driver: it computes the
+/// values that each pixel can have if surfaces move by up to 1/32 of a pixel.
 fn swiftshader_tolerance(name: &str) -> FrameTolerance {
     let gate = || FrameTolerance::gate(karat::unstable::metric::DEFAULT_RELATIVE);
     let flip = |tile, mean| {
@@ -47,8 +49,8 @@ fn swiftshader_tolerance(name: &str) -> FrameTolerance {
     }
 }
 
-/// Compares a frame with its golden. The first path computes the frame's maps, so the check of each path judges only
-/// the drawing. Other frames show the maps.
+/// Compares a frame with its golden. The first open path computes the frame's maps for all paths, so the comparison on
+/// a path tests only the drawing of the frame. Frames such as `irradiance` test the maps.
 fn golden(name: &str) {
     let shot = Shot::golden(open_paths()[0]);
     frames::frame(name, &shot)
@@ -106,8 +108,8 @@ fn render(name: &str, shot: &Shot) -> Image {
     frame.render(shot.path).expect("the frame is drawn")
 }
 
-/// After a pre-pass, the test for equal depth keeps exactly the fragments that the usual depth test keeps, and drawing
-/// again gives the same bits.
+/// With a depth pre-pass, the frame has the same pixels as without one, to the bit. Drawing the frame again also gives
+/// the same bits.
 #[test]
 fn a_depth_prepass_changes_no_pixel() {
     for path in open_paths() {
@@ -118,8 +120,8 @@ fn a_depth_prepass_changes_no_pixel() {
     }
 }
 
-/// The scene is the sum of the diffuse and the specular frame. On GL both frames are rounded to 16 bits, by up to
-/// 4.9e-4.
+/// The frame `scene` is the sum of the frames `diffuse` and `specular`. On GL each frame is rounded to 16 bits, with a
+/// relative error of up to 4.9e-4.
 #[test]
 fn diffuse_and_specular_add_up_to_the_scene() {
     for path in open_paths() {
@@ -138,10 +140,10 @@ fn diffuse_and_specular_add_up_to_the_scene() {
     }
 }
 
-/// White materials in white light are invisible. The spheres show only the error of the table that restores the lost
-/// energy. This error comes from interpolating between 128 x 128 entries, and is largest at the outlines of rougher
-/// spheres (measured: 0.0084). If a driver snaps vertices, a pixel at an outline may show a point closer to the
-/// outline, with the error of that point (measured in the golden's size: 0.08).
+/// White spheres in white light are nearly invisible. They show only the error of the split sum's table, from which the
+/// shader computes the energy that a single reflection loses. This error comes from interpolating between 128 x 128
+/// entries, and is largest at the outlines of rough spheres (measured: 0.0084). If a driver snaps vertices, a pixel at
+/// an outline may show a point closer to the outline, where the error is larger (measured at the golden's size: 0.08).
 #[test]
 fn the_spheres_vanish_in_the_furnace() {
     for path in open_paths() {
@@ -156,8 +158,9 @@ fn the_spheres_vanish_in_the_furnace() {
     }
 }
 
-/// Compares Karis' approximation with the exact frame. Half of the values are within 6 %, and the mean difference is
-/// below a tenth of the mean. The difference is larger at grazing angles and for wide lobes.
+/// Compares Karis' split sum with the frame `scene`, which samples the environment. Half of the values differ by less
+/// than 6 %, and the mean difference is below a tenth of the mean value. The values differ most at grazing angles and
+/// for wide lobes.
 #[test]
 fn the_split_sum_is_near_the_scene() {
     for path in open_paths() {

@@ -1,8 +1,8 @@
 //! Tests which faults the default tolerance of frames detects, and which changes it accepts.
 //!
 //! The tests plant each fault in a scene that they render on the CPU: spheres with highlights and shadows on a
-//! chequered floor, 640 x 360 pixels in HDR, once without noise and once with noise. They write a table of the verdicts
-//! to `target/karat/golden-faults.md`.
+//! chequered floor, 640 x 360 pixels in HDR, once without noise and once with noise. The tests write a table of the
+//! verdicts to `target/karat/golden-faults.md`.
 
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
@@ -23,9 +23,9 @@ const HEIGHT: u32 = 360;
 /// The scene, with parameters that plant faults.
 #[derive(Clone, Copy)]
 struct Scene {
-    /// The factor by which the light on the second sphere is multiplied.
+    /// A factor for the light that the second sphere reflects, 1 without a fault.
     second: f64,
-    /// The factor by which highlights are multiplied.
+    /// A factor for highlights, 1 without a fault.
     highlights: f64,
     /// The distance by which shadows move to the right, in widths of a pixel on the floor.
     shadow: f64,
@@ -44,7 +44,7 @@ const SPHERES: [(DVec3, DVec3); 5] = [
 const EYE: DVec3 = DVec3::new(0.0, 2.6, 9.0);
 const SUN: DVec3 = DVec3::new(0.48, 0.8, 0.36);
 
-/// The distance to the nearer intersection with a sphere of radius 1.
+/// The distance along a ray to its nearer intersection with a sphere of radius 1.
 fn hit(from: DVec3, towards: DVec3, centre: DVec3) -> Option<f64> {
     let to = centre - from;
     let along = to.dot(towards);
@@ -99,7 +99,7 @@ fn scaled(image: &Image, factor: f32) -> Image {
     Image::new(WIDTH, HEIGHT, pixels.collect())
 }
 
-/// Copies the colour of the right neighbour to `count` pixels at edges, evenly spread over all such pixels.
+/// Replaces `count` pixels at edges by their right neighbours. The pixels are evenly spread over all pixels at edges.
 fn edges_moved(image: &Image, count: usize) -> Image {
     let bright = |pixel: &[f32; 4]| pixel[0] + pixel[1] + pixel[2];
     let edge = |index: &usize| {
@@ -122,8 +122,8 @@ fn changed(image: &Image, change: impl Fn(u32, u32, &mut [f32; 4])) -> Image {
     changed
 }
 
-/// The mean of 64 samples of a light with a mean of 1, and the variance of this mean, for each pixel. Half of the
-/// samples are in shadow. The other half are exponentially distributed.
+/// Simulates the noise of 64 light samples per pixel: returns the mean of the samples, about 1, and the variance of
+/// this mean. Half of the samples are in shadow, so they are 0. The other half have an exponential distribution.
 fn noise(seed: u64) -> Vec<[f32; 2]> {
     let sample = |byte: usize| {
         if byte < 128 { 0.0 } else { -2.0 * ((255.5 - byte as f32) / 128.0).ln() }
@@ -143,7 +143,7 @@ fn noise(seed: u64) -> Vec<[f32; 2]> {
     (0..WIDTH * HEIGHT).map(&mut pixel).collect()
 }
 
-/// The image multiplied by the noise, and the variance of its pixels.
+/// Returns the image multiplied by the noise, and an image of the variance of each pixel.
 fn noisy(image: &Image, noise: &[[f32; 2]]) -> (Image, Image) {
     let pixel = |([r, g, b, a], [mean, variance]): (&[f32; 4], &[f32; 2])| {
         let square = |light: &f32| light * light * variance;
@@ -153,7 +153,7 @@ fn noisy(image: &Image, noise: &[[f32; 2]]) -> (Image, Image) {
     (Image::new(WIDTH, HEIGHT, means), Image::new(WIDTH, HEIGHT, variances))
 }
 
-/// Changes each value by up to `amount` times the value, at random.
+/// Multiplies each colour value by a random factor in 1 - `amount` to 1 + `amount`.
 fn jittered(image: &Image, amount: f32) -> Image {
     let mut random = Pcg32::new(1, 3);
     let mut jittered = image.clone();
@@ -168,15 +168,15 @@ fn jittered(image: &Image, amount: f32) -> Image {
 enum Verdict {
     /// The gate accepts the change.
     Gate,
-    /// The gate rejects the change, and HDR-FLIP accepts it.
+    /// The gate rejects the change, but HDR-FLIP accepts the change.
     Flip,
-    /// HDR-FLIP accepts the change on other profiles, but not on the profile of the golden.
+    /// HDR-FLIP rejects the change on the profile that drew the golden, but accepts the change on other profiles.
     FlipElsewhere,
-    /// All tolerances reject the change.
+    /// The gate and HDR-FLIP reject the change on each profile.
     Fault,
 }
 
-/// A change, its expected verdict, and the range in which HDR-FLIP's largest mean error of a tile should lie.
+/// A change, its expected verdict, and the range in which the largest HDR-FLIP error of a tile should be.
 struct Row {
     name: &'static str,
     verdict: Verdict,
@@ -246,8 +246,9 @@ fn rows(golden: &Image) -> Vec<Row> {
     ]
 }
 
-/// Checks the same changes with noise in golden and frame, judged by the variances of both images. Benign changes pass
-/// as noise, and faults still fail. The default tolerance rejects the noise.
+/// Checks the same changes with noise in the golden and in the frame. The metric `Noise` knows the variances of both
+/// images, so it accepts harmless changes and still rejects faults. The default tolerance, which ignores variances,
+/// rejects even the noise.
 fn under_noise(rows: &[Row], table: &mut String, complaints: &mut Vec<String>) {
     let golden = &RIGHT.draw();
     let [ours, theirs] = [3, 4].map(noise);
@@ -321,7 +322,7 @@ fn faults_are_seen_and_benign_changes_pass() {
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
-/// The gate also rejects the changes that only HDR-FLIP accepts.
+/// Without HDR-FLIP, the gate accepts only the smallest changes (`Verdict::Gate`).
 #[test]
 fn the_gate_alone_sees_all_of_them() {
     let golden = RIGHT.draw();
@@ -331,8 +332,8 @@ fn the_gate_alone_sees_all_of_them() {
     }
 }
 
-/// Each golden of this repository detects a change of one channel of one pixel by three thousandths, at any pixel, in
-/// light and in shade.
+/// With each golden of this repository, the gate detects if one channel of one pixel changes by 0.3 %. The test tries
+/// bright and dark pixels, but leaves out nearly black values.
 // Lesson 20: the smallest fault that each golden detects
 #[test]
 fn the_smallest_fault_of_each_golden_is_seen() {

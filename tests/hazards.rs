@@ -3,8 +3,8 @@
 use karat_inspect::hazards::{Class, Hazard, Kind};
 use shaders::PBR;
 
-/// The library has no fault without a reason. In the formulas of the source documents, `hazards` finds the faults that
-/// the formulas' tests show.
+/// Each fault of the library is accepted with a reason. `as_written` contains formulas as the source documents print
+/// them. There, `hazards` finds the faults that the tests of these formulas show.
 // Lesson 111
 #[test]
 fn the_library_has_none_that_is_not_argued() {

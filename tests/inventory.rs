@@ -1,5 +1,6 @@
 //! `shaders/README.md` lists the function, test and frame for each part of the sources. These tests read the page. They
-//! fail if a name on the page doesn't exist, or if the page leaves out a module, a frame or a mistake.
+//! fail if the page has a name that doesn't exist, or if it leaves out a module, a frame or a numbered mistake of the
+//! source documents.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -32,12 +33,12 @@ enum Column {
     Prose,
     /// Each cell has any number of names of this kind.
     Names(Kind),
-    /// The cells together have each name of this kind exactly once.
+    /// Each name of this kind occurs exactly once in the cells of all such columns.
     List(Kind),
 }
 
 impl Column {
-    /// Finds a column by its header. An unknown header is an error, because a misspelt header would hide its column.
+    /// The column with this header. `None` means a misspelt header, which would hide its column from the tests.
     fn of(header: &str) -> Option<Self> {
         Some(match header {
             "item"
@@ -60,7 +61,7 @@ impl Column {
 
 type Known = BTreeMap<Kind, BTreeSet<String>>;
 
-/// Names of the library's functions, the tests and the frames, and the numbered mistakes of the sources.
+/// Names of all modules, functions, tests and frames of the library, and the numbers of the source documents' mistakes.
 fn known() -> Known {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests are in a folder");
     let mut tests = BTreeSet::new();
@@ -108,13 +109,14 @@ struct Row {
     cells: Vec<(String, String)>,
 }
 
-/// The cells of a line of a table.
+/// Splits a line of a Markdown table into its cells.
 fn cells(line: &str) -> Vec<String> {
     let inner = line.trim().trim_start_matches('|').trim_end_matches('|');
     inner.split('|').map(|cell| cell.trim().to_owned()).collect()
 }
 
-/// Rows of all tables. Adds a complaint for each line that looks like a row but isn't a row.
+/// Reads the rows of all tables of a Markdown text. Adds a complaint for each unknown header, and for each row with a
+/// wrong number of cells.
 fn rows(markdown: &str, complaints: &mut Vec<String>) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut headers: Option<Vec<String>> = None;
@@ -165,7 +167,7 @@ impl Row {
         })
     }
 
-    /// Names in the row's list column.
+    /// Names in the row's `Column::List` cells.
     fn listed(&self) -> impl Iterator<Item = (Kind, &str)> {
         self.cells.iter().flat_map(|(header, cell)| {
             let kind = match Column::of(header) {
@@ -183,7 +185,7 @@ impl Row {
         evidence.peek().is_some() && evidence.all(|(_, cell)| names(cell).next().is_none())
     }
 
-    /// Errors in the row, each with the line and the first cell.
+    /// Describes each error in the row. The description begins with the line number and the row's first cell.
     fn complaints(&self, known: &Known) -> Vec<String> {
         let row = format!("line {}, `{}`", self.line, self.cells[0].1.trim_matches('`'));
         let unknown = self.names().filter(|(kind, name)| !known[kind].contains(*name));
@@ -202,7 +204,7 @@ impl Row {
     }
 }
 
-/// Functions that the text between tables names, and that the library doesn't have.
+/// Complaints about functions in the text between tables that the library doesn't have.
 fn unknown_in_prose(markdown: &str, known: &Known) -> Vec<String> {
     let mut complaints = Vec::new();
     let prose = (1..).zip(markdown.lines()).filter(|(_, text)| !text.starts_with('|'));
@@ -254,7 +256,8 @@ fn the_inventory_names_what_is_there() {
     assert!(found.is_empty(), "shaders/README.md:\n{}", found.join("\n"));
 }
 
-/// Each name in each row is looked up: if the test appends a letter to a name, the name is reported as unknown.
+/// Checks that `complaints` looks up the names in each row: if the test appends `_` to a name, the name is reported as
+/// unknown.
 #[test]
 fn every_name_of_the_inventory_is_read() {
     let known = known();
@@ -275,7 +278,7 @@ fn every_name_of_the_inventory_is_read() {
     }
 }
 
-/// Names of a library with two functions.
+/// The names of a small library with two functions, for tests of `complaints`.
 fn small() -> Known {
     let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
     Known::from([
@@ -309,7 +312,7 @@ const SOUND: &str = "\
 | P1 | a | b | - | 3 | `fresnel.rs::schlick` |
 ";
 
-/// Each error gives its complaint, and no other complaint.
+/// Each planted error in the page gives the expected complaint.
 #[test]
 fn faults_are_seen() {
     let known = small();
@@ -363,7 +366,7 @@ fn faults_are_seen() {
     }
 }
 
-/// Entry points, and functions that no test calls, are also valid.
+/// The whole library is valid, including entry points and functions that no test calls.
 // Lesson 53
 #[test]
 fn the_whole_library_is_valid() {

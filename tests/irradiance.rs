@@ -1,5 +1,6 @@
-//! Tests diffuse light from an environment. All methods are exact for a constant environment. A linear environment and
-//! a cosine lobe have closed forms. Other tests compare the methods with each other.
+//! Tests diffuse light from an environment. All methods of the shaders are exact for a constant environment. For a
+//! linear environment and a cosine lobe, the tests know the exact result. Other tests compare the shaders with
+//! references that use the same directions.
 
 use std::f64::consts::SQRT_2;
 
@@ -10,14 +11,14 @@ use shaders::{PBR, irradiance};
 
 use crate::drivers::{SINE, SWIFTSHADER};
 
-/// The error of sampling a smooth environment with radiance near 1.
+/// The error of looking up a smooth environment with radiance near 1.
 ///
-/// A face has 64 x 64 texels, so texels are 1/32 of half a face apart. The error of linear interpolation is at most 1/8
-/// of the square of this distance times the curvature. The curvature is at most 2, so this error is at most 2.5e-4.
-/// Weights have 8 bits, and neighbouring texels differ by 1/32: the weights' rounding adds 6e-5. On GL, half floats
-/// have an error of 2.4e-4 in 1..2. Also on GL, 3 % of directions are within half a texel of a face's edge. Look-ups in
-/// these directions read only one face, with an error of 1/64 at the edge. Both errors of GL have either sign, and
-/// don't show in a mean.
+/// A face has 64 x 64 texels, so texels are 1/32 of half a face apart. Linear interpolation has an error of at most 1/8
+/// of the squared distance times the curvature. The curvature is at most 2, so this error is at most 2.5e-4. The
+/// filter's weights have 8 bits, and neighbouring texels differ by 1/32, so rounding the weights adds an error of 6e-5.
+/// On GL, texels are half floats, with a mean error of 2.4e-4 in 1..2. Also on GL, 3 % of directions are within half a
+/// texel of a face's edge. There, the filter reads only one face, with an error of 1/64 at the edge. Both errors of GL
+/// may be positive or negative, so they nearly vanish in a mean.
 const INTERPOLATION: f64 = 3e-4;
 
 const SIZE: u32 = 64;
@@ -28,12 +29,12 @@ fn in_environment(function: &str, environment: CubeMap) -> karat::check::Probe<'
         .with("environment_sampler", Sampler::LINEAR)
 }
 
-/// An environment of radiance 1.
+/// Calls `function` in an environment of radiance 1.
 fn furnace(function: &str) -> karat::check::Probe<'static> {
     in_environment(function, CubeMap::constant(Vec3::ONE))
 }
 
-/// The mean radiance is 1. Each colour has another gradient of at most 1.
+/// A linear environment with a mean radiance of 1. Each colour channel has its own gradient, of at most 1.
 fn sky(d: DVec3) -> DVec3 {
     DVec3::from_array(GRADIENTS.map(|gradient| 1.0 + gradient.dot(d)))
 }
@@ -41,7 +42,7 @@ fn sky(d: DVec3) -> DVec3 {
 const GRADIENTS: [DVec3; 3] =
     [DVec3::new(0.5, 0.0, 0.0), DVec3::new(0.0, 0.6, -0.8), DVec3::new(-0.3, 0.4, 0.5)];
 
-/// The irradiance below the sky, divided by pi.
+/// The exact irradiance from `sky` for a normal, divided by pi.
 fn below_sky(n: DVec3) -> DVec3 {
     DVec3::from_array(GRADIENTS.map(|gradient| irradiance::linear(n, 1.0, gradient)))
 }
@@ -65,8 +66,8 @@ fn seen(map: &CubeMap) -> impl Fn(DVec3) -> DVec3 {
     move |d| map.sample_level(d, 0.0).truncate()
 }
 
-/// If the number of centred points is a power of two, their mean cosine is exactly 1/2. A sum of up to 1024 terms has
-/// 1024 roundings.
+/// If the number of sampled directions is a power of two, the mean of their cosines is exactly 1/2. So the only error
+/// is the rounding of a sum of up to 1024 terms.
 #[test]
 fn a_white_furnace_returns_its_light() {
     furnace("irradiance::estimate")
@@ -86,7 +87,8 @@ fn it_agrees_with_the_estimator_in_its_general_form() {
         );
 }
 
-/// On each level, the weight is 1, a sum of ones is exact, and a division has 2.5 ulp.
+/// On each mip level, all directions have the weight 1, so the sum is exact. Only the division by the number of
+/// directions has an error, of 2.5 ulp.
 #[test]
 fn a_furnace_is_exact_at_every_level() {
     let sizes = OneOf(vec![1, 16, 2048_u32]);
@@ -101,7 +103,8 @@ fn a_furnace_is_exact_at_every_level() {
         .agrees_with(|_: DVec3, _: u32, _: u32| DVec3::splat(3.0), Ulp(4.0));
 }
 
-/// The result is a quotient of sums of up to 600 terms.
+/// The shaders divide by the sum of the weights. So the result is exact, except for the rounding of sums of up to 1600
+/// terms.
 #[test]
 fn a_furnace_is_exact_where_weights_are_divided_out() {
     furnace("irradiance::midpoint")
@@ -114,8 +117,8 @@ fn a_furnace_is_exact_where_weights_are_divided_out() {
         .agrees_with(|_: DVec3, _: u32| DVec3::ONE, Abs(1e-5));
 }
 
-/// The result is 1.0014, because the loop's rings cover an angle of 6.3 instead of 2 pi. The sum has 4032 terms, and as
-/// many roundings.
+/// The result is 1.0014, because the loop's rings cover an angle of 6.3 instead of 2 pi. The sum has 4032 terms, and
+/// each addition is rounded.
 // Lesson 22: a tolerance of one path
 #[test]
 fn the_loop_is_off_by_what_it_says() {
@@ -132,15 +135,16 @@ fn the_loop_is_off_by_what_it_says() {
         .satisfies("is 1.0014", |_, light: Vec3| (light - 1.0014).abs().max_element() < 5e-5);
 }
 
-/// The error of means over at least 64 directions. Weights have 8 bits. The error of the last bit has either sign, and
-/// is multiplied by the difference between texels, 1/32.
+/// The error of a mean over at least 64 directions, from the filter's weights of 8 bits. Rounding a weight causes a
+/// positive or negative error, which multiplies the difference between texels, 1/32.
 const WEIGHTS: Abs = Abs(6e-5);
 
-/// The error on GL if all directions within half a texel of an edge (3 %) have an error of 1/64 with equal signs.
+/// The error of a mean on GL, where 3 % of the directions are within half a texel of an edge and have an error of up to
+/// 1/64. The bound assumes that these errors all have the same sign.
 const EDGES: Abs = Abs(5e-4);
 
-/// Compares sampled light with sums in f64 over the same directions and cube map. The difference is only the sampler's
-/// filter and the rounding of sums.
+/// Compares each shader with a reference in f64 that uses the same directions and the same cube map. Differences come
+/// only from the filter of the sampler and the rounding of sums.
 #[test]
 fn they_agree_with_their_twins() {
     let map = cube_map(sky);
@@ -167,9 +171,9 @@ fn they_agree_with_their_twins() {
         );
 }
 
-/// The test uses few steps, so each step counts. Between texels, two weights of 8 bits have an error in the last bit,
-/// which multiplies the difference between texels, 1/32. On GL a step within half a texel of a face's edge has an error
-/// of half a texel, 1/64.
+/// Uses few steps, so that an error in any single step shows. The filter has two weights of 8 bits. An error in the
+/// last bit of each weight multiplies the difference between texels, 1/32. On GL a direction within half a texel of a
+/// face's edge has an error of up to half a texel, 1/64.
 // Lesson 32
 #[test]
 fn few_steps_agree_with_their_twin() {
@@ -187,7 +191,8 @@ fn few_steps_agree_with_their_twin() {
         );
 }
 
-/// The test uses few texels, 6 to 96, so each texel counts. GL has half floats, with an error of up to 4.9e-4 in 1..2.
+/// Uses few texels, 6 to 96, so that an error in any single texel shows. On GL texels are half floats, with an error of
+/// up to 4.9e-4 in 1..2.
 // Lesson 32
 #[test]
 fn few_texels_agree_with_their_twin() {
@@ -206,7 +211,8 @@ fn few_texels_agree_with_their_twin() {
     }
 }
 
-/// Texel centres are sampled exactly. Sums of 12,288 terms have as many roundings, upwards or downwards.
+/// The shader reads the cube map at texel centres, where the filter has no error. The sum has up to 24,576 terms, and
+/// each addition is rounded up or down.
 #[test]
 fn texel_sums_agree_with_their_twins() {
     in_environment("irradiance::texel_sum", cube_map(sky))
@@ -221,8 +227,7 @@ fn texel_sums_agree_with_their_twins() {
         .agrees_with(|size: u32| irradiance::sh_project(size, &seen(&map)), Abs(2e-4));
 }
 
-/// The coefficients of a light with a part in each of the nine harmonics. The radiance is in 0.7..=1.3, around a mean
-/// of 1.
+/// The nine coefficients of a light that consists of spherical harmonics up to band 2. Its radiance is around 1.
 const BANDS: [f64; 9] = [3.544907701811032, 0.1, -0.2, 0.15, 0.18, -0.12, 0.08, 0.13, -0.16];
 
 fn banded(d: DVec3) -> DVec3 {
@@ -230,20 +235,22 @@ fn banded(d: DVec3) -> DVec3 {
     DVec3::splat(terms.map(|(coefficient, basis)| coefficient * basis).sum())
 }
 
-/// The light has only nine coefficients, so the reference needs no integral.
+/// The exact irradiance from `banded`, divided by pi. `banded` has only nine coefficients, so its irradiance needs no
+/// integral.
 fn below_bands(n: DVec3) -> DVec3 {
     irradiance::sh_irradiance(BANDS.map(DVec3::splat), n)
 }
 
-/// A closed form: from the normal to the irradiance divided by pi.
+/// A closed formula that returns the irradiance for a normal, divided by pi.
 type Below = fn(DVec3) -> DVec3;
 
-/// Three environments, each with the closed form of its irradiance.
+/// Three environments, each with the closed formula of its irradiance.
 fn environments() -> [(CubeMap, Below); 3] {
     [(cube_map(sky), below_sky), (cube_map(lamp), below_lamp), (cube_map(banded), below_bands)]
 }
 
-/// The error of centred Hammersley points is about log N / N, 1.5e-4 for 1024 points, instead of 1 / sqrt N.
+/// With N Hammersley points, the error falls as log N / N, not as 1 / sqrt N. For 1024 points, the error is about
+/// 1.5e-4.
 #[test]
 fn estimates_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -254,8 +261,8 @@ fn estimates_approach_the_closed_forms() {
     }
 }
 
-/// 32 rings are pi/64 apart. The error of a midpoint rule is 1/24 of the square of this distance (1e-4), times the
-/// second derivative.
+/// The 32 rings of directions are pi/64 apart. A midpoint rule has an error of 1/24 of the squared distance, 1e-4,
+/// times the second derivative.
 #[test]
 fn rings_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -266,8 +273,8 @@ fn rings_approach_the_closed_forms() {
     }
 }
 
-/// Without interpolation, the error is that of the midpoint rule for texels 1/32 wide (4e-5 times the second
-/// derivative). Rounding adds to it.
+/// The filter doesn't interpolate at texel centres. The sum over texels is a midpoint rule with a step of 1/32, so the
+/// error is 4e-5 times the second derivative, plus rounding.
 #[test]
 fn texels_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -278,8 +285,8 @@ fn texels_approach_the_closed_forms() {
     }
 }
 
-/// The shader projects the light on nine harmonics and evaluates them. The lamp also has higher bands: 0.0052 in all,
-/// as the reference's tests compute.
+/// The shader approximates the light by nine spherical harmonics. `lamp` also contains higher harmonics, which change
+/// its irradiance by up to 0.0052.
 #[test]
 fn harmonics_approach_the_closed_forms() {
     let text = "import library::irradiance::{sh_irradiance, sh_project};\n\n\
@@ -301,8 +308,8 @@ fn filtered(n: DVec3, samples: u32, size: u32, map: &CubeMap) -> DVec3 {
     irradiance::filtered_estimate(n, samples, size, light)
 }
 
-/// The colour of each level is the level's number, so the result is the mean level. Most drivers quantise the weight
-/// between levels to 8 bits: the error is 1/512, or 4e-3 on a driver that truncates.
+/// Each mip level has its own number as its colour, so the result is the mean of the levels that the shader reads. Most
+/// drivers quantise the weight between levels to 8 bits: the error is 1/512, or 4e-3 on a driver that truncates.
 #[test]
 fn filtered_directions_ask_for_the_right_levels() {
     let levels = (0..7_u16).map(|level| {
@@ -316,9 +323,10 @@ fn filtered_directions_ask_for_the_right_levels() {
         .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(4e-3));
 }
 
-/// 1024 directions need texels that are 0.08 wide, and 64 directions need texels that are 0.31 wide. A box filter and a
-/// tent filter of width w together leave 1 - w^2 / 4 of a gradient: 0.9985 for 1024 directions, and 0.975 for 64. GL
-/// leaves a little less, because GL doesn't filter coarse texels across the edges of faces.
+/// With 1024 directions, the shader reads texels that are 0.08 wide, and with 64 directions, texels that are 0.31 wide.
+/// Averaging and interpolating texels of width w multiplies a gradient by 1 - w^2 / 4: by 0.9985 for 1024 directions,
+/// and by 0.975 for 64 directions. On GL the gradient is a little smaller, because GL doesn't filter coarse texels
+/// across the edges of faces.
 #[test]
 fn filtered_directions_blur_as_much_as_their_texels() {
     let map = cube_map(sky).with_mips();
@@ -330,9 +338,9 @@ fn filtered_directions_blur_as_much_as_their_texels() {
     }
 }
 
-/// The twin uses the same levels. Fractions of levels have 8 bits, between texels that differ by up to 1/4. GL doesn't
-/// filter texels across the edges of faces. On a level of 8 x 8 texels, this gives a quarter of the directions an error
-/// of up to 1/8, with either sign.
+/// The reference reads the same mip levels. Drivers round the weight between two levels to 8 bits, and the texels of
+/// the levels differ by up to 1/4. GL doesn't filter texels across the edges of faces. On a level of 8 x 8 texels, a
+/// quarter of the directions are near an edge and have a positive or negative error of up to 1/8.
 // Lesson 22: a tolerance of one path
 #[test]
 fn filtered_directions_agree_with_their_twin() {
@@ -344,14 +352,15 @@ fn filtered_directions_agree_with_their_twin() {
         .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(2e-3));
 }
 
-/// A sun of radiance 50 in 0.05 sr adds up to 0.8. Each of 256 directions on the hemisphere stands for 0.025 sr, so
-/// one, two or four directions hit the sun.
+/// A sun with a radiance of 50 in 0.05 sr, so that its irradiance divided by pi is up to 0.8. If a shader samples 256
+/// directions, each direction stands for 0.025 sr, so only one, two or four directions hit the sun.
 fn sun(d: DVec3) -> DVec3 {
     DVec3::splat(50.0 * (128.0 * (LAMP.dot(d) - 1.0)).exp())
 }
 
-/// Compares filtered and unfiltered estimates with the same number of directions and the same bound, an eighth of the
-/// sun. The filter's error is its blur: texels of levels 2 and 3 are half as wide as the sun.
+/// With 256 directions, the filtered estimate is within 0.1 of the exact result, an eighth of the sun's light. The
+/// unfiltered estimate isn't. The filtered estimate blurs the sun a little: it reads levels 2 and 3, with texels half
+/// as wide as the sun.
 #[test]
 fn a_filter_sees_what_lies_between_directions() {
     let map = cube_map(sun).with_mips();
@@ -369,7 +378,7 @@ fn a_filter_sees_what_lies_between_directions() {
     assert!(matches!(sharp, Err(karat::check::Failure::Disagreement(_))), "{sharp:?}");
 }
 
-/// The functions are polynomials of values up to 1, with constants up to 1.1.
+/// The basis functions are polynomials of coordinates up to 1, with coefficients up to 1.1.
 #[test]
 fn sh_basis() {
     PBR.function("irradiance::sh_basis")
@@ -384,7 +393,7 @@ fn coefficients() -> impl Domain<Value = [Vec3; 9]> {
     })
 }
 
-/// The function adds nine products of numbers up to 2 with basis functions up to 1.1.
+/// The function adds nine products of a coefficient up to 2 and a basis function up to 1.1.
 #[test]
 fn sh_irradiance() {
     PBR.function("irradiance::sh_irradiance")
@@ -392,7 +401,7 @@ fn sh_irradiance() {
         .agrees_with(irradiance::sh_irradiance, Abs(5e-6));
 }
 
-/// Direction and density of texels need a quotient and its reciprocal root.
+/// `texel_direction` computes a quotient, and `texel_density` a reciprocal square root and a quotient.
 #[test]
 fn texels() {
     let indexed = (Integers(1..=104_u32), 0.0..=1.0_f32).map(|(size, share)| {

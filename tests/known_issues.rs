@@ -1,4 +1,4 @@
-//! Declares known faults of drivers. A check fails when the driver no longer has the fault.
+//! Declares known faults of drivers. A check fails as soon as its driver no longer has the declared fault.
 
 use glam::{DVec3, Vec3};
 use karat::Path;
@@ -6,8 +6,9 @@ use karat::prelude::*;
 
 use crate::drivers::{NVIDIA, SWIFTSHADER};
 
-/// WGSL requires `mix` to be as accurate as x (1 - a) + y a, which is y at a = 1. The library doesn't use `mix` for
-/// masks: a white mask over a bright base would show the rounding of the base.
+/// WGSL requires `mix(x, y, a)` to be as accurate as x (1 - a) + y a, which is exactly y at a = 1. Some drivers compute
+/// x + (y - x) a, so their result contains the rounding error of x. The library doesn't use `mix` for masks, because
+/// below a mask of 1 the rounding error of a bright base would show.
 // Lesson 45
 #[test]
 fn mix_ends_at_its_second_value() {
@@ -21,8 +22,8 @@ fn mix_ends_at_its_second_value() {
         .agrees_with(|_: f64, y: f64, _: f64| y, Ulp(1.0));
 }
 
-/// Each face has its direction as its colour, so a corner shows the mean of three faces. If components are equally
-/// large, Vulkan 1.3 (section 16.5.4) prefers Z to Y and Y to X.
+/// Each face has its direction as its colour, so a corner shows the mean of three faces. For the corner, Vulkan 1.3
+/// (section 16.5.4) first chooses one face: if components are equally large, Z before Y before X.
 #[test]
 fn a_corner_of_a_cube_belongs_to_a_face() {
     let module = "@group(0) @binding(0) var cube: texture_cube<f32>;

@@ -4,13 +4,14 @@ use glam::{DVec3, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, layering, specular};
 
-/// Radiance of each channel, up to the radiance of the brightest light of the scene.
+/// Colours with radiances up to 50, the radiance of the brightest light in the scene.
 fn radiance() -> impl Domain<Value = Vec3> {
     (0.0..=50.0_f32, 0.0..=50.0_f32, 0.0..=50.0_f32).map(|(r, g, b)| Vec3::new(r, g, b))
 }
 
-/// The difference of two radiances up to 50 is rounded to 4e-6. F is at most 1 and has an error of 11 ulp, which the
-/// factor of 50 turns into 3e-5. The sum cancels if the base is bright and F is near 1.
+/// The function computes base + F (environment - base), which cancels if the base is bright and F is near 1. F is at
+/// most 1 and has an error of 11 ulp, which grows to 3e-5 when multiplied by a difference of up to 50. Rounding the
+/// difference adds up to 4e-6.
 #[test]
 fn thin_coat() {
     PBR.function("layering::thin_coat")
@@ -18,7 +19,8 @@ fn thin_coat() {
         .agrees_with(layering::thin_coat, Ulp(14.0).or(Abs(3e-5)));
 }
 
-/// In a white furnace, a white base reflects exactly the light that the coat doesn't reflect.
+/// In a white furnace, a coated white base stays exactly white: the base returns the light that the coat doesn't
+/// reflect.
 #[test]
 fn a_coat_over_a_white_base_neither_gains_nor_loses() {
     PBR.function("layering::thin_coat")
@@ -48,8 +50,7 @@ fn masked_base() {
         .agrees_with(layering::masked_base, Ulp(4.0).or(Abs(1e-30)));
 }
 
-/// The function is a sum of positive terms. To compute the share of the base, the function needs four sums and six
-/// products.
+/// The function is a sum of two positive terms. The share of the base's light takes four more sums and six products.
 #[test]
 fn plastic() {
     PBR.function("layering::plastic")
@@ -64,8 +65,8 @@ fn interface_transmittance() {
         .agrees_with(layering::interface_transmittance, Ulp(10.0).or(Abs(1e-30)));
 }
 
-/// In a white furnace, plastic returns at most its light: the base's albedo, and specular light. The test computes the
-/// specular light with 256 normals, with an error of at most 2e-3.
+/// In a white furnace, a plastic returns at most the light that it receives. The specular light is an estimate from 256
+/// sampled normals, with an error of at most 2e-3.
 #[test]
 fn a_plastic_gives_no_more_than_its_light() {
     let f0 = Vec3::splat(0.04);
@@ -84,7 +85,8 @@ fn a_plastic_gives_no_more_than_its_light() {
         });
 }
 
-/// A mirror on a white base returns all light. The sum of two shares has three roundings.
+/// A mirror-like plastic on a white base returns all light: the reflected share and the rest add up to 1, within
+/// rounding.
 #[test]
 fn a_mirror_on_white_neither_gains_nor_loses() {
     let domain = (UnitRgb, 0.0..=1.0_f32).map(|(f0, c)| {
@@ -96,7 +98,7 @@ fn a_mirror_on_white_neither_gains_nor_loses() {
         .agrees_with(|_: DVec3, _: DVec3, _: DVec3, _: f64| DVec3::ONE, Ulp(8.0));
 }
 
-/// Less light crosses an interface at flatter views.
+/// Less light crosses an interface as the view becomes more grazing.
 #[test]
 fn less_crosses_toward_grazing() {
     PBR.function("layering::interface_transmittance").over((UnitRgb, 0.0..=1.0)).is_monotone_in(

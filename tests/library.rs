@@ -1,5 +1,5 @@
-//! Tests of the shader library, with one file for each module, and tests of the source documents' formulas. All files
-//! are one program, so an edit of the harness needs only one link.
+//! Tests of the shader library, with one file for each module, and tests of the source documents' formulas. All these
+//! files are modules of one test program, so after an edit of the harness Cargo links only one program.
 
 #[path = "as_written/main.rs"]
 mod as_written;

@@ -7,7 +7,7 @@ use karat::prelude::*;
 use shaders::maps::MapSettings;
 use shaders::{PBR, maps, specular};
 
-/// Each pixel of a frame with six faces has the error of a division and of `face_direction`.
+/// For each pixel of a frame with six faces, the direction has the errors of one division and of `face_direction`.
 #[test]
 fn texel_direction() {
     let pixels =
@@ -22,7 +22,7 @@ fn texel_direction() {
         .agrees_with(|side: u32, pixel: UVec2| maps::texel_direction(side, pixel), Abs(5e-7));
 }
 
-/// The hardware finds the texels of a face in the same directions.
+/// A frame of six faces becomes a cube map in which each direction finds the texel that was drawn for that direction.
 #[test]
 fn faces_become_the_cube_map_that_they_show() {
     let side = 16;
@@ -41,9 +41,9 @@ fn faces_become_the_cube_map_that_they_show() {
     }
 }
 
-/// Each entry of the table has scale and bias for the centre of its texel in the channels that the shader reads, and
-/// again in the other channels. As in `specular.rs`, V.H is rounded to 1e-7 and divided by N.V, which is at least 1/32.
-/// On GL a frame has half floats, and a driver may cut off bits: the error is 2^-11 in 1/2..1.
+/// Each texel of the table has the scale and the bias for its centre in red and green, and again in blue and alpha. As
+/// in `specular.rs`, V.H has a rounding error of 1e-7, and the shader divides V.H by N.V, which is at least 1/32. On GL
+/// the frame has half floats, and a driver may cut off bits, which gives an error of 2^-11 for values in 1/2..1.
 // Lesson 33
 #[test]
 fn split_sum_fragment() {

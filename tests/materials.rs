@@ -5,7 +5,8 @@ use karat::prelude::*;
 use shaders::materials::{self, MATERIALS, Material, NAMES, ROUGHNESSES};
 use shaders::{PBR, fresnel};
 
-/// The shader and its twin have the same constants, so the results are equal to the bit, also beyond the table's end.
+/// The shader and the reference have the same constants, so their results are equal to the bit, also for indices beyond
+/// the table's end.
 #[test]
 fn the_table_is_its_twin() {
     PBR.function("materials::material")
@@ -31,8 +32,8 @@ fn metals_have_no_diffuse_and_all_reflect() {
     );
 }
 
-/// A material reflects specular light, and a part of the remaining light as diffuse light. Both together never exceed
-/// the incoming light.
+/// A material reflects the share f0 of the light specularly, and a part of the rest diffusely. Together, both are at
+/// most the incoming light.
 #[test]
 fn no_material_reflects_more_than_it_receives() {
     PBR.function("materials::material")
@@ -42,7 +43,7 @@ fn no_material_reflects_more_than_it_receives() {
         });
 }
 
-/// The reflectance of plastic is that of a dielectric with index 1.5.
+/// The plastics have the f0 of a dielectric with index 1.5.
 #[test]
 fn plastics_have_the_reflectance_of_their_index() {
     PBR.function("materials::material")
@@ -52,7 +53,8 @@ fn plastics_have_the_reflectance_of_their_index() {
         });
 }
 
-/// The lecture uses the roughness as the width. Karis squares the roughness, which takes one product.
+/// In the lecture, the roughness itself is the width alpha of the lobe. Karis squares the roughness, so the result has
+/// one rounding.
 #[test]
 fn alpha_from_roughness() {
     PBR.function("materials::alpha_from_roughness")
@@ -71,7 +73,7 @@ fn masked_roughness() {
         .agrees_with(materials::masked_roughness, Ulp(4.0).or(Abs(1e-30)));
 }
 
-/// A mask of 0 leaves a mirror unchanged, and a mask of 1 turns a surface into a mirror.
+/// At a mask of 0, the result is exactly the surface's roughness, and at a mask of 1, exactly the paint's roughness.
 #[test]
 fn masks_are_exact_at_both_ends() {
     let kept = |roughness: f64, _: f64, _: f64| roughness;
@@ -84,7 +86,8 @@ fn masks_are_exact_at_both_ends() {
         .agrees_with(painted, Ulp(0.0));
 }
 
-/// Painting with the surface's own roughness changes nothing: 1 - mask and mask add up to 1, within two roundings.
+/// If the paint has the roughness of the surface, the mask has no effect: 1 - mask and mask add up to 1, except for
+/// rounding.
 #[test]
 fn painting_the_same_roughness_changes_nothing() {
     let same = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(roughness, mask)| (roughness, roughness, mask));
@@ -93,7 +96,7 @@ fn painting_the_same_roughness_changes_nothing() {
         .agrees_with(|roughness: f64, _: f64, _: f64| roughness, Ulp(3.0).or(Abs(1e-30)));
 }
 
-/// The error is that of `masked_roughness`.
+/// The function blends f0 by `metallic` with the operations of `masked_roughness`, so it has the same error.
 #[test]
 fn material_from_texels() {
     PBR.function("materials::material_from_texels")
@@ -121,8 +124,8 @@ fn materials_from_texels_conserve_energy() {
     );
 }
 
-/// More paint brings the roughness of a surface closer to the paint's roughness: upwards for rougher paint, downwards
-/// for smoother paint. Three roundings may go in the opposite direction.
+/// As the mask grows, the roughness of the surface approaches the paint's roughness: it rises for rougher paint, and
+/// falls for smoother paint. Three roundings may cause small steps in the opposite direction.
 #[test]
 fn masks_go_one_way() {
     let over = |kept: std::ops::RangeInclusive<f32>, painted| {

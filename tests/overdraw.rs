@@ -1,4 +1,4 @@
-//! Tests the effect of a depth pre-pass: the fragment function shades each pixel once, and nothing else changes.
+//! Tests the effect of a depth pre-pass: the fragment function runs once for each pixel, and nothing else changes.
 
 use std::cmp::Reverse;
 
@@ -46,8 +46,8 @@ fn a_pre_pass_shades_each_pixel_once() {
     }
 }
 
-/// If a fragment function discards or writes its depth, the depth test runs after the function. If the pre-pass
-/// discards and writes depth in the same way, the image doesn't change.
+/// The fragment functions discard fragments or write their depth. If the pre-pass discards the same fragments and
+/// writes the same depth, the image doesn't change.
 #[test]
 fn fragments_that_change_depth_come_out_the_same() {
     for (fragment, depth) in [
@@ -62,8 +62,8 @@ fn fragments_that_change_depth_come_out_the_same() {
     }
 }
 
-/// Shows why a pre-pass must discard as the frame does. A pre-pass that writes the depth of all triangles hides the
-/// spheres that are visible through holes.
+/// Shows why a pre-pass must discard the same fragments as the frame. If the pre-pass writes depth also for the holes
+/// in spheres, the spheres behind these holes disappear.
 #[test]
 fn a_pre_pass_without_the_holes_changes_the_image() {
     for path in open_paths() {
@@ -74,7 +74,7 @@ fn a_pre_pass_without_the_holes_changes_the_image() {
     }
 }
 
-/// At the edge of a hole, four times the Y of the normal may round up or down.
+/// The test leaves out normals at the edge of a hole, where four times the Y of the normal may round up or down.
 #[test]
 fn is_hole() {
     let away = UnitVector.filter(|n: &Vec3| overdraw::from_edge(n.as_dvec3()) > 1e-6);
@@ -83,7 +83,7 @@ fn is_hole() {
         .agrees_with(|normal: DVec3| overdraw::is_hole(normal), Ulp(0.0));
 }
 
-/// The inputs are powers of two, so the result is exact.
+/// The shader multiplies and divides only by powers of two, so the result is exact.
 #[test]
 fn stepped_depth() {
     PBR.function("overdraw::stepped_depth")
@@ -91,7 +91,7 @@ fn stepped_depth() {
         .agrees_with(overdraw::stepped_depth, Ulp(0.0));
 }
 
-/// Numbers below 64 and their products with 1/2 are exact. A sum has one rounding.
+/// The instance's number, which is below 64, and products with 1/2 are exact. Only a sum is rounded.
 // Lesson 33
 #[test]
 fn label() {
@@ -100,19 +100,20 @@ fn label() {
         .agrees_with(overdraw::label, Abs(6e-8));
 }
 
-/// The point at which a pixel's ray enters a sphere.
+/// The point at which the ray through a pixel enters a sphere.
 struct Hit {
     instance: u32,
     normal: DVec3,
     depth: f64,
 }
 
-/// The distance between the sphere and the middle of a facet, which is 5.6 degrees wide in both directions. At the
-/// middle of a facet, the mesh's normal and the sphere's normal also differ by this distance.
+/// The largest distance between the unit sphere and a facet of its mesh, at the middle of the facet. Facets are 5.6
+/// degrees wide in both directions. At the middle of a facet, the normals of mesh and sphere also differ by this
+/// length.
 const FACET: f64 = 2.5e-3;
 
-/// Hits of the ray through a pixel's middle, or `None` if the ray passes near the rim of a sphere, where the outline of
-/// the mesh decides.
+/// All hits of the ray through the middle of a pixel. `None` if the ray passes near the rim of a sphere, because the
+/// mesh has another outline than the sphere.
 fn hits(camera: &Camera, ndc: DVec2) -> Option<Vec<Hit>> {
     let (eye, matrix) = (camera.position.as_dvec3(), camera.view_projection.as_dmat4());
     let direction = camera::view_direction(matrix, ndc).normalize();
@@ -133,15 +134,16 @@ fn hits(camera: &Camera, ndc: DVec2) -> Option<Vec<Hit>> {
     Some(found)
 }
 
-/// Hits for each pixel, row by row from the top left. `None` stands for a ray that passes a rim.
+/// The hits of each pixel's ray, row by row from the top left. `None` stands for a ray near the rim of a sphere.
 fn rays(camera: &Camera) -> Vec<Option<Vec<Hit>>> {
     let centre = |pixel: u32, size: u32| 2.0 * (f64::from(pixel) + 0.5) / f64::from(size) - 1.0;
     let pixels = (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y)));
     pixels.map(|(x, y)| hits(camera, DVec2::new(centre(x, SIZE.0), -centre(y, SIZE.1)))).collect()
 }
 
-/// Checks if a pixel shows the sphere and the normal of a hit. Because a facet isn't the sphere, the shown normal may
-/// differ by up to 8 times [`FACET`]: the rays pass the rim at a distance of at least 0.02.
+/// Checks if a pixel shows the sphere and the normal of a hit. The pixel shows a facet, whose normal differs from the
+/// sphere's normal. Near the rim the difference is larger than [`FACET`], but at most 8 times as large, because all
+/// rays pass the rim at a distance of at least 0.02.
 fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     let Some(hit) = hit else { return pixel[..3] == [0.0; 3] };
     let expected = overdraw::label(hit.instance, hit.normal).to_array();
@@ -149,7 +151,8 @@ fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     off(0) == 0.0 && off(1).max(off(2)) < 8.0 * FACET && pixel[3] == 1.0
 }
 
-/// Compares each pixel with the hit that `expected` chooses. In some frames this hit isn't the nearest hit.
+/// Checks that each pixel shows the hit that `expected` chooses, which for some pixels isn't the nearest hit. If
+/// `expected` returns `None`, the pixel isn't compared.
 fn judge(
     fragment: &str,
     camera: &dyn Fn() -> Camera,
@@ -173,8 +176,8 @@ fn judge(
     }
 }
 
-/// Each pixel shows the nearest sphere without a hole at its hit. The test leaves out pixels so near to the edge of a
-/// hole that the distance between facet and sphere decides.
+/// Each pixel shows the nearest sphere that has no hole there. The test leaves out pixels so near to the edge of a hole
+/// that the difference between facet and sphere decides.
 // Lesson 33
 #[test]
 fn holes_show_the_next_sphere() {
@@ -194,9 +197,9 @@ fn holes_show_the_next_sphere() {
     });
 }
 
-/// Each pixel shows a sphere on the nearest step. Of the spheres on this step, it shows the last sphere, which from
-/// this camera is the farthest. The test leaves out pixels for which the distance between facet and sphere, at most
-/// 1e-3 of the depth range, decides between two steps.
+/// The fragment function rounds depth to steps, so several spheres may have the same depth in a pixel. The pixel then
+/// shows the sphere that is drawn last, which is the farthest from this camera. Facet and sphere differ by up to 1e-3
+/// of the depth range. The test leaves out pixels for which this difference decides between two steps.
 // Lesson 33
 #[test]
 fn steps_show_the_last_sphere() {

@@ -1,4 +1,4 @@
-//! Tests the article's spheres in their room.
+//! Tests the room with five spheres from the article.
 
 use karat::prelude::*;
 use shaders::{PBR, probe_room};

@@ -1,4 +1,4 @@
-//! Tests quantities of light against their definitions.
+//! Tests functions for quantities of light, such as irradiance, against the definitions of these quantities.
 
 use std::f64::consts::PI;
 
@@ -8,13 +8,13 @@ use karat::prelude::*;
 use karat::unstable::probe::Probed;
 use shaders::{PBR, radiometry};
 
-/// WGSL may flush results below the smallest normal f32.
+/// The tolerance for results near 0, because WGSL may flush results below the smallest normal f32 to 0.
 const UNDERFLOW: Abs = Abs(1e-30);
 
-/// Light of any strength that occurs: from starlight to the sun's 1e9 W/(m^2 sr).
+/// Light of any strength, up to 1e9 W/(m^2 sr), which is more than the sun's radiance.
 const LIGHT: std::ops::RangeInclusive<f32> = 0.0..=1e9;
 
-/// Cosines that are large enough for a division.
+/// Cosines that are large enough to divide by them.
 const COSINE: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
 /// Distances from a millimetre to ten kilometres.
@@ -23,7 +23,8 @@ const DISTANCE: std::ops::RangeInclusive<f32> = 1e-3..=1e4;
 /// Solid angles up to the hemisphere.
 const SOLID_ANGLE: std::ops::RangeInclusive<f32> = 1e-8..=std::f32::consts::TAU;
 
-/// A module that calls the library, for tests that combine several functions.
+/// A package with the module `wgsl`, which imports `functions` of the library. Tests use it to combine several
+/// functions.
 fn calling(functions: &str, wgsl: &str) -> Package {
     let text = format!("import pbr::radiometry::{{{functions}}};\n{wgsl}");
     Package::from_source("calling", text).depends_on("pbr", &PBR)
@@ -44,7 +45,7 @@ fn intensity_from_flux() {
         .agrees_with(radiometry::intensity_from_flux, Ulp(2.0));
 }
 
-/// The function computes a product and two divisions of 2.5 ulp each.
+/// The function computes a product and two divisions, each with an error of 2.5 ulp.
 #[test]
 fn irradiance_from_intensity() {
     PBR.function("radiometry::irradiance_from_intensity")
@@ -52,9 +53,9 @@ fn irradiance_from_intensity() {
         .agrees_with(radiometry::irradiance_from_intensity, Ulp(6.0).or(UNDERFLOW));
 }
 
-/// Twice the distance needs four times the intensity. The factors are powers of two, so the results are equal to the
-/// bit. At the farthest distance and the most grazing angle, an intensity of 1e-20 gives 1e-32. WGSL may flush one of
-/// the results of a smaller intensity.
+/// At twice the distance, four times the intensity gives the same irradiance. The factors are powers of two, so both
+/// results are equal to the bit. The test leaves out intensities below 1e-20, for which WGSL may flush one of the two
+/// results to 0.
 #[test]
 fn irradiance_falls_with_the_square_of_the_distance() {
     let light = LIGHT.filter(|light: &f32| *light == 0.0 || *light >= 1e-20);
@@ -73,7 +74,7 @@ fn irradiance_from_radiance() {
         .agrees_with(radiometry::irradiance_from_radiance, Ulp(2.0).or(UNDERFLOW));
 }
 
-/// The function computes two divisions of 2.5 ulp each.
+/// The function computes two divisions, each with an error of 2.5 ulp.
 #[test]
 fn radiance_from_irradiance() {
     PBR.function("radiometry::radiance_from_irradiance")
@@ -81,7 +82,7 @@ fn radiance_from_irradiance() {
         .agrees_with(radiometry::radiance_from_irradiance, Ulp(6.0).or(UNDERFLOW));
 }
 
-/// The series has 3 ulp, its square has 6 ulp, and three products add 2 ulp.
+/// The series for the sine has an error of 3 ulp, so its square has an error of 6 ulp. Three products add 2 ulp.
 #[test]
 fn irradiance_from_cap() {
     PBR.function("radiometry::irradiance_from_cap")
@@ -89,8 +90,9 @@ fn irradiance_from_cap() {
         .agrees_with(radiometry::irradiance_from_cap, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// The function computes two divisions of 2.5 ulp each, and three products. WGSL may flush the first product: an area
-/// of 1.2e-38, a millimetre away, with a radiance of 1e9, contributes 1.2e-23.
+/// The function computes three products and two divisions, each with an error of 2.5 ulp. WGSL may flush the first
+/// product, area times cosine, to 0 if it is below 1.2e-38. At a distance of a millimetre and a radiance of 1e9, this
+/// changes the result by up to 1.2e-23.
 #[test]
 fn irradiance_from_patch() {
     PBR.function("radiometry::irradiance_from_patch")
@@ -125,7 +127,8 @@ fn conserves_energy() {
         .agrees_with(radiometry::conserves_energy, Ulp(0.0));
 }
 
-/// The series has 3 ulp, its square has 6 ulp, and two products add 2 ulp. Half of the angle is exact.
+/// Halving the angle is exact. The series for the sine has an error of 3 ulp, so its square has an error of 6 ulp. Two
+/// products add 2 ulp.
 #[test]
 fn cap_solid_angle() {
     PBR.function("radiometry::cap_solid_angle")
@@ -133,7 +136,8 @@ fn cap_solid_angle() {
         .agrees_with(radiometry::cap_solid_angle, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// The function nests sums, each with a term of 1: the outer sums lose 2 ulp, and the inner divisions almost nothing.
+/// Each series is a nest of sums with a term of 1. The outer sums lose 2 ulp. The errors of the inner divisions hardly
+/// reach the result.
 #[test]
 fn series_of_sine_and_arctangent() {
     PBR.function("radiometry::sine")
@@ -142,7 +146,7 @@ fn series_of_sine_and_arctangent() {
     PBR.function("radiometry::arctangent").over(0.0..=0.172).agrees_with(f64::atan, Ulp(3.0));
 }
 
-/// A texel of a cube map, and the width of the cube map's faces in texels.
+/// Texels of cube maps: the width of the faces in texels, up to `most`, and the column and the row of the texel.
 fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
     let place = (Integers(1..=most), 0.0..=1.0_f32, 0.0..=1.0_f32);
     place.map(|(size, column, row)| {
@@ -151,9 +155,9 @@ fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
     })
 }
 
-/// The function computes three square roots of 4.5 ulp, a division, and the squared width of the texel (5 ulp). Two
-/// thirds of the roots' error reach the divisor. The corners of the texel are rounded. Nothing cancels, even for small
-/// texels.
+/// The function computes three square roots, each with an error of 4.5 ulp, a division, and the squared width of the
+/// texel, with an error of 5 ulp. Two thirds of the error of the roots reach the divisor. The coordinates of the
+/// texel's corners are rounded, too. Nothing cancels, even for small texels.
 #[test]
 fn texel_solid_angle() {
     PBR.function("radiometry::texel_solid_angle")
@@ -161,7 +165,8 @@ fn texel_solid_angle() {
         .agrees_with(radiometry::texel_solid_angle, Ulp(16.0));
 }
 
-/// A face is symmetric in both directions. The two results differ only by the diagonal that cuts the texel.
+/// Two texels at symmetric places of a face have the same solid angle. The shader cuts each texel into two triangles,
+/// and the two results differ only because the diagonals of the cuts differ.
 #[test]
 fn texels_are_symmetric() {
     let size_texels = || texels(4096).filter(|(size, _, _)| *size > 1);
@@ -173,7 +178,8 @@ fn texels_are_symmetric() {
         .invariant_under(|(size, column, row)| (size, row, column), Ulp(16.0));
 }
 
-/// The solid angles of all texels of all six faces, added in f64, are 4 pi within the mean error of a texel.
+/// For each size, the solid angles of all texels of the six faces add up to 4 pi, with a relative error below 1e-6. The
+/// test adds them in f64.
 #[test]
 fn the_texels_of_a_cube_cover_the_sphere() {
     let probed =
@@ -196,8 +202,8 @@ fn the_texels_of_a_cube_cover_the_sphere() {
     }
 }
 
-/// The sum of the intensity over the solid angles of a cube's texels is the flux. The sum has up to 144 roundings, each
-/// of half an ulp with either sign, and the error of a texel.
+/// If the texels of a cube map stand for all directions, the sum of intensity times solid angle is the flux. The sum of
+/// up to 144 terms has as many roundings, up or down by at most half an ulp, and the errors of the solid angles.
 #[test]
 fn isotropic_intensity_integrates_to_the_flux() {
     let package = calling(
@@ -215,8 +221,9 @@ fn isotropic_intensity_integrates_to_the_flux() {
     holds(flux.unrecorded().try_agrees_with(|flux: f64, _: u32| flux, Ulp(32.0).or(UNDERFLOW)));
 }
 
-/// At any distance, the irradiance from a patch, divided by the solid angle that the receiver sees of the patch, is the
-/// radiance that left the patch. The shader computes five divisions.
+/// Computes the irradiance from a patch at any distance, and from the irradiance and the patch's solid angle the
+/// radiance at the receiver. This radiance equals the radiance that leaves the patch. The shader computes six
+/// divisions.
 #[test]
 fn radiance_along_a_ray_is_constant() {
     let package = calling(
@@ -236,7 +243,7 @@ fn radiance_along_a_ray_is_constant() {
     ));
 }
 
-/// A mirror returns the incoming radiance, through any small solid angle.
+/// A mirror reflects the incoming radiance unchanged, for any solid angle of the light.
 #[test]
 fn a_mirror_keeps_the_radiance() {
     let package = calling(

@@ -6,13 +6,13 @@ use shaders::{PBR, math, sampling};
 
 use crate::drivers::{SHORT_HALFWAY, SWIFTSHADER};
 
-/// Two numbers in 0..=1, including both ends: a bit-reversed counter may round to 1.
+/// Points of the unit square, including its border, because a bit-reversed counter of 32 bits may round to 1.
 fn unit_square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// WGSL allows sin and cos an error of 2^-11 = 4.9e-4 on [-pi, pi], so a portable shader can't rely on a smaller error.
-/// The samplers multiply sin and cos by at most 1.
+/// WGSL allows sin and cos an error of 2^-11 = 4.9e-4 on [-pi, pi], and a portable shader can't rely on a smaller
+/// error. The samplers multiply sin and cos by at most 1, so their results have the same error.
 const TRIGONOMETRIC: Abs = Abs(6e-4);
 
 #[test]
@@ -22,7 +22,7 @@ fn uniform_hemisphere() {
         .agrees_with(sampling::uniform_hemisphere, TRIGONOMETRIC);
 }
 
-/// The height is exact, because it doesn't depend on sine and cosine.
+/// The height of the sampled direction is exact, because it doesn't depend on sine and cosine.
 #[test]
 fn uniform_hemisphere_takes_its_height_from_u() {
     PBR.function("sampling::uniform_hemisphere")
@@ -30,9 +30,9 @@ fn uniform_hemisphere_takes_its_height_from_u() {
         .satisfies("has height u.y", |u, direction: Vec3| direction.z == u.y);
 }
 
-/// Tests the means of the cosine and of its square over the unit square. The height of a direction is a number of the
-/// square for one sampler, and its square root for the other. The midpoints of 256 rows give the mean of the root
-/// within 0.2 / 256^1.5 = 5e-5, and the mean of a parabola within 1 / (12 * 256^2).
+/// Tests the means of the cosine and of its square for sampled directions. The cosine is `u.y` for one sampler, and the
+/// square root of `u.y` for the other. The midpoints of 256 rows give the mean of the root with an error of 0.2 /
+/// 256^1.5 = 5e-5, and the mean of the square with an error of 1 / (12 * 256^2).
 #[test]
 fn moments_of_the_cosine() {
     let package = Package::from_source(
@@ -74,16 +74,16 @@ fn ggx_normal() {
         .agrees_with(sampling::ggx_normal, TRIGONOMETRIC);
 }
 
-/// Widths of the distributions, from the smallest width that f32 resolves to the widest lobe.
+/// Widths of the distributions, from the smallest width that the library accepts to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// WGSL may flush smaller densities, which have no visible effect.
+/// The tolerance for tiny densities. WGSL may flush them to 0, which has no visible effect.
 const UNDERFLOW: Abs = Abs(1e-30);
 
-/// The largest f32 below 1. Every sequence of the library ends at this number.
+/// The largest f32 below 1. No sequence of random numbers in the library has a larger number.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// Two numbers in 0..=1. The second number is below 1.
+/// Points of the unit square with `y` below 1.
 fn half_open_square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=BELOW_ONE).map(|(x, y)| Vec2::new(x, y))
 }
@@ -102,7 +102,7 @@ fn cosine_hemisphere() {
         .agrees_with(sampling::cosine_hemisphere, TRIGONOMETRIC);
 }
 
-/// A sampled direction has a positive density, so no estimator divides by 0.
+/// Sampled directions are above the horizon, so their density is positive, and an estimator can divide by the density.
 #[test]
 fn cosine_hemisphere_stays_above_the_horizon() {
     PBR.function("sampling::cosine_hemisphere")
@@ -118,8 +118,8 @@ fn cosine_hemisphere_pdf() {
         .agrees_with(sampling::cosine_hemisphere_pdf, Ulp(4.0));
 }
 
-/// Widths with normals. Some normals are distributed as GGX, so they test narrow lobes near their peak. The other
-/// normals lie anywhere in the hemisphere and below.
+/// Widths with normals. Two thirds of the normals come from the GGX sampler, so they are near the peak even for narrow
+/// lobes. The other normals have any direction, even below the horizon.
 fn normals() -> impl Domain<Value = (f32, Vec3)> {
     (ALPHA, unit_square(), UnitVector, Integers(0..=2_u32)).map(|(alpha, u, any, choice)| {
         let (widened, u) = (f64::from(alpha), u.as_dvec2());
@@ -128,8 +128,8 @@ fn normals() -> impl Domain<Value = (f32, Vec3)> {
     })
 }
 
-/// Only the argument of the exponential cancels. The function computes sums of squares (3 ulp) and a division (2.5
-/// ulp), squares the quotient, divides by pi and multiplies by the cosine.
+/// The function computes sums of squares (3 ulp) and a division (2.5 ulp), squares the quotient, divides by pi and
+/// multiplies by the cosine.
 #[test]
 fn ggx_normal_pdf() {
     PBR.function("sampling::ggx_normal_pdf")
@@ -137,7 +137,8 @@ fn ggx_normal_pdf() {
         .agrees_with(sampling::ggx_normal_pdf, Ulp(20.0).or(UNDERFLOW));
 }
 
-/// exp has 3 + 2 |x| ulp. Its argument, up to 87, has about 6 ulp. In all: 87 (2 + 6) + 20 ulp.
+/// WGSL allows exp(x) an error of 3 + 2 |x| ulp. |x| is at most 87 and has an error of about 6 ulp. All errors together
+/// are 87 (2 + 6) + 20 ulp.
 #[test]
 fn beckmann_normal_pdf() {
     PBR.function("sampling::beckmann_normal_pdf")
@@ -158,8 +159,9 @@ fn beckmann_normal() {
         .agrees_with(sampling::beckmann_normal, TRIGONOMETRIC);
 }
 
-/// log has an error of 2^-21 = 4.8e-7 near 1 and of 3 ulp elsewhere. At 0.105, where the series takes over, this is
-/// 4.5e-6 of the value. The series is as exact as its division. WGSL may flush the quotient of this division, x / 2.
+/// WGSL allows `log` an absolute error of 2^-21 = 4.8e-7 near 1, and 3 ulp elsewhere. For smaller values the shader
+/// uses a series. Where the series begins, the value is 0.105, so the relative error of `log` is at most 4.5e-6. The
+/// series has only the error of one division, whose result WGSL may flush to 0.
 #[test]
 fn minus_log_of_rest() {
     PBR.function("sampling::minus_log_of_rest")
@@ -171,13 +173,13 @@ fn minus_log_of_rest() {
     );
 }
 
-/// Alpha, v and u, with views down to the horizon.
+/// Arguments `alpha`, `v` and `u` of `ggx_visible_normal`. `v` is any direction down to the horizon.
 fn seen_normals() -> impl Domain<Value = (f32, Vec3, Vec2)> {
     (ALPHA, Hemisphere, half_open_square())
 }
 
-/// The length of the halfway vector in the space in which the surface is a hemisphere. There, the length is twice the
-/// cosine between view and normal.
+/// The length of the halfway vector from which the shader computes the normal. The shader first stretches the
+/// distribution of normals to a hemisphere. There, the length is twice the cosine between the view and the normal.
 fn halfway_length(alpha: f32, v: Vec3, u: Vec2) -> f64 {
     let (alpha, v, u) = (f64::from(alpha), v.as_dvec3(), u.as_dvec2());
     let h = sampling::ggx_visible_normal(alpha, v, u);
@@ -186,9 +188,9 @@ fn halfway_length(alpha: f32, v: Vec3, u: Vec2) -> f64 {
     2.0 * stretched.dot(unstretched)
 }
 
-/// The error of sin and cos moves the halfway vector by at most 2^-11, and turns a short vector more than a long one.
-/// The test leaves out normals seen at more than 83 degrees, one in 64. For all other normals the bound is 4.9e-4 /
-/// (1/4).
+/// The error of sin and cos moves the halfway vector by at most 2^-11. The shorter the vector is, the more this turns
+/// the normal. So the test leaves out normals at more than 83 degrees from the view, one in 64. The other halfway
+/// vectors are at least 1/4 long, so the error is at most 4.9e-4 / (1/4).
 #[test]
 fn ggx_visible_normal() {
     let domain = seen_normals().filter(|(alpha, v, u)| halfway_length(*alpha, *v, *u) > 0.25);
@@ -197,9 +199,9 @@ fn ggx_visible_normal() {
         .agrees_with(sampling::ggx_visible_normal, Abs(2e-3));
 }
 
-/// Includes the normals that the test above leaves out: grazing views and normals, and narrow lobes. A halfway vector
-/// of length s has a component of s^2 / 2 along the view. The error of sin and cos reduces this component by at most
-/// sqrt(2) 2^-11. From s = 0.04 on, the component stays positive on each driver.
+/// Also tests the normals that `ggx_visible_normal` leaves out. A halfway vector of length s has a component of s^2 / 2
+/// along the view. The error of sin and cos reduces this component by at most sqrt(2) 2^-11. If s is at least 0.04, the
+/// component stays positive on each driver.
 #[test]
 fn visible_normals_are_visible() {
     let visible = |(_, v, _): (f32, Vec3, Vec2), h: Vec3| {
@@ -214,7 +216,7 @@ fn visible_normals_are_visible() {
         .satisfies(statement, visible);
 }
 
-/// At normal incidence all facets are visible, so both samplers map u to the same normals.
+/// From straight above, all facets are visible, so `ggx_visible_normal` and `ggx_normal` return the same normals.
 #[test]
 fn all_normals_are_visible_from_above() {
     let domain = (ALPHA, Just(Vec3::Z), half_open_square());
@@ -224,8 +226,8 @@ fn all_normals_are_visible_from_above() {
     );
 }
 
-/// V.H is rounded to 1e-7 of its terms: at V.H = 0.01 the relative error is 1e-5. Normals that face away have
-/// density 0. The test leaves out normals that nearly face away.
+/// V.H has a rounding error of 1e-7, which is a relative error of 1e-5 at V.H = 0.01. The density of a normal with V.H
+/// < 0 is 0. The test leaves out normals with |V.H| below 0.01.
 #[test]
 fn ggx_visible_normal_pdf() {
     let domain = (Hemisphere, normals())
@@ -254,7 +256,8 @@ fn sampled_directions_have_unit_length() {
         .satisfies("has unit length", |_, normal: Vec3| unit(normal.length()));
 }
 
-/// The shader keeps the top 24 bits, which f32 represents exactly. The reference keeps all 32 bits.
+/// The shader keeps the highest 24 bits, which fit into an f32. The reference keeps all 32 bits, so the results may
+/// differ by 2^-24.
 #[test]
 fn radical_inverse() {
     PBR.function("sampling::radical_inverse")
@@ -265,13 +268,13 @@ fn radical_inverse() {
         .satisfies("lies in [0, 1)", |_, x: f32| (0.0..1.0).contains(&x));
 }
 
-/// An index and a count, `i < n`, for up to as many points as a renderer may use.
+/// An index `i` and a number of points `n`, with `i < n`. `n` is at most 2^22, more than renderers use.
 fn counters() -> impl Domain<Value = (u32, u32)> {
     (0.0..=1.0_f32, Integers(1..=1_u32 << 22))
         .map(|(share, n)| (((share * n as f32) as u32).min(n - 1), n))
 }
 
-/// The function computes one division (2.5 ulp). The radical inverse drops the bits below 2^-24.
+/// The function computes one division, with an error of 2.5 ulp. Its radical inverse drops the bits below 2^-24.
 #[test]
 fn hammersley() {
     let tolerance = Ulp(4.0).or(Abs(2.0_f64.powi(-24)));
@@ -283,7 +286,7 @@ fn hammersley() {
         .agrees_with(sampling::hammersley_centred, tolerance);
 }
 
-/// The length of the input differs from 1 by up to 1e-7, so the basis has this error, too.
+/// The length of the normal differs from 1 by up to 1e-7, so the basis has a similar error.
 #[test]
 fn orthonormal_basis() {
     PBR.function("sampling::orthonormal_basis")
@@ -291,8 +294,8 @@ fn orthonormal_basis() {
         .agrees_with(sampling::orthonormal_basis, Abs(1e-6));
 }
 
-/// Includes the poles: the construction of Duff et al. 2017 works at all directions, while the older construction fails
-/// at -Z.
+/// The basis is right even at the poles. The construction of Duff et al. 2017 works for all directions, while the
+/// construction before it fails at -Z.
 #[test]
 fn orthonormal_basis_is_a_rotation_onto_n() {
     PBR.function("sampling::orthonormal_basis").over(UnitVector).satisfies(
@@ -320,7 +323,7 @@ fn triples() -> impl Domain<Value = UVec3> {
     (any(), any(), any()).map(|(x, y, z)| UVec3::new(x, y, z))
 }
 
-/// Results are integers, so the test accepts no error. Integers wrap in WGSL and in the reference.
+/// The results are integers, so they must be equal. Integers wrap around in WGSL and in the reference.
 #[test]
 fn hashes() {
     PBR.function("sampling::pcg").over(Integers(0..=u32::MAX)).agrees_with(sampling::pcg, Ulp(0.0));
@@ -328,7 +331,7 @@ fn hashes() {
     PBR.function("sampling::stirred").over(triples()).agrees_with(sampling::stirred, Ulp(0.0));
 }
 
-/// 24 bits fit into an f32, so the results are equal to the reference, and below 1.
+/// Random numbers have 24 bits, which fit into an f32. So the results are exactly those of the reference, and below 1.
 #[test]
 fn random_numbers() {
     PBR.function("sampling::unit_float")
@@ -352,12 +355,13 @@ fn pow5() {
     PBR.function("math::pow5").over(-1.0..=1.0).agrees_with(math::pow5, Ulp(4.0));
 }
 
-/// Widths from the narrowest lobe that f32 samples resolve well to the widest lobe.
+/// Widths of lobes, from a lobe narrow enough to be hard for f32 samples to the widest lobe.
 fn widths() -> impl Domain<Value = f32> {
     OneOf(vec![0.01, 0.1, 0.5, 1.0])
 }
 
-/// Widths, and views from straight above to half a degree above the horizon, in directions without symmetries.
+/// Widths with views, from straight above to half a degree above the horizon. The azimuth of the views isn't along an
+/// axis.
 fn seen() -> impl Domain<Value = (f32, Vec3)> {
     let view = |degrees: f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -405,7 +409,7 @@ fn ggx_visible_normal_follows_its_pdf() {
         });
 }
 
-/// The mean of cos is 2/3, because its density is 2 cos.
+/// The mean of the sampled cosine is 2/3, because the density of the cosine is 2 cos.
 #[test]
 fn cosine_hemisphere_has_its_mean() {
     let sampled =
@@ -414,7 +418,8 @@ fn cosine_hemisphere_has_its_mean() {
     sampled().has_distribution("cos", |l: Vec3| l.z.into(), |(), cos| cos * cos, 1e-6);
 }
 
-/// WGSL's error of sin and cos, 5e-4, would hide a pi with too few digits.
+/// Tests the constants themselves. In other tests, the allowed error of sin and cos, 5e-4, would hide a pi with too few
+/// digits.
 #[test]
 fn constants() {
     use std::f64::consts::{PI, TAU};

@@ -17,8 +17,8 @@ fn sphere_centre() {
         .agrees_with(scene::sphere_centre, Ulp(1.0));
 }
 
-/// Without rounding, N.V is 1e-3 divided by the length of the vector before normalising. That length is at most
-/// sqrt(1 + 1e-6) if the normal faces away by less than LEAST_N_DOT_V, and otherwise less than 1.
+/// If N.V is below 1e-3, the shader moves the normal towards the viewer and normalises it. N.V is then 1e-3 divided by
+/// the length of the moved normal, which is at most sqrt(1 + 1e-6).
 #[test]
 fn facing_normal_faces_the_viewer() {
     // If both vectors are nearly opposite, their sum is too short to keep its digits.
@@ -32,7 +32,7 @@ fn facing_normal_faces_the_viewer() {
     );
 }
 
-/// The function computes two exact products and sums of values up to 1, each rounded once.
+/// The function computes two sums of values up to 1, each with one rounding, and two exact products.
 #[test]
 fn mask_coordinate() {
     PBR.function("scene::mask_coordinate")

@@ -5,7 +5,7 @@ use karat::check::{Agreement, Failure};
 use karat::prelude::*;
 use shaders::{PBR, sensor};
 
-/// WGSL may flush results below the smallest normal f32.
+/// The tolerance for results near 0, because WGSL may flush results below the smallest normal f32 to 0.
 const UNDERFLOW: Abs = Abs(1e-30);
 
 fn colors(most: f32) -> impl Domain<Value = Vec3> {
@@ -24,8 +24,8 @@ fn holds(result: Result<Agreement, Failure>) {
     }
 }
 
-/// WGSL allows log2 3 ulp, which is 6e-6 for a magnitude of up to 24, and 2^-21 near 0. Rounding the argument, by at
-/// most 7 ulp, adds 1.2e-6.
+/// WGSL allows `log2` an error of 3 ulp, which is 6e-6 for results of up to 24, and an absolute error of 2^-21 for
+/// results near 0. The argument of `log2` has an error of up to 7 ulp, which adds 1.2e-6.
 #[test]
 fn ev100_from_camera() {
     PBR.function("sensor::ev100_from_camera")
@@ -33,7 +33,8 @@ fn ev100_from_camera() {
         .agrees_with(sensor::ev100_from_camera, Abs(7e-6));
 }
 
-/// WGSL allows exp2 3 + 2 |x| ulp, which is 45 ulp at the brightest input. A division adds 2.5 ulp.
+/// WGSL allows `exp2(x)` an error of 3 + 2 |x| ulp, which is 45 ulp for the largest exposure value, 21. A division adds
+/// 2.5 ulp.
 #[test]
 fn exposure_from_ev100() {
     PBR.function("sensor::exposure_from_ev100")
@@ -41,7 +42,8 @@ fn exposure_from_ev100() {
         .agrees_with(sensor::exposure_from_ev100, Ulp(48.0));
 }
 
-/// WGSL allows exp2 3 + 2 |x| ulp, which is 23 ulp here. The rounding of the product adds up to 0.5 ulp.
+/// WGSL allows `exp2(x)` an error of 3 + 2 |x| ulp, which is 23 ulp for 10 stops. The rounding of the product adds up
+/// to 0.5 ulp.
 #[test]
 fn expose() {
     PBR.function("sensor::expose")
@@ -49,7 +51,7 @@ fn expose() {
         .agrees_with(sensor::expose, Ulp(24.0).or(UNDERFLOW));
 }
 
-/// The function computes three products and two sums of positive terms. WGSL may flush each product.
+/// The function computes three products and two sums of positive terms. WGSL may flush each product to 0.
 #[test]
 fn luminance() {
     PBR.function("sensor::luminance")
@@ -57,7 +59,7 @@ fn luminance() {
         .agrees_with(sensor::luminance, Ulp(4.0).or(Abs(3.0 * f64::from(f32::MIN_POSITIVE))));
 }
 
-/// The function computes two divisions, of 2.5 ulp each, and sums of positive terms.
+/// The function computes sums of positive terms, and two divisions, each with an error of 2.5 ulp.
 #[test]
 fn reinhard() {
     PBR.function("sensor::reinhard")
@@ -65,7 +67,8 @@ fn reinhard() {
         .agrees_with(sensor::reinhard, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// The errors are those of `reinhard`, and the error of the luminance in numerator and denominator.
+/// The result has the errors of `reinhard`. The luminance of the colour is also rounded, and occurs in the numerator
+/// and in the denominator.
 #[test]
 fn tone_map() {
     PBR.function("sensor::tone_map")
@@ -73,8 +76,8 @@ fn tone_map() {
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
 }
 
-/// The square of a white point next to 0 is below any f32, so all colours except black are brighter than white. A
-/// channel of 0 stays 0. The test uses dark colours, so the results don't exceed f32.
+/// Tests white points so small that their square underflows to 0. Almost all colours are brighter than these white
+/// points. A channel of 0 stays 0. The test uses only colours for which the results are finite in f32.
 // Lesson 31
 #[test]
 fn a_white_next_to_black() {
@@ -98,8 +101,8 @@ fn a_white_next_to_black() {
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
 }
 
-/// For smaller white points, a bright colour exceeds f32: the result is infinite, but not NaN. No verb accepts infinity
-/// as a result, so this test examines the bits.
+/// For white points below 1e-15, a bright colour exceeds the range of f32, so the result is infinite, but never NaN. No
+/// verb accepts infinity as a result, so this test examines the bits of the result.
 // Lesson 31
 #[test]
 fn no_white_makes_a_nan() {
@@ -124,7 +127,8 @@ fn no_white_makes_a_nan() {
     holds(bits);
 }
 
-/// The purpose of eq. 4: white becomes 1, and darker colours stay below 1.
+/// Tests the purpose of eq. 4 of the paper: the luminance of the white point becomes 1, and darker luminances become at
+/// most 1.
 #[test]
 fn reinhard_ends_at_white() {
     let darker = (0.0..=1.0_f32, 0.1..=1e4_f32).map(|(share, white)| (share * white, white));
@@ -135,10 +139,10 @@ fn reinhard_ends_at_white() {
     PBR.function("sensor::reinhard").over(white).agrees_with(|_: f64, _: f64| 1.0, Ulp(9.0));
 }
 
-/// WGSL computes a power as exp2(y log2 x). On the curved part of 0..=1, log2 x is at most 8.4, with an error of 3 ulp:
-/// 2.9e-6 (2^-21 near 1). The factors y and ln 2 turn this error into 8.3e-7 of the power. exp2(3.5) adds 10 ulp:
-/// 1.2e-6. Subtracting 0.055 raises the error to 3e-6 for the darkest results, from 0.04 on. Above 1, log2 and the
-/// exponent have similar sizes, so the same bound holds.
+/// WGSL computes a power x^y as exp2(y log2 x), here with y = 1 / 2.4. On the curved part of 0..=1, |log2 x| is at most
+/// 8.4, and 3 ulp of it are an error of 2.9e-6 (2^-21 near x = 1). Multiplied by y and ln 2, this is a relative error
+/// of 8.3e-7 of the power. exp2 of up to 3.5 adds 10 ulp, or 1.2e-6. Subtracting 0.055 raises the relative error to
+/// 3e-6 for the darkest results, 0.04. Above 1, log2 and the exponent have similar sizes, so the same bound holds.
 #[test]
 fn srgb_from_linear() {
     PBR.function("sensor::srgb_from_linear")
@@ -149,8 +153,9 @@ fn srgb_from_linear() {
         .agrees_with(sensor::srgb_from_linear, Rel(5e-6).or(UNDERFLOW));
 }
 
-/// The magnitude of log2 is at most 3.5, and its error is 7.2e-7. The factors y = 2.4 and ln 2 turn this error into
-/// 1.2e-6. Rounding the base adds 4 ulp times y (1.2e-6), and exp2(8.3) adds 20 ulp (2.4e-6).
+/// WGSL computes a power x^y as exp2(y log2 x), here with y = 2.4. |log2 x| is at most 3.5, with an error of 7.2e-7.
+/// Multiplied by y and ln 2, this is a relative error of 1.2e-6 of the power. The error of x, 4 ulp, adds 4 ulp times y
+/// (1.2e-6), and exp2 of up to 8.3 adds 20 ulp (2.4e-6).
 #[test]
 fn linear_from_srgb() {
     PBR.function("sensor::linear_from_srgb")
@@ -158,7 +163,7 @@ fn linear_from_srgb() {
         .agrees_with(sensor::linear_from_srgb, Rel(5e-6).or(UNDERFLOW));
 }
 
-/// Tests all codes that textures can hold. The distance between neighbouring codes is 30 times the error.
+/// Tests all 256 codes of textures with 8 bits per channel.
 #[test]
 fn linear_from_all_eight_bit_codes() {
     let codes = Integers(0..=255_u32).map(|code| Vec3::splat(code as f32 / 255.0));
@@ -167,7 +172,8 @@ fn linear_from_all_eight_bit_codes() {
         .agrees_with(sensor::linear_from_srgb, Rel(5e-6));
 }
 
-/// Outside 0..=1 no result is clamped or NaN: negative light stays on the straight part of the curve.
+/// The functions don't clamp negative values and don't return NaN for them, but continue the straight part of the sRGB
+/// curve.
 #[test]
 fn srgb_is_not_clamped() {
     let negative = (-1.0..=0.0_f32).map(Vec3::splat);
@@ -179,7 +185,7 @@ fn srgb_is_not_clamped() {
         .agrees_with(|color: DVec3| color / 12.92, Ulp(3.0));
 }
 
-/// Each code of eight bits survives the conversion to linear light and back.
+/// Converting each code of 8 bits to linear light and back gives the same code.
 #[test]
 fn eight_bit_codes_survive_a_round_trip() {
     let package = calling(
@@ -193,7 +199,8 @@ fn eight_bit_codes_survive_a_round_trip() {
     holds(codes.unrecorded().try_agrees_with(|code: u32| code, Ulp(0.0)));
 }
 
-/// The result has the errors of both functions. The slope of the second function multiplies the error of the first.
+/// Converting a colour to sRGB and back gives the same colour, except for the errors of both functions. The slope of
+/// the second function multiplies the error of the first function.
 #[test]
 fn colors_survive_a_round_trip() {
     let package = calling(
@@ -206,7 +213,8 @@ fn colors_survive_a_round_trip() {
     holds(colors.unrecorded().try_agrees_with(|color: DVec3| color, Rel(1.5e-5).or(UNDERFLOW)));
 }
 
-/// Raising the exposure by a stop and lowering it by a stop gives the original exposure.
+/// One step of the exposure value EV100 is one stop: brightening light by `ev100` stops cancels the exposure for
+/// `ev100`, except for its factor of 1 / 1.2.
 #[test]
 fn a_stop_of_exposure_value_is_a_stop_of_light() {
     let package = calling(

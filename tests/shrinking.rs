@@ -18,7 +18,7 @@ fn disagreement(result: Result<Agreement, Failure>) -> Disagreement {
     }
 }
 
-/// The arguments of the simplest case. They must be equal on every path.
+/// The arguments of the simplest case, which must be the same case on every path.
 #[track_caller]
 fn simplest(found: &Disagreement) -> Vec<String> {
     let mut all = found.paths.iter().map(|path| {
@@ -30,7 +30,7 @@ fn simplest(found: &Disagreement) -> Vec<String> {
     first
 }
 
-/// A function that is wrong where `x` is between 0.3 and 0.9 and `i` is above 4.
+/// A function that should return `n.z`, but returns 2 if `x` is between 0.3 and 0.9 and `i` is above 4.
 const THREE: &str = "fn f(n: vec3f, x: f32, i: u32) -> f32 {\n    \
                      return select(n.z, 2.0, x > 0.3 && x < 0.9 && i > 4u);\n}";
 
@@ -58,7 +58,8 @@ fn each_verb_reduces_its_worst_case() {
     assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "1", "5"]);
 }
 
-/// Karat simplifies the value before `map` changes it. Each value that Karat tries passes `filter`.
+/// Karat simplifies values before `map` changes them. So all values that Karat tries are in the domain and pass
+/// `filter`.
 // Lesson 41: shrinking and remembered inputs
 #[test]
 fn mapped_and_filtered_domains_are_reduced_within() {
@@ -76,7 +77,8 @@ fn mapped_and_filtered_domains_are_reduced_within() {
     assert_eq!(simplest(&disagreement(found)), ["(0.8, 0, 0.6)", "(0, 0, 1)"]);
 }
 
-/// A domain with samples from 1/2 to 1. It offers 0, 1/4 and 3/4 as simpler values.
+/// A domain with samples from 1/2 to 1. To simplify a sample, it offers 0, 1/4 and 3/4, even though 0 and 1/4 aren't
+/// samples.
 #[derive(Debug)]
 struct Upper;
 
@@ -90,7 +92,7 @@ impl Domain for Upper {
     }
 }
 
-/// Values for which the reference isn't finite give no verdict, and don't end the search.
+/// If the reference isn't finite for a simpler value, Karat skips this value and continues to simplify.
 #[test]
 fn a_reference_that_fails_on_the_way_is_passed_over() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return 1.01 / x; }");
@@ -99,7 +101,7 @@ fn a_reference_that_fails_on_the_way_is_passed_over() {
     assert_eq!(simplest(&disagreement(found)), ["0.25"]);
 }
 
-/// Reducing finds the same case each time, in whichever order the threads run.
+/// Karat finds the same simplest case in each run, although its threads run in another order each time.
 #[test]
 fn reducing_is_deterministic() {
     let package = Package::from_source("planted", THREE);
@@ -112,7 +114,7 @@ fn reducing_is_deterministic() {
     assert_eq!(run(), run());
 }
 
-/// A check that passes evaluates only its cases.
+/// If a check passes, Karat calls the statement once for each case, and tries no simpler values.
 #[test]
 fn a_check_that_passes_tries_nothing_more() {
     use std::sync::atomic::{AtomicU64, Ordering};
@@ -125,7 +127,7 @@ fn a_check_that_passes_tries_nothing_more() {
     assert_eq!(calls.into_inner(), 65_536 * paths, "{:?}", start.elapsed());
 }
 
-/// Runs the planted check in its own process, which stores inputs below `folder`.
+/// Runs `planted kept` with `change` in its own process, which keeps failing inputs in `folder`.
 fn kept(folder: &FilePath, change: &str, environment: &[(&str, &str)]) -> (bool, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
     for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FAILURES"] {
@@ -146,14 +148,14 @@ fn lines(folder: &FilePath) -> Vec<String> {
     text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
 }
 
-/// The block of a report from `title` to its replay command.
+/// The lines of a report below `title` that show one case.
 #[track_caller]
 fn block<'a>(text: &'a str, title: &str) -> Vec<&'a str> {
     let from = text.find(title).unwrap_or_else(|| panic!("`{title}` is missing in:\n{text}"));
     text[from..].lines().skip(1).take_while(|line| line.starts_with("   ")).collect()
 }
 
-/// The environment variables of the replay command that follows `title`.
+/// The names and values of the environment variables in the replay command that follows `title`.
 #[track_caller]
 fn replay<'a>(text: &'a str, title: &str) -> Vec<(&'a str, &'a str)> {
     let from = text.find(title).unwrap_or_else(|| panic!("`{title}` is missing in:\n{text}"));
@@ -162,7 +164,7 @@ fn replay<'a>(text: &'a str, title: &str) -> Vec<(&'a str, &'a str)> {
     words.map_while(|word| word.split_once('=')).collect()
 }
 
-/// The replay command runs only the simplest case of the report.
+/// The replay command of the simplest case runs only this case, and fails in the same way.
 #[test]
 fn the_simplest_case_is_replayed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -192,8 +194,8 @@ fn the_simplest_case_is_replayed() {
     assert!(!passed && text.contains("KARAT_INPUT needs KARAT_CASE"), "{text}");
 }
 
-/// Karat also simplifies, replays and remembers samples that a verb adds to the arguments, and cases that don't consist
-/// of `u32`s.
+/// Some verbs add samples to the arguments, such as `x'` or a rotation, and cases of integrals may be any Rust value.
+/// Karat also simplifies, replays and remembers such cases.
 #[test]
 fn properties_and_integrals_are_reduced_replayed_and_remembered() {
     for (fault, simplest, kept_line) in [
@@ -241,7 +243,8 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
     }
 }
 
-/// No seed samples the failing integral. The check fails because Karat remembers the input.
+/// Only the case 0.36 fails, which the check doesn't sample. The check fails because Karat remembers this case from a
+/// previous failure.
 #[test]
 fn a_remembered_integral_fails_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -259,7 +262,8 @@ fn a_remembered_integral_fails_again() {
     assert!(passed && text.contains("(case = \"0.36\") is ignored"), "{text}");
 }
 
-/// Karat stores a failing input once, tries it again, and keeps it after it passes.
+/// Karat keeps a failing input once, even if it fails again. The input stays in the file after the function is mended
+/// and the check passes.
 // Lesson 41: shrinking and remembered inputs
 #[test]
 fn failing_inputs_are_remembered() {
@@ -278,7 +282,7 @@ fn failing_inputs_are_remembered() {
     assert_eq!(lines(folder.path()).len(), 1, "what passes stays");
 }
 
-/// No seed samples the failing input. The check fails only if Karat remembers the input.
+/// The check doesn't sample the failing input. It fails only if Karat reads the input from the file of failing inputs.
 #[test]
 fn a_remembered_input_fails_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -302,7 +306,8 @@ fn a_remembered_input_fails_again() {
     assert!(passed, "{text}");
 }
 
-/// Karat skips a remembered input that the function or the domain no longer accepts, and prints a note.
+/// Karat ignores a remembered input if the function now takes other arguments or the domain no longer contains the
+/// input. It prints a note.
 #[test]
 fn remembered_inputs_that_no_longer_fit_are_ignored() {
     for (first, then, note) in [
@@ -324,7 +329,7 @@ fn remembered_inputs_that_no_longer_fit_are_ignored() {
     }
 }
 
-/// In CI and in the `try_` functions, Karat writes nothing. If a folder isn't writable, Karat prints a note.
+/// Karat keeps no failing inputs in CI, or of unrecorded checks. If Karat can't write to the folder, it prints a note.
 #[test]
 fn nothing_is_written_where_it_is_not_wanted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -343,7 +348,8 @@ karat::shareable! {
     struct Mixed mirrors MixedMirror { a: f32, v: Vec3, n: i32, flags: [u32; 2], on: bool }
 }
 
-/// Every type of argument arrives unchanged from uniform buffers, storage buffers and constants.
+/// Arguments of every type reach the function unchanged, whether Karat passes them in uniform buffers, in storage
+/// buffers or as constants.
 // Lesson 40: arguments from uniform buffers and as constants
 #[test]
 fn arguments_come_from_every_source() {
@@ -376,7 +382,8 @@ fn arguments_come_from_every_source() {
     assert_eq!(names.len() % 3, 0, "{names:?}");
 }
 
-/// Karat reports, simplifies and replays a fault that only appears for arguments from one source, for each source.
+/// Karat reports, simplifies and replays a fault with each of the three sources of arguments: storage buffers, uniform
+/// buffers and constants.
 // Lesson 40: arguments from uniform buffers and as constants
 #[test]
 fn a_fault_is_found_from_every_source() {

@@ -9,8 +9,8 @@ use shaders::{PBR, environment, fresnel, specular};
 
 use crate::drivers::{CUT_OFF, NVIDIA, SWIFTSHADER};
 
-/// The error that SwiftShader's sine and cosine cause in the mean over the samples. For one sample the error is up to
-/// 1.9e-4, with either sign. For the mean, half of this error was measured.
+/// The tolerance for the errors of SwiftShader's sine and cosine in a mean over samples. The error of one sample is up
+/// to 1.9e-4, positive or negative. The largest measured error of a mean is half of that.
 const AZIMUTHS: Abs = Abs(2e-4);
 
 /// A normal and a view on the normal's side of the surface. N.V is at least `least`.
@@ -34,13 +34,13 @@ fn white(_: DVec3) -> DVec3 {
     DVec3::ONE
 }
 
-/// Widths of lobes. Widths below 2e-4 become 0, a mirror.
+/// Widths of lobes in 2e-4..=1, and the width 0, which is a mirror.
 fn widths() -> impl Domain<Value = f32> {
     (1e-4..=1.0_f32).map(|alpha| if alpha < 2e-4 { 0.0 } else { alpha })
 }
 
-/// In a furnace, a microfacet surface with f0 = 1 reflects the light that masking leaves, so at most all light. The
-/// error of the quadrature with 64 normals is up to 5e-3.
+/// In a white furnace, a microfacet surface with f0 = 1 reflects at most the incoming light, because masking and
+/// shadowing only remove light. The estimate with 64 normals has an error of up to 5e-3.
 #[test]
 fn a_white_furnace_gives_no_more_than_its_light() {
     furnace()
@@ -54,9 +54,10 @@ fn a_white_furnace_gives_no_more_than_its_light() {
         });
 }
 
-/// Compares weights and directions of the shader's simplified sum with the general form, which has D in both f and pdf.
-/// N.V is a sum of three products, rounded to 1e-7, and divides the weights. The relative error of the weights is 1e-7
-/// / N.V. At the horizon, where samples are rejected, the slope of the weights has the same relative error.
+/// Compares the shader's sum, in which D is cancelled, with the reference, which has D in both f and pdf. The shader
+/// divides weights by N.V, which is a sum of three products with a rounding error of 1e-7. So the weights have a
+/// relative error of 1e-7 / N.V. At the horizon, where samples are rejected, an error of a direction also changes a
+/// weight by up to this much.
 #[test]
 fn estimate() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
@@ -72,7 +73,7 @@ fn estimate() {
     }
 }
 
-/// Width 0 is a mirror, which reflects by Fresnel only.
+/// For a width of 0, a mirror, the reflected light is exactly the Fresnel reflectance.
 #[test]
 fn a_mirror_reflects_by_fresnel_alone() {
     let domain = (UnitRgb, seen(1e-3)).map(|(f0, (n, v))| (f0, 0.0_f32, n, v, 1_u32));
@@ -84,32 +85,33 @@ fn a_mirror_reflects_by_fresnel_alone() {
 
 const SIZE: u32 = 64;
 
-/// An environment with another colour for each direction. The colours change slowly over the width of a texel.
+/// An environment with a different colour in each direction. The colours change slowly between texels.
 fn colours() -> CubeMap {
     CubeMap::from_fn(SIZE, |d| 0.5 * (d + Vec3::ONE)).with_mips()
 }
 
-/// Light from a cube map, with the values that a linear sampler returns.
+/// Returns a function that looks up `cube_map` as a linear sampler does.
 fn from(cube_map: &CubeMap) -> impl Fn(DVec3, f64) -> DVec3 {
     move |d, level| cube_map.sample_level(d, level).truncate()
 }
 
-/// Checks if a look-up at `level` reads only one face. Across edges, wgpu's desktop GL clamps to the face.
+/// Checks if a look-up at mip level `level` reads texels of only one face. Tests leave out other look-ups, because
+/// wgpu's desktop GL doesn't filter across edges.
 fn on_one_face(d: DVec3, level: f64) -> bool {
     let margin = 0.5 * level.ceil().exp2() / f64::from(SIZE);
     let uv = environment::face_point(d).uv;
     (uv - DVec2::splat(0.5)).abs().max_element() <= 0.5 - margin
 }
 
-/// The error of filtered colours. The weights of the filter have 8 bits, and their error is multiplied by half a
-/// texel's slope (1/64) and by the weights of samples, up to 2.
+/// The error of filtered colours. The weights of the filter have 8 bits. Their error multiplies the difference between
+/// neighbouring texels (1/64) and the weight of a sample, which is at most 2.
 const COLOUR: Abs = Abs(2.0 * 3.0 / 512.0 / 64.0);
 
-/// The error of filtered colours on GL, where texels have 11 bits.
+/// The error of filtered colours on GL, where texels are half floats with 11 significant bits.
 const COLOUR_OF_HALVES: Abs = Abs(2.0 * (3.0 / 512.0 / 64.0 + 2.5e-4));
 
-/// The light depends on the direction, so the test covers the direction, the weight and the Fresnel reflectance of each
-/// sample.
+/// The light depends on the direction, so a wrong direction, weight or Fresnel reflectance of a sample changes the
+/// result.
 // Lesson 22: a tolerance of one path
 #[test]
 fn estimate_of_colours() {
@@ -161,8 +163,8 @@ fn filtered_estimate_of_colours() {
     );
 }
 
-/// The colour of each level is the level's number, so the result is the mean level of the samples over the whole
-/// sphere. Fractions of levels have 8 bits.
+/// Each mip level has its own number as its colour, so the result is the weighted mean of the levels that the shader
+/// reads. Drivers round the weights between two levels to 8 bits.
 #[test]
 fn the_levels_of_filtered_estimate() {
     let levels = (0..7).map(|level| vec![[level as f32; 4]; 6 << (2 * (6 - level))]).collect();
@@ -181,7 +183,8 @@ fn the_levels_of_filtered_estimate() {
         );
 }
 
-/// Filtering doesn't change constant light, so the results are those of `estimate` in a furnace.
+/// Filtering doesn't change constant light, so `filtered_estimate` returns the results of `estimate` in a white
+/// furnace.
 #[test]
 fn constant_light_is_exact_at_every_level() {
     let domain =
@@ -208,7 +211,8 @@ fn split_sum_table() {
     }
 }
 
-/// Scale and bias are shares, and their sum is a share, too: the light that a surface with f0 = 1 returns in a furnace.
+/// Scale and bias are at least 0. Their sum is the share of light that a surface with f0 = 1 reflects in a white
+/// furnace, so it is at most 1.
 #[test]
 fn the_table_conserves_energy() {
     PBR.function("specular::split_sum_table")
@@ -219,8 +223,8 @@ fn the_table_conserves_energy() {
         });
 }
 
-/// The function adds two positive products and multiplies the sum by the light. WGSL may flush the products and the
-/// sum, before and after the multiplication: (2 * 50 + 1) * 1.2e-38.
+/// The function adds two positive products and multiplies the sum by the light. WGSL may flush tiny products to 0,
+/// before and after the multiplication. This changes the result by at most (2 * 50 + 1) * 1.2e-38.
 #[test]
 fn split_sum() {
     let table = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y));
@@ -270,7 +274,7 @@ fn prefiltered_level() {
         .agrees_with(specular::prefiltered_level, Ulp(5.0));
 }
 
-/// The function squares a quotient of 2.5 ulp.
+/// The function squares a quotient that has an error of 2.5 ulp.
 #[test]
 fn prefiltered_alpha() {
     let domain = (0.0..=1.0_f32, Integers(2..=16_u32))
@@ -280,8 +284,9 @@ fn prefiltered_alpha() {
         .agrees_with(specular::prefiltered_alpha, Ulp(6.0));
 }
 
-/// If the view lies in the plane of the table, table and estimator use the same samples, so the split sum is the full
-/// estimator for constant light. N.V is exact here, but the length of the view isn't: V.H has an error of 1e-7 / N.V.
+/// If the view is in the XZ plane, as for the split sum's table, the table and `estimate` use the same samples. So for
+/// constant light, the split sum agrees with `estimate`. N.V is exact here, but the length of the view is rounded, so
+/// the results have a relative error of 1e-7 / N.V.
 #[test]
 fn the_split_sum_is_exact_for_constant_light() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
@@ -299,10 +304,11 @@ fn the_split_sum_is_exact_for_constant_light() {
     }
 }
 
-/// If the view is along the normal, N = V = R. Then the split sum is within half of the full estimator for every normal
-/// in the studio. At N.V = 0.3 the results differ by more than a factor of 4: the split sum's lobe is a circle around
-/// the mirror direction and shows a lamp, while the true lobe is stretched and spreads the lamp thinly. (For alpha =
-/// 0.3 the mean difference is 8 % along the normal and 41 % at N.V = 0.3: see the tests of the Rust twin.)
+/// If the view is along the normal, the split sum differs from `estimate` by less than a factor of 2 for every normal
+/// in the studio. At N.V = 0.3 some results differ by more than a factor of 4. There, the split sum's lobe is a circle
+/// around the mirror direction and may show a lamp brightly, while the true lobe is stretched and spreads the lamp's
+/// light. (For alpha = 0.3, the mean difference is 8 % along the normal and 41 % at N.V = 0.3: see the tests of the
+/// reference.)
 #[test]
 fn the_split_sum_in_the_studio() {
     let cube_map = CubeMap::from_texels(SIZE, environment::cube_map(SIZE, environment::studio));
@@ -328,9 +334,9 @@ fn the_split_sum_in_the_studio() {
     let _ = found(0.3, Rel(0.75)).expect_err("the split sum is as close at grazing");
 }
 
-/// Tests a sun of 4 degrees, seen in a surface of alpha = 0.3 with 32 samples, about 10 degrees apart. With higher
-/// levels, the sun's light is right within 40 %. With only the first level, a sample hits or misses the sun, and the
-/// result is 0 or 2.5 times too bright.
+/// A surface with alpha = 0.3 reflects a sun that is 4 degrees wide. The 32 samples are about 10 degrees apart. If the
+/// shader reads higher mip levels, the reflected light has an error of at most 40 %. If it reads only the first level,
+/// samples may miss the sun, and the result may be 0 or 2.5 times too bright.
 #[test]
 fn higher_levels_hold_a_small_sun() {
     let axis = DVec3::new(0.2, 0.3, 1.0).normalize();
@@ -363,8 +369,8 @@ fn higher_levels_hold_a_small_sun() {
         .expect_err("32 samples find a sun of 4 degrees");
 }
 
-/// A narrowing lobe becomes a mirror: the table becomes (1 - F_c, F_c). The 64 samples reach up to 11 alpha from the
-/// mirror direction, and lose light there in proportion to alpha.
+/// As alpha approaches 0, the surface becomes a mirror, and the table approaches (1 - F_c, F_c) with F_c = (1 - N.V)^5.
+/// The 64 samples are up to 11 alpha away from the mirror direction, so the error is proportional to alpha.
 #[test]
 fn the_table_of_a_mirror() {
     let mirror = |_: f64, n_dot_v: f64, _: u32| {

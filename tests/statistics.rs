@@ -1,8 +1,9 @@
-//! Tests the faults that statistical checks find, their power, and how rarely they reject a right sampler.
+//! Tests which faults the statistical checks find, if they state their power correctly, and how rarely they reject a
+//! right sampler.
 //!
-//! Each planted fault is small, because a fault that a few hundred samples show proves little. On the CPU, the rate of
-//! rejected right samplers is measured over a thousand seeds, with the statistical tests that the checks use. Another
-//! test measures the rate again on a driver, over fewer seeds.
+//! The planted faults are small, because finding a large fault would prove little about a check. On the CPU, the tests
+//! measure over a thousand seeds how often each statistical test rejects a right sampler. One more test measures this
+//! rate for whole checks on a driver, over fewer seeds.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +18,7 @@ use karat::unstable::stats::{
 };
 use shaders::PBR;
 
-/// Right and wrong samplers and densities.
+/// A package with right and wrong samplers and densities.
 fn planted() -> Package {
     let text = "
         import pbr::sampling::{ggx_normal, ggx_normal_pdf, cosine_hemisphere, turned, ggx};
@@ -224,7 +225,7 @@ fn rejected(result: Result<Fit, Failure>) -> Rejection {
     }
 }
 
-/// The kinds of findings. They must be equal on each path.
+/// The findings of a rejected check. Their kinds must be the same on all paths.
 #[track_caller]
 fn findings(result: Result<Fit, Failure>) -> Vec<Finding> {
     let kinds = |of: &[Finding]| of.iter().map(std::mem::discriminant).collect::<Vec<_>>();
@@ -236,7 +237,7 @@ fn findings(result: Result<Fit, Failure>) -> Vec<Finding> {
     first
 }
 
-/// The p-value of the chi-square finding, which must be the only finding.
+/// The p-value of the chi-square test, which must be the first finding.
 #[track_caller]
 fn chi_square_alone(result: Result<Fit, Failure>) -> f64 {
     match findings(result)[..] {
@@ -266,7 +267,7 @@ fn ggx_power(pdf: &str, samples: u64) -> f64 {
         .least
 }
 
-/// Checks a sampler of [`planted`] against the density of the cosine, or against another density.
+/// Checks a sampler of [`planted`] against a density of [`planted`], such as `cosine_pdf`.
 fn cosine_against(sampler: &str, pdf: &str) -> Result<Fit, Failure> {
     let planted = planted();
     planted
@@ -285,8 +286,9 @@ fn a_pdf_of_the_wrong_scale_is_rejected() {
     assert_eq!(ggx_power("scaled_pdf", 1 << 18), 1.0);
 }
 
-/// If a density integrates to more than 1, it leaves out a negative part, and the check doesn't report this part as a
-/// finding. If the integral exceeds 1 only by rounding, each sample outside the domain is a finding.
+/// The check computes the expected share of samples outside of the support as 1 minus the integral of the density. If
+/// the integral exceeds 1 by a fault, the only finding is the wrong integral. If it exceeds 1 only by rounding, the
+/// expected share is 0, so samples outside of the support are a finding.
 // Lesson 68
 #[test]
 fn a_density_above_one_leaves_nothing_out() {
@@ -303,8 +305,9 @@ fn a_density_above_one_leaves_nothing_out() {
     assert!(left > 10 && expected == 0.0, "{found:?}");
 }
 
-/// The peak of a lobe with alpha 0.01 is read from a texel: a half float stores 3183.1 as 3184. The check accepts the
-/// density on each path, for any format of the path's textures, but rejects a peak with a larger error.
+/// The density reads the peak of a lobe with alpha 0.01, 3183.1, from a texel. On paths with half-float textures, the
+/// texel is 3184. The check accepts the density on each path, because it knows the texture's rounding, but rejects a
+/// larger error of the peak.
 // Lesson 68
 #[test]
 fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
@@ -329,7 +332,8 @@ fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
     assert!(matches!(found[..], [Finding::Mass { .. }]), "{found:?}");
 }
 
-/// All statistical tests of a check together reject a right sampler with the stated probability.
+/// A check runs several statistical tests, and divides its significance among them. So all tests together reject a
+/// right sampler with the stated probability.
 // Lesson 72
 #[test]
 fn a_check_shares_its_significance_among_its_tests() {
@@ -351,7 +355,8 @@ fn a_check_shares_its_significance_among_its_tests() {
     }
 }
 
-/// The noncentrality is n 0.05^2 = 655 at 2^18 samples, which is twenty standard deviations of chi-square.
+/// For n = 2^18 samples, the noncentrality of chi-square is n 0.05^2 = 655, which is twenty of its standard deviations.
+/// So the check certainly rejects the density.
 // Lesson 7
 #[test]
 fn a_pdf_that_is_five_percent_wrong_is_rejected() {
@@ -361,7 +366,8 @@ fn a_pdf_that_is_five_percent_wrong_is_rejected() {
     assert!(ggx_power("tilted_pdf", 1024) < 0.1);
 }
 
-/// The stated power is right: at a power of one half, about half of the runs detect the fault.
+/// The share of runs that detect a fault agrees with the power that Karat states. The test uses a fault with a power
+/// near one half.
 // Lesson 7
 #[test]
 fn power_is_what_it_is_said_to_be() {
@@ -391,14 +397,15 @@ fn a_squared_alpha_is_rejected() {
     assert!(ggx_power("squared_pdf", 4096) > 0.999_999);
 }
 
-/// The density has two faults: its integral is about 2 / (1 + alpha), and its shape is wrong.
+/// Without the cosine, the density has two faults: its integral is about 2 / (1 + alpha) instead of 1, and its shape is
+/// wrong.
 #[test]
 fn a_missing_cosine_is_rejected() {
     let found = findings(ggx_against("without_cosine_pdf"));
     assert!(matches!(found[..], [Finding::Mass { .. }, Finding::ChiSquare { .. }]), "{found:?}");
 }
 
-/// The factor 1 / (4 V.H) is missing, so the integral is the mean of 4 V.H, far above 1.
+/// The faulty density lacks the factor 1 / (4 V.H), so its integral is the mean of 4 V.H, which is far above 1.
 // Lesson 7
 #[test]
 fn a_missing_jacobian_is_rejected() {
@@ -433,7 +440,7 @@ fn a_missing_stratum_is_rejected() {
     assert!(chi_square_alone(cosine_against("stratum_missing", "cosine_pdf")) < 1e-12);
 }
 
-/// Three samples in a hundred have an azimuth that depends on the height.
+/// In the planted sampler, three samples in a hundred have an azimuth that depends on their height.
 // Lesson 7
 #[test]
 fn correlated_random_numbers_are_rejected() {
@@ -456,7 +463,7 @@ fn what_cannot_be_is_rejected_outright() {
     assert!(matches!(found[0], Finding::NotFinite { .. }), "{found:?}");
 }
 
-/// A check without evidence is an error.
+/// A check that could prove nothing is an error: for example, a check with too few samples.
 #[test]
 fn what_proves_nothing_is_an_error() {
     let planted = planted();
@@ -539,8 +546,8 @@ fn means_and_distributions_that_are_wrong_are_rejected() {
     assert!(matches!(found[..], [Finding::NotFinite { .. }]), "{found:?}");
 }
 
-/// The density and the samples leave out the same part of the integrand. The samples fit the density, but the estimate
-/// lacks that part.
+/// The sampler never samples one part of the integrand, and its density is 0 there. The samples fit the density, so
+/// `follows` passes. `estimates` finds that the mean lacks this part of the integral.
 // Lesson 15: planted faults
 #[test]
 fn an_estimate_that_misses_a_part_is_rejected() {
@@ -554,7 +561,9 @@ fn an_estimate_that_misses_a_part_is_rejected() {
     assert!((mean / expected - 0.75).abs() < 1e-3, "{mean} {expected}");
 }
 
-/// The check places cells where samples are. Equal samples don't reduce the number of cells.
+/// The planted samplers have lost a dimension: their samples all have the same azimuth, or are among only 64 values.
+/// Karat places the cells of its histogram by samples. Even if many samples are equal, the check has enough cells to
+/// find the fault.
 #[test]
 fn a_sampler_that_has_lost_a_dimension_is_rejected() {
     let planted = planted();
@@ -601,7 +610,8 @@ fn a_die_has_the_distribution_of_a_die() {
     }
 }
 
-/// Few observations of a rare event don't disprove the probability of the event.
+/// If an event is so rare that the samples contain it at most once, `has_mean` gives no verdict on the mean, but asks
+/// for more samples.
 #[test]
 fn the_mean_of_a_rare_event_is_no_verdict() {
     let planted = planted();
@@ -626,7 +636,8 @@ fn an_interval_of_no_length_is_refused() {
     }
 }
 
-/// A density with a wrong factor gives a mean with the same wrong factor.
+/// The estimator divides by a density with a wrong factor, so the mean is wrong by the same factor, and the check finds
+/// it.
 // Lesson 15: planted faults
 #[test]
 fn an_estimate_by_a_scaled_density_is_rejected() {
@@ -644,8 +655,8 @@ fn an_estimate_by_a_scaled_density_is_rejected() {
     assert!(found.iter().any(|f| matches!(f, Finding::Mean { .. })), "{found:?}");
 }
 
-/// If all weights are equal, their mean is exact except for rounding. The check rejects a mean with five times that
-/// error, although the density's own integral may have a larger error.
+/// If all weights of an estimate are equal, their mean has no error except rounding. The check rejects a mean with five
+/// times the rounding error, even if `mass_within` allows the density's integral a larger error.
 // Lesson 72
 #[test]
 fn a_mean_is_granted_no_more_than_rounding() {
@@ -704,7 +715,7 @@ fn a_rejection_names_its_files_and_how_to_replay_it() {
     }
 }
 
-/// The text with `#` in place of each number.
+/// Replaces each number in the text by `#`.
 fn shape(text: &str) -> String {
     let (mut shape, mut before) = (String::new(), ' ');
     let mut rest = text.trim_end().chars().peekable();
@@ -774,7 +785,7 @@ fn cosine_coordinates(source: &mut Source) -> [f64; 2] {
     [source.unit().sqrt().asin(), TAU * source.unit()]
 }
 
-/// The integral of the cosine's density over a cell.
+/// The integral of the cosine's density over each cell.
 fn cosine_masses(cells: &Cells) -> Vec<f64> {
     let mass = |cell| {
         let bounds = cells.rectangle(cell);
@@ -800,8 +811,8 @@ fn cosine_histogram(seed: u64, samples: u64) -> (Cells, Vec<u64>) {
     (cells, observed)
 }
 
-/// The rate of rejections and the distribution of the p-values. The p-values are uniformly distributed if the
-/// approximation is good.
+/// Computes a p-value for each seed. Returns the rates of rejections at significance 0.01 and 0.1, and the p-value of a
+/// test that the p-values are uniformly distributed.
 fn calibrated(mut p_value: impl FnMut(u64) -> f64) -> (Rate, Rate, f64) {
     let mut p: Vec<f64> = (0..SEEDS).map(&mut p_value).collect();
     let rate = |significance| Rate {
@@ -825,7 +836,7 @@ fn chi_square_rejects_as_often_as_it_says() {
     assert!(uniform > 1e-3, "{uniform}");
 }
 
-/// Half of the cells expect fewer than five samples, so they are pooled.
+/// Half of the cells expect fewer than five samples, so the chi-square test pools these cells.
 #[test]
 fn pooled_chi_square_rejects_as_often_as_it_says() {
     let (one, ten, _) = calibrated(|seed| {
@@ -860,7 +871,8 @@ fn means_reject_as_often_as_they_say() {
     assert!(uniform > 1e-3, "{uniform}");
 }
 
-/// Means and distributions have the stated power: at a power of one half, half of the runs detect the fault.
+/// For checks of means and distributions, the share of runs that detect a fault agrees with the power that Karat
+/// states. The test uses faults with a power near one half.
 #[test]
 fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
     let cosine = |l: Vec3| f64::from(l.z);
@@ -902,7 +914,7 @@ fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
     assert!(rate.share() < 1.0, "{rate:?}");
 }
 
-/// The distribution is discrete, so the check rejects slightly less often than stated.
+/// The binomial distribution is discrete, so the test rejects slightly less often than its significance.
 #[test]
 fn binomial_tails_reject_no_more_often_than_they_say() {
     let (one, ten, _) = calibrated(|seed| {
@@ -913,7 +925,8 @@ fn binomial_tails_reject_no_more_often_than_they_say() {
     assert!(one.is_within(0.01) && ten.is_within(0.1), "{one:?} {ten:?}");
 }
 
-/// The density has an error of 8 % rms, at 4,096 samples and 128 cells.
+/// The claimed density is 8 % too high in half of the 128 cells and 8 % too low in the others. The share of runs that
+/// reject it, with 4,096 samples, agrees with the stated power.
 #[test]
 fn power_is_calibrated_too() {
     let tilt = |cells: &Cells, masses: &[f64]| -> Vec<f64> {
@@ -940,7 +953,8 @@ fn power_is_calibrated_too() {
     assert!(accepts(chance, 1e-3), "{said:?}, but {rate:?}");
 }
 
-/// Measures on a driver how often complete checks reject right samplers, with several options.
+/// Measures on a driver how often a whole check rejects a right sampler. Its significance is 0.1, shared between two
+/// widths.
 // Lesson 7: no more alarms than announced
 #[test]
 fn checks_of_right_samplers_reject_as_often_as_they_say() {

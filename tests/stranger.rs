@@ -1,4 +1,4 @@
-//! Tests Karat in a project with its own workspace, outside this repository.
+//! Tests Karat as a user has it: in a project with its own workspace, outside of this repository.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path as FilePath, PathBuf};
@@ -16,7 +16,7 @@ const BRDF: &str = "import package::math::{PI, pow5};\n\n\
         return f0 + (1.0 - f0) * pow5(1.0 - cosine);\n}\n\n\
     fn lambert(albedo: f32, n_dot_l: f32) -> f32 {\n    return albedo / PI * n_dot_l;\n}\n";
 
-/// The planted fault multiplies by pi instead of dividing by pi.
+/// The planted fault, as the original and the changed text. The fault multiplies by pi instead of dividing by pi.
 const FAULT: (&str, &str) = ("albedo / PI", "albedo * PI");
 
 const TESTS: &str = r#"
@@ -42,7 +42,7 @@ fn lambert() {
 }
 "#;
 
-/// Snippets that rustc must refuse. Each error must say how to write the code correctly.
+/// Tests with mistakes that rustc must refuse. Each of rustc's errors must say how to write the test correctly.
 const MISFITS: &str = r#"
 use karat::prelude::*;
 
@@ -77,10 +77,10 @@ fn arguments_of_f64() {
 }
 "#;
 
-/// Features of common libraries in this workspace. With these features the test reuses libraries that Cargo compiled
-/// for this program. Without them Cargo compiles most libraries again. `cargo tree -f "{p} [{f}]"` in both workspaces
-/// shows the differences. The project of `karat render`'s tests has the same features, so Cargo compiles Karat once for
-/// both.
+/// Dependencies of the test project, with the features that this workspace gives the same libraries. With these
+/// features Cargo reuses the libraries that it compiled for this workspace. Without them Cargo compiles most libraries
+/// again. `cargo tree -f "{p} [{f}]"` in both workspaces shows the differences. The project in the tests of `karat
+/// render` has the same features, so Cargo compiles Karat once for both projects.
 const SHARED: &str = "\
     clap = { version = \"4\", features = [\"derive\", \"env\", \"wrap_help\"] }\n\
     indexmap = \"2\"\n\
@@ -145,7 +145,8 @@ impl Project {
         std::fs::write(path, text).expect("written");
     }
 
-    /// Runs a program in the project as the project's user does, without the environment variables of this run.
+    /// Runs a program in the project, as a user of the project would, without the environment variables of this test
+    /// run.
     fn run(&self, program: &FilePath, arguments: &[&str]) -> Ran {
         let ran = self.command(program, arguments).output();
         Ran::of(ran.unwrap_or_else(|error| panic!("{}: {error}", program.display())))
@@ -204,7 +205,8 @@ fn cargo() -> PathBuf {
     std::env::var_os("CARGO").map_or_else(|| PathBuf::from("cargo"), PathBuf::from)
 }
 
-/// Builds the command line program from the current sources: `cargo test` of this package builds only Karat's library.
+/// Builds the program `karat` from the current sources, because `cargo test` of this package builds only Karat's
+/// library.
 fn karat() -> PathBuf {
     let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
     let profile = match folder.file_name().and_then(|name| name.to_str()) {
@@ -232,7 +234,7 @@ fn karat() -> PathBuf {
     folder.join("karat").with_extension(std::env::consts::EXE_EXTENSION)
 }
 
-/// The columns of the row for `function`.
+/// The words in the table's row for `function`.
 fn row<'a>(table: &'a str, function: &str) -> Vec<&'a str> {
     let line = table.lines().find(|line| line.starts_with(function));
     line.unwrap_or_else(|| panic!("no row of {function} in:\n{table}")).split_whitespace().collect()
@@ -304,7 +306,7 @@ fn a_project_of_its_own() {
     edits_are_followed(&karat, &project);
 }
 
-/// `karat mutate` runs the compiled programs of tests in Rust, and builds nothing for a mutant.
+/// `karat mutate` runs the compiled Rust tests for each mutant, and compiles nothing for a mutant.
 fn mutants_are_tried(karat: &FilePath, project: &Project) {
     let before = remembered(project);
     let lambert = project.run(karat, &["mutate", "--only", "lambert", "--all"]);
@@ -327,7 +329,7 @@ fn mutants_are_tried(karat: &FilePath, project: &Project) {
     project.write("shaders/brdf.wgsl", BRDF);
 }
 
-/// The stored inputs on which tests have failed.
+/// The files of the project with failing inputs that Karat keeps, and the text of each file.
 fn remembered(project: &Project) -> Vec<(PathBuf, String)> {
     let (mut folders, mut all) = (vec![project.folder.path().join(".karat")], Vec::new());
     while let Some(folder) = folders.pop() {
@@ -342,7 +344,7 @@ fn remembered(project: &Project) -> Vec<(PathBuf, String)> {
     all
 }
 
-/// A running `karat watch` on one path.
+/// A running `karat watch` on the path `cpu`, and the lines that it prints.
 struct Watching {
     child: Child,
     lines: Receiver<String>,

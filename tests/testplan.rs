@@ -1,17 +1,18 @@
-//! `TESTPLAN.md`: its lessons are written by hand, its tests come from lines `// Lesson N` above them.
+//! Checks `TESTPLAN.md`, a list of lessons with their tests. The lessons are written by hand. The tests come from the
+//! lines `// Lesson N` above tests in the sources.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Tests of each lesson as `file::test`, grouped by the label that follows the lesson's number.
+/// The tests of each lesson, such as `file::test`, grouped by the label in `// Lesson 12: label`.
 type Tests = BTreeMap<u32, BTreeMap<String, Vec<String>>>;
 
-/// Adds the lessons that a file's tests name.
+/// Adds the tests of a file for which a line `// Lesson N` names a lesson.
 ///
 /// # Errors
 ///
-/// A line `// Lesson` without a number, or without a test below it.
+/// If a line `// Lesson` has no number, or no test below it.
 fn read(file: &str, text: &str, tests: &mut Tests) -> Result<(), String> {
     let (mut lessons, mut is_test) = (Vec::new(), false);
     for (number, line) in (1..).zip(text.lines()) {
@@ -42,11 +43,12 @@ fn read(file: &str, text: &str, tests: &mut Tests) -> Result<(), String> {
     }
 }
 
-/// The plan, filled with the tests of each lesson.
+/// Returns the text of the plan with the tests of each lesson filled in.
 ///
 /// # Errors
 ///
-/// Two rows with the same number, a row without a test that doesn't say **open**, or a test of a lesson without a row.
+/// If two rows have the same number, if a row has neither a test nor the word **open**, or if a test names a lesson
+/// that has no row.
 fn written(plan: &str, mut tests: Tests) -> Result<String, String> {
     let (mut text, mut lessons) = (String::new(), Vec::new());
     for line in plan.lines() {
@@ -119,8 +121,8 @@ fn the_plan_names_the_tests_of_each_lesson() {
     }
 }
 
-/// Tests that fail are declared with a reason, and still run. Only the long tests of the review are switched off
-/// outside `cargo ci full`.
+/// No test is switched off. Even tests of known issues run. Only the long tests in folders `review` are ignored, and
+/// `cargo ci full` runs them.
 // Lesson 8: no test is ignored
 #[test]
 fn no_test_is_switched_off() {

@@ -1,5 +1,5 @@
-//! Tests each translation of the library. On each route, each function and entry point reaches the status that
-//! `docs/translations.md` shows. `cargo ci matrix` writes that page.
+//! Tests the library's translations by naga. On each route, each function and entry point reaches the status that
+//! `docs/translations.md` shows. `cargo ci matrix` writes this page.
 
 use std::collections::BTreeMap;
 
@@ -7,12 +7,12 @@ use karat::Package;
 use karat_inspect::matrix::{Column, Matrix, Status};
 use shaders::PBR;
 
-/// The routes that CI runs.
+/// The columns of the table: the paths and routes that CI tests.
 const COLUMNS: [&str; 8] =
     ["vulkan", "gl", "vulkan:wgsl", "vulkan:spirv", "vulkan:glsl", "vulkan:hlsl", "metal", "cpu"];
 
-/// The modules of the sample. They have rows of each kind, and each kind of known failure. `SUITES=whole` adds the
-/// other modules.
+/// The modules that the test translates by default. Together they have rows of each kind, and each kind of known
+/// failure. With `SUITES=whole`, the test translates all modules.
 const SAMPLE: [&str; 7] = [
     "environment::",
     "fresnel::",
@@ -30,7 +30,7 @@ fn is_asked(row: &str) -> bool {
 /// The text of each cell of a table, by row and then by column.
 type Words = BTreeMap<String, BTreeMap<String, String>>;
 
-/// The texts in the cells of a page's table.
+/// Reads the texts in the cells of a page's table.
 fn words(page: &str) -> Words {
     let cells = |line: &str| -> Vec<String> {
         let inside = line.trim().trim_matches('|').split('|');
@@ -46,7 +46,7 @@ fn words(page: &str) -> Words {
     .collect()
 }
 
-/// Differences between two tables, in the columns that both tables have.
+/// The differences of the table `made` from the table `written`: changed cells, and rows that are new or gone.
 fn differences(written: &Words, made: &Words) -> Vec<String> {
     let mut found = Vec::new();
     for (row, words) in made {
@@ -87,7 +87,7 @@ fn matrix() -> Matrix {
     request.run().expect("the library is valid")
 }
 
-/// Columns of a page that ran on other drivers than this machine's, or on no driver.
+/// The columns for which the page names another driver than this machine's, and the columns without a driver.
 fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
     let elsewhere = matrix.columns.iter().filter(|column| {
         let line = page.lines().find(|line| line.starts_with(&format!("| {} |", column.name)));
@@ -105,7 +105,7 @@ fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
     }
 }
 
-/// Replaces each status of at least `valid` by one text, because the exact status depends on the driver.
+/// In `columns`, replaces `valid` and all better statuses by one text, because the exact status depends on the driver.
 fn as_far_as_valid(words: &mut Words, columns: &[String]) {
     for (_, word) in words.values_mut().flatten().filter(|(column, _)| columns.contains(column)) {
         if ["valid", "executed", "agrees", "known"].contains(&word.as_str()) {
@@ -114,7 +114,8 @@ fn as_far_as_valid(words: &mut Words, columns: &[String]) {
     }
 }
 
-/// On drivers other than the page's, a row is at least `valid` if the page shows at least `valid` for the row.
+/// Compares the statuses on this machine with the page. If this machine has another driver than the page, a status only
+/// needs to be at least `valid` where the page shows `valid` or better.
 // Lesson 81
 #[cfg_attr(not(target_os = "linux"), ignore = "the page is that of Mesa's drivers")]
 #[test]
@@ -160,7 +161,7 @@ fn each_row_gets_as_far_as_the_page_says() {
     );
 }
 
-/// The test reports each kind of difference from a page.
+/// `differences` reports a changed cell, a new row, a missing row and a new column.
 #[test]
 fn another_page_is_seen() {
     let page =
@@ -179,8 +180,8 @@ fn another_page_is_seen() {
     }
 }
 
-/// Checks that naga's translation has a fault in a column: this row doesn't reach the status, and the module's other
-/// rows do.
+/// Checks that naga's translation has the fault that `reason` describes: in `column`, the function `row` doesn't reach
+/// `status`, but the other functions of `module` do.
 fn naga_fails(column: &str, status: Status, module: &str, row: &str, reason: &str) {
     let package = Package::from_modules("bugs", [("bugs", module)]);
     let columns = ["vulkan", column].map(|name| name.parse().expect("a column"));
@@ -197,13 +198,13 @@ fn naga_fails(column: &str, status: Status, module: &str, row: &str, reason: &st
     matrix.expect_but(column, status, &[(row, reason)]);
 }
 
-/// A path that runs naga's GLSL. Some machines have no GL.
+/// A path that runs naga's GLSL: `gl`, or `vulkan:glsl` on machines without GL.
 fn glsl_path() -> &'static str {
     if karat::unstable::path::adapter(karat::Path::GL).is_ok() { "gl" } else { "vulkan:glsl" }
 }
 
-/// GLSL only allows outputs to be `invariant`. If both stages share a structure, naga also writes `invariant` for the
-/// position that a fragment shader receives. Mesa accepts this.
+/// GLSL allows `invariant` only for outputs. If a vertex and a fragment shader share a struct, naga also writes
+/// `invariant` for the position that the fragment shader receives. Mesa accepts this mistake.
 #[test]
 fn positions_of_fragments_are_invariant_in_glsl() {
     let module = "struct Shared { @invariant @builtin(position) at: vec4f }\n\
@@ -219,9 +220,9 @@ fn positions_of_fragments_are_invariant_in_glsl() {
     );
 }
 
-/// A shader loads a texel at unsigned coordinates, with restricted indices. naga clamps the coordinates with a vector
-/// of `u32` with components of type `i32` (`OpConstantComposite %v2uint %int_1 %int_1`). `spirv-val` 2023.1 and Mesa
-/// accept this, but naga can't read it.
+/// If a shader loads a texel at unsigned coordinates, naga clamps the coordinates. For the clamp, naga writes a
+/// constant `vec2u` from two components of type `i32` (`OpConstantComposite %v2uint %int_1 %int_1`). `spirv-val` 2023.1
+/// and Mesa accept this SPIR-V, but naga itself can't read it.
 #[test]
 fn unsigned_texel_coordinates_are_clamped_by_signed_ones() {
     let module = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
@@ -236,8 +237,8 @@ fn unsigned_texel_coordinates_are_clamped_by_signed_ones() {
     );
 }
 
-/// GLSL leaves `%` of negative operands and division by 0 undefined. naga guards both operations in other languages,
-/// but not in GLSL, and Mesa's GL returns other values than WGSL requires.
+/// GLSL leaves `%` of negative operands and division by 0 undefined. In other languages, naga writes code that handles
+/// these cases, but not in GLSL. So on Mesa's GL the results differ from the values that WGSL requires.
 #[cfg_attr(not(target_os = "linux"), ignore = "another driver's GL may have the right values")]
 #[test]
 fn remainders_of_negative_integers_differ_in_glsl() {
@@ -253,8 +254,8 @@ fn remainders_of_negative_integers_differ_in_glsl() {
 }
 
 /// WGSL clamps a float outside an integer's range: -1 becomes 0 as a `u32`. naga clamps in SPIR-V, HLSL and MSL, but
-/// writes a plain conversion in GLSL, which leaves the result undefined. The fault affects Bevy's clusters and
-/// `kludgine`.
+/// writes a plain conversion in GLSL, which leaves the result undefined. This fault affects shaders of Bevy (light
+/// clusters) and of `kludgine`.
 #[cfg_attr(not(target_os = "linux"), ignore = "another driver's GL may have the right values")]
 #[test]
 fn floats_out_of_range_become_other_integers_in_glsl() {
@@ -269,7 +270,8 @@ fn floats_out_of_range_become_other_integers_in_glsl() {
     );
 }
 
-/// naga's WGSL doesn't keep names of builtins and names that end with a digit.
+/// When naga writes WGSL, it renames entry points whose names are builtins, such as `step`, or end with a digit. Karat
+/// still finds and runs these entry points.
 #[test]
 fn entry_points_of_any_name_run_on_each_route() {
     let pass = |name: &str| {

@@ -23,13 +23,13 @@ pub const FACE: u32 = 96;
 pub const TABLE: u32 = 128;
 /// Mip levels of the prefiltered environment. The faces of the last level are 4 texels wide.
 pub const PREFILTERED_LEVELS: u32 = 6;
-/// Sampled normals for each texel of a prefiltered level, and for each entry of the table.
+/// The number of sampled normals for each texel of a prefiltered level, and for each texel of the split sum's table.
 const PREFILTERED_SAMPLES: u32 = 1024;
-/// Bands and segments of a sphere. Each facet is 5.6 degrees wide.
+/// The numbers of bands from pole to pole and of segments around the axis of a sphere. Each facet is 5.6 degrees wide.
 const SPHERE: (u32, u32) = (32, 64);
 
-/// Checks if long suites run whole, as in `cargo ci full`. Otherwise they run a sample. The variable's name doesn't
-/// begin with `KARAT_`, because the harness reserves these names.
+/// Checks if long suites run all their cases (`SUITES=whole`), as in `cargo ci full`, or only a sample. The name
+/// `SUITES` doesn't begin with `KARAT_`, because the harness reserves such names.
 ///
 /// # Panics
 ///
@@ -43,7 +43,7 @@ pub fn are_suites_whole() -> bool {
     }
 }
 
-/// The name and the description of each frame. The name of a frame is also the name of its golden.
+/// The name and the description of each frame. The golden has the same name as the frame.
 pub const FRAMES: [(&str, &str); 14] = [
     ("scene", "diffuse and specular light of the studio on 8 materials x 8 roughnesses"),
     ("diffuse", "the diffuse term alone: metals are black"),
@@ -64,20 +64,22 @@ pub const FRAMES: [(&str, &str); 14] = [
 /// The settings for drawing a frame.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// Pixels across and down. A map ignores this size and uses the size of its six faces.
+    /// The width and the height of the frame in pixels. `None` uses the frame's own size. Frames of a map, such as
+    /// `irradiance`, ignore this setting.
     pub size: Option<(u32, u32)>,
-    /// The number of directions for each term at each pixel. `None` uses the frame's own number.
+    /// The number of sampled directions for the diffuse term, and again for the specular term, of each pixel. `None`
+    /// uses the frame's own number.
     pub samples: Option<u32>,
     /// The light of the scene, with mip levels. `None` uses the studio.
     pub environment: Option<CubeMap>,
-    /// The path that computes the maps of the frame.
+    /// The path that computes the maps for the frame, such as the irradiance map.
     pub path: Path,
     /// `true` draws depth first.
     pub prepass: bool,
 }
 
 impl Shot {
-    /// The settings of the golden. The maps are computed on `path`.
+    /// The settings with which goldens are drawn. Karat computes the maps for the frame on `path`.
     #[must_use]
     pub fn golden(path: Path) -> Self {
         Self { size: None, samples: None, environment: None, path, prepass: true }
@@ -98,8 +100,8 @@ impl Shot {
     }
 }
 
-/// Paths that open, in the order in which tests use them: one for each API, and paths that the environment variables
-/// name, such as a second driver.
+/// The paths that work on this machine, in the order in which tests use the paths: first one for each API, then paths
+/// from environment variables, such as a path with a second driver.
 ///
 /// # Panics
 ///
@@ -118,8 +120,8 @@ pub fn open_paths() -> Vec<Path> {
 }
 
 /// Checks if a driver snaps vertices to 1/16 of a pixel, as SwiftShader does: its `subPixelPrecisionBits` is 4, the
-/// smallest number that Vulkan allows. Mesa's number is 8. The interpolated values of a pixel move with the vertices,
-/// by at most 1/32 of a pixel.
+/// smallest number that Vulkan allows. Mesa's drivers have 8 bits. Snapping moves vertices, and with them the
+/// interpolated values, by at most 1/32 of a pixel.
 ///
 /// # Panics
 ///
@@ -137,7 +139,7 @@ pub fn studio() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, texels).with_mips()
 }
 
-/// The room in the article's frames, as the room's probe sees it.
+/// The article's room as a cube map, as the probe in the room sees the walls.
 #[must_use]
 pub fn room() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, environment::cube_map(ENVIRONMENT, probe_room::walls))
@@ -192,10 +194,11 @@ pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> 
     })
 }
 
-/// A size at which the materials are distinguishable, and which a software rasteriser draws quickly.
+/// The size of most frames, in pixels: large enough to distinguish the materials, and small enough for a software
+/// rasteriser.
 const SMALL: (u32, u32) = (480, 270);
 
-/// Draws the 64 spheres after a depth pre-pass with one of the scene's fragment functions, with the light behind them.
+/// Builds the frame of the 64 spheres in front of their environment, with one of the scene's fragment functions.
 fn spheres(
     shot: &Shot,
     fragment: &str,
@@ -225,7 +228,7 @@ fn spheres(
     if shot.prepass { frame.depth_prepass() } else { frame }
 }
 
-/// Draws only the 64 spheres, with a fragment function of `module`.
+/// Builds a frame of the 64 spheres without a background, with a fragment function of `module`.
 pub fn grid(
     module: &str,
     fragment: &str,
@@ -242,7 +245,7 @@ pub fn grid(
     )
 }
 
-/// The article's spheres in the article's room.
+/// Builds the frame of the article's spheres in the article's room.
 fn lambert_objects(
     shot: &Shot,
     fragment: &str,
@@ -264,7 +267,7 @@ fn lambert_objects(
         .depth_prepass())
 }
 
-/// Draws six faces, or a table, with a fragment function of `maps`.
+/// Builds the frame of the six faces of a cube map, with a fragment function of the module `maps`.
 fn map(light: CubeMap, fragment: &str, settings: MapSettings) -> Frame<'static> {
     let (width, height) = (maps::ACROSS * settings.side, maps::DOWN * settings.side);
     PBR.frame("maps", width, height)
@@ -279,7 +282,7 @@ fn irradiance_map(light: CubeMap) -> Frame<'static> {
     map(light, "irradiance_fragment", settings)
 }
 
-/// Computes the irradiance in `light`, divided by pi, for each normal. The computation runs on `path`.
+/// Computes on `path` the irradiance from `light`, divided by pi, for each normal.
 ///
 /// # Errors
 ///
@@ -289,7 +292,7 @@ pub fn irradiance_cube(light: &CubeMap, path: Path) -> Result<CubeMap, Box<dyn E
     Ok(CubeMap::from_faces(&maps::faces(&faces, IRRADIANCE))?)
 }
 
-/// The environment, filtered for the width that each mip level stands for.
+/// The prefiltered environment: each mip level is blurred for a roughness of its own.
 ///
 /// # Errors
 ///

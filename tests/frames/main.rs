@@ -25,7 +25,7 @@ fn shot(options: &RenderOptions) -> Result<Shot, Box<dyn Error>> {
     })
 }
 
-/// Reads a panorama in latitude and longitude, or six faces in a row or in a column.
+/// Reads an environment from an image: a panorama in latitude and longitude, or six faces in a row or in a column.
 fn environment(file: &FilePath) -> Result<CubeMap, Box<dyn Error>> {
     let (image, _) = Image::read_exr(file)?;
     let cube = CubeMap::from_image(&image, ENVIRONMENT)?;

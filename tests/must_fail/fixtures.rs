@@ -12,7 +12,7 @@ karat::shareable! {
     struct Swapped mirrors SwappedMirror { bias: f32, gain: f32 }
 }
 
-/// Karat compares a fixture with its variable by type and by the names of members.
+/// Karat compares the type of a fixture with the type of its variable, including the names of struct members.
 #[test]
 fn fixtures_of_another_type() {
     let wgsl = "struct Gains { gain: f32, bias: f32 }\n\
@@ -48,8 +48,8 @@ fn fixtures_of_another_type() {
     }
 }
 
-/// Two variables of a frame may have the same binding number in different draws: each draw reads its own fixture. Two
-/// variables in one draw may not.
+/// Two variables of a frame may have the same binding number if no draw uses both. Each draw then reads the fixture of
+/// its own variable. Karat reports an error if one draw uses both variables.
 // Lesson 70
 #[test]
 fn a_fixture_that_another_one_hides() {

@@ -57,7 +57,8 @@ fn swapped_arguments() {
     disagreement(coat);
 }
 
-/// One of 65,536 inputs gives NaN or an infinity. Even with the loosest tolerance, the check finds this input.
+/// For one of 65,536 inputs, the function returns NaN or an infinity. Even with the loosest tolerance, each check finds
+/// this input.
 // Lesson 5
 #[test]
 fn one_bad_result_of_65536() {
@@ -80,8 +81,8 @@ fn one_bad_result_of_65536() {
     }
 }
 
-/// One of 65,536 inputs gives NaN or an infinity in the last of three components, for floats and for integers. The
-/// first two components are always right.
+/// For one of 65,536 inputs, the last of three components is wrong. The first two components are always right. The test
+/// plants this fault in a function of floats and in a function of integers.
 // Lesson 14
 #[test]
 fn one_bad_component_of_65536() {
@@ -177,7 +178,8 @@ fn nothing_to_compare() {
     assert_eq!(error, "the domain of `g` is empty: the range of `alpha` ends at NaN");
 }
 
-/// Karat refuses checks that can't fail: a transformation has no effect, or bounds exclude no value.
+/// Karat refuses checks that can't fail, because a transformation has no effect or because a tolerance allows any
+/// error.
 // Lesson 13
 #[test]
 fn a_check_that_could_not_fail() {
@@ -202,8 +204,8 @@ fn a_check_that_could_not_fail() {
     }
 }
 
-/// A shader may define functions with the names of builtins that Karat's kernel uses. The check calls the shader's
-/// functions and sees their results.
+/// A shader may define functions with the names of builtins, such as `select`, although Karat's own code calls these
+/// builtins. The check still calls the shader's function and compares its results.
 #[test]
 fn shaders_that_redefine_what_the_kernel_uses() {
     let shadows = [
@@ -224,7 +226,7 @@ fn shaders_that_redefine_what_the_kernel_uses() {
     }
 }
 
-/// No case sees the writes of another case: each case has its own resources and its own workgroup.
+/// No case reads what another case wrote, because each case has its own storage buffers and its own workgroup memory.
 // Lesson 124
 #[test]
 fn functions_that_would_share_state_between_cases() {
@@ -267,8 +269,8 @@ fn functions_that_would_share_state_between_cases() {
     }
 }
 
-/// The functions are NaN or infinite only where two arguments are equal, away from the axes and inside ranges. Karat
-/// tries equal values for components of a tuple that have the same type.
+/// Each faulty function returns NaN, an infinity or a huge number only if two arguments are equal, opposite or very
+/// close to each other. The check finds the fault, because Karat also tries such values for arguments of the same type.
 // Lesson 64
 #[test]
 fn arguments_that_meet() {
@@ -432,7 +434,8 @@ fn an_unknown_function_and_a_missing_fixture() {
     );
 }
 
-/// The fault occurs at one of many edge cases, in one of three arguments.
+/// The function is wrong only for one of many edges of its first argument. The check finds this edge with each seed,
+/// although the function has three arguments.
 #[test]
 fn every_edge_of_a_tuple_is_tried() {
     let wgsl = "fn f(x: f32, y: f32, z: f32) -> f32 {\n    \
@@ -445,8 +448,8 @@ fn every_edge_of_a_tuple_is_tried() {
     }
 }
 
-/// If a driver flushes a result to 0, this doesn't count as a relative error. Karat refuses a tolerance that bounds
-/// nothing.
+/// A driver may flush a tiny result to 0 without failing a check with a relative tolerance. Karat refuses a tolerance
+/// that allows any error.
 #[test]
 fn bounds_near_zero() {
     let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x * y; }");
@@ -465,7 +468,7 @@ fn bounds_near_zero() {
     assert!(matches!(none, Err(Failure::Signature { .. })), "{none:?}");
 }
 
-/// If a driver may flush each result and its reference to 0, the check compares nothing and fails.
+/// If all results are so small that a driver may flush them to 0, the check compares nothing, so it fails.
 // Lesson 77
 #[test]
 fn results_that_may_all_be_flushed() {
@@ -481,8 +484,8 @@ fn results_that_may_all_be_flushed() {
     assert!(matches!(check(0.5, Rel(1e-3).into()), Err(Failure::Disagreement(_))));
 }
 
-/// Simulates flushing in the shader, so each driver gives the same results: `flush` replaces numbers closer to 0 than
-/// `least` with 0.
+/// Builds a function `f` that returns `body`. `body` can call `flush`, which replaces numbers closer to 0 than `least`
+/// by 0. So `f` gives the same results on drivers that flush and on drivers that don't.
 fn flushing(least: &str, body: &str) -> Package {
     let wgsl = format!(
         "fn flush(x: f32) -> f32 {{\n    let size = bitcast<u32>(x) & 0x7fffffffu;\n    \
@@ -493,17 +496,17 @@ fn flushing(least: &str, body: &str) -> Package {
     Package::from_source("planted", &wgsl)
 }
 
-/// The bits of the least normal f32.
+/// The bits of the smallest normal f32. All numbers below it are subnormal.
 const SUBNORMAL: &str = "0x800000u";
 const ONE_NORMAL: &str = "0x800001u";
 
-/// A step at 0. The function also returns the second argument.
+/// The reference: `y` plus a step from 0 to 1 at `x` = 0.
 fn step(x: f64, y: f64) -> f64 {
     if x > 0.0 { 1.0 + y } else { y }
 }
 
-/// A driver may replace each subnormal argument with 0, independently of the other arguments. The driver may change
-/// nothing else.
+/// A result passes if the function is right for subnormal arguments as given, or for any of them replaced by 0. A
+/// function that changes other numbers fails.
 // Lesson 48
 #[test]
 fn only_subnormal_arguments_may_be_flushed() {
@@ -530,7 +533,7 @@ fn only_subnormal_arguments_may_be_flushed() {
     }
 }
 
-/// Statements and limits may also be computed from flushed arguments.
+/// `satisfies` and `at_limit` also accept results that are right if subnormal arguments are replaced by 0.
 #[test]
 fn statements_and_limits_may_be_those_of_flushed_arguments() {
     let holds = |x: f32, result: f32| f64::from(result) == step(f64::from(x), 0.0);
@@ -554,7 +557,8 @@ fn statements_and_limits_may_be_those_of_flushed_arguments() {
     disagreement(limit(ONE_NORMAL));
 }
 
-/// If the reference has no value at 0, the result must still be right for the given argument.
+/// If the reference isn't finite at 0, Karat can't compare with the flushed argument. So the result must be right for
+/// the given argument.
 #[test]
 fn nothing_is_excused_where_the_flushed_argument_has_no_reference() {
     let check = |result: &str| {

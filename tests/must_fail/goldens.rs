@@ -14,8 +14,8 @@ pub(crate) fn golden_fault(folder: &FilePath, environment: &[(&str, &str)]) -> (
     (output.status.success(), text)
 }
 
-/// The test renders and accepts a frame, and checks that the frame agrees with its golden. Then the test damages the
-/// golden in each possible way.
+/// Renders and accepts a frame, and checks that the frame agrees with its golden. Then the test damages the golden in
+/// several ways, and the check must fail.
 // Lesson 1: golden side
 // Lesson 2
 // Lesson 16: the golden records its tolerance
@@ -80,7 +80,7 @@ fn goldens_that_are_missing_shifted_resized_or_corrupt() {
     assert!(accept("stale").is_err_and(|error| error.to_string().contains("has changed since")));
 }
 
-/// A frame with NaN never passes, and neither does a golden with NaN.
+/// A frame with NaN fails its check, and Karat refuses to accept it as a golden.
 // Lesson 5
 #[test]
 fn a_frame_with_nan_is_not_accepted() {
@@ -100,7 +100,7 @@ fn a_frame_with_nan_is_not_accepted() {
     assert!(error.to_string().contains("no frame could agree with such a golden"), "{error}");
 }
 
-/// In CI, Karat writes nothing beside the goldens.
+/// In CI, Karat writes pending frames to another folder, not into the folder of the goldens.
 // Lesson 2
 // Lesson 42
 #[test]
@@ -118,8 +118,8 @@ fn ci_leaves_the_folder_of_goldens_alone() {
     );
 }
 
-/// Karat refuses to accept a golden from another driver than lavapipe, because checks against this golden would fail on
-/// every other machine.
+/// By default, Karat accepts goldens only from lavapipe, which draws the same image on each machine. A golden from
+/// another driver could fail on other machines.
 // Lesson 17
 #[test]
 fn accepting_off_the_canonical_rasteriser_is_refused() {
@@ -136,7 +136,8 @@ fn accepting_off_the_canonical_rasteriser_is_refused() {
     assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
 }
 
-/// On a rasteriser with another vector width, as on another machine, the golden still agrees.
+/// A frame agrees with its golden even if the software rasteriser uses another vector width, as it does on another
+/// machine.
 // Lesson 18: another width
 #[test]
 fn a_golden_holds_at_another_vector_width() {
@@ -165,7 +166,8 @@ fn a_golden_holds_at_another_vector_width() {
     assert!(!lavapipe || name.contains("128 bits"), "{name}");
 }
 
-/// The golden records vector width and processor, because the results of software rasterisers depend on both.
+/// The provenance of a golden includes the vector width and the processor, because the results of software rasterisers
+/// depend on both.
 // Lesson 18: a golden records adapter and processor
 #[test]
 fn a_golden_says_what_it_was_made_on() {

@@ -8,8 +8,8 @@ use std::f64::consts::{PI, TAU};
 use crate::disagreement;
 use crate::processes::planted;
 
-/// Directions of the hemisphere around +Z, with weights for an integral of `f cos`. The midpoint rule has steps in the
-/// squared sine and in the azimuth, so the weights already include the cosine.
+/// Directions of the hemisphere around +Z, with weights for an integral of `f cos`. The directions have equal steps in
+/// the squared sine and in the azimuth, so the weights already include the cosine.
 pub(crate) fn hemisphere(size: u16) -> Vec<(Vec3, f64)> {
     let at = |index: u16| (f64::from(index) + 0.5) / f64::from(size);
     let node = |row: u16, column: u16| {
@@ -21,7 +21,7 @@ pub(crate) fn hemisphere(size: u16) -> Vec<(Vec3, f64)> {
     (0..size).flat_map(|row| (0..size).map(move |column| node(row, column))).collect()
 }
 
-/// A diffuse BRDF with a planted factor.
+/// A diffuse BRDF `albedo * factor`. The right factor is 1/pi, and tests plant other factors.
 pub(crate) fn diffuse(factor: &str) -> Package {
     let wgsl = format!(
         "fn eval(albedo: vec3f, l: vec3f) -> vec3f {{ return albedo * select(0.0, {factor}, l.z > 0.0); }}"
@@ -33,7 +33,7 @@ pub(crate) fn albedo_rule(albedo: &Vec3) -> Vec<((Vec3, Vec3), f64)> {
     hemisphere(16).into_iter().map(|(l, weight)| ((*albedo, l), weight)).collect()
 }
 
-/// The rounding of `albedo / pi` and of the planted constant: two steps of `f32`.
+/// The tolerance for two roundings to `f32`: of the factor, and of `albedo * factor`.
 const ALBEDO: Rel = Rel(1.2e-7);
 
 // Lesson 40: arguments from storage buffers, with controls
@@ -53,7 +53,7 @@ fn an_integral_that_is_right() {
     assert_eq!(agreement.expect("each value of a finite domain").cases, 3);
 }
 
-/// With a third in place of 1/pi, every albedo is pi/3 times too large.
+/// The BRDF has the factor 1/3 in place of 1/pi, so each integral is pi/3 times the albedo, which is 4.7 % too large.
 #[test]
 fn a_wrong_constant_in_an_integral() {
     let package = diffuse("0.33333334");
@@ -115,8 +115,8 @@ fn an_integral_above_its_bound() {
     disagreement(integral().unrecorded().try_is_at_most(|_| 0.25_f64.next_down(), 0.0));
 }
 
-/// The integral has 100,000 nodes in two dispatches. The function returns NaN or an infinity at one node. The check fails
-/// for positive and negative weights, and for the weight 0.
+/// The integral has 100,000 nodes, which Karat evaluates in two dispatches. The function returns NaN or an infinity at
+/// one node. The check fails whether the weight of this node is positive, negative or 0.
 // Lesson 5
 #[test]
 fn one_bad_node_of_an_integral() {
@@ -154,7 +154,7 @@ fn one_bad_node_of_an_integral() {
     }
 }
 
-/// Karat refuses a rule without nodes, weights that aren't finite, and expectations that aren't finite.
+/// Karat refuses a quadrature rule without nodes, and weights or expected values that aren't finite.
 // Lesson 4
 #[test]
 fn an_integral_of_nothing() {
@@ -262,7 +262,8 @@ fn an_integral_of_other_types() {
     whole().unrecorded().try_is_at_most(|_| 1.0, 0.0).expect("a bound for both components");
 }
 
-/// The replay command runs only the failing integral. The record counts integrals and nodes.
+/// The replay command in the message runs only the failing integral. The record has the number of integrals and the
+/// number of nodes.
 // Lesson 9: the record has the number of cases
 #[test]
 fn an_integral_is_replayed_and_recorded() {
@@ -290,8 +291,8 @@ fn an_integral_is_replayed_and_recorded() {
     assert_eq!(shown(&text), shown(&again));
 }
 
-/// One function has a wrong constant. Another has a lobe between the rings of directions, so no rule finds the
-/// integral.
+/// Checks integrals over directions. One function has a wrong constant, so the check fails. Another function has a lobe
+/// between the rings of directions. There, the two quadrature rules disagree, so the check has no verdict.
 // Lesson 67
 #[test]
 fn an_integral_over_directions() {

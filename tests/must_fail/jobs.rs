@@ -1,4 +1,4 @@
-//! Tests programs that run jobs. An honest program agrees, and Karat detects each faulty program.
+//! Tests external programs as executors. The checks agree with an honest program, and fail with each faulty program.
 
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -7,8 +7,8 @@ use karat::unstable::job::{Answer, Job, Problem, Reply};
 use karat::unstable::path::{Ability, Greeting};
 use serde_json::{Value, json};
 
-/// Runs the checks of `planted pipe` on a path whose program is `planted executor`, and returns their output. The
-/// program runs jobs on `path`, and has the planted `fault`.
+/// Runs the checks of `planted pipe` with the program `planted executor` as the executor, and returns the output of the
+/// checks. The executor runs jobs on `path`, with the planted `fault`.
 fn piped(path: &str, fault: &str) -> String {
     let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
     told(&executor, "process@mine", &[])
@@ -22,7 +22,8 @@ fn told(executors: &str, paths: &str, environment: &[(&str, &str)]) -> String {
     String::from_utf8(output.stderr).expect("it is text")
 }
 
-/// Through a pipe, the engine calls functions and dispatches passes as in this process, and refuses frames.
+/// If a program runs jobs on the engine, checks of functions and passes give the same verdicts as on the path `cpu`.
+/// The program refuses frames, as the engine does.
 #[test]
 fn the_engine_behind_a_pipe_is_a_path() {
     let text = piped("cpu", "");
@@ -38,7 +39,7 @@ fn the_engine_behind_a_pipe_is_a_path() {
     );
 }
 
-/// Through a pipe, a driver also draws frames.
+/// If a program runs jobs on a driver, it also draws frames.
 #[test]
 fn a_driver_behind_a_pipe_draws_frames() {
     let text = piped("vulkan", "");
@@ -47,7 +48,8 @@ fn a_driver_behind_a_pipe_draws_frames() {
     assert!(text.contains("frame: agrees"), "{text}");
 }
 
-/// Karat checks for any executor that the executor has really done the work.
+/// Karat checks that an executor has really done its work, so the checks fail with programs that skip, drop or change
+/// results.
 #[test]
 fn a_program_that_does_not_do_its_work_is_found_out() {
     for (fault, function, pass) in [
@@ -97,7 +99,7 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
     }
 }
 
-/// The deadline ends a program that hangs, and the check fails with the setting's name.
+/// Karat ends a program that hangs after `KARAT_TIMEOUT` seconds, and the check fails.
 #[test]
 fn a_program_that_hangs_is_ended() {
     // The second program reads no job, so its pipe is full. The test waits for both programs at once.
@@ -112,7 +114,8 @@ fn a_program_that_hangs_is_ended() {
     });
 }
 
-/// An extra line, a reply to another job and an invalid position are errors. No job gets another job's verdict.
+/// Karat reports an error if a program writes an extra line, replies to another job, or gives an invalid position in
+/// the shader. So no check gets the results of another job.
 #[test]
 fn a_line_belongs_to_its_job() {
     let text = piped("cpu", "noisy");
@@ -134,7 +137,8 @@ fn a_line_belongs_to_its_job() {
     assert_eq!(text.matches("look there").count(), 4, "{text}");
 }
 
-/// A program that runs no jobs doesn't open as a path, and the message says why.
+/// If `KARAT_EXECUTORS` or `KARAT_PATHS` is wrong, or the program's greeting is wrong, the path doesn't open, and the
+/// message gives the reason.
 #[test]
 fn programs_that_run_no_jobs_do_not_open() {
     let planted = env!("CARGO_BIN_EXE_planted");
@@ -182,7 +186,7 @@ fn programs_that_run_no_jobs_do_not_open() {
     }
 }
 
-/// Before anything runs, Karat refuses a check that needs an ability which the program doesn't report.
+/// Karat refuses a check before it runs, if the check needs an ability that the program's greeting doesn't report.
 #[test]
 fn a_check_that_needs_more_is_refused() {
     let text = piped("cpu", "plain");
@@ -194,8 +198,8 @@ fn a_check_that_needs_more_is_refused() {
     assert!(text.contains("function: agrees"), "{text}");
 }
 
-/// The verdict on a program for each job with a known result, by the job's name. Also checks that the exit code says if
-/// all results are right.
+/// Runs `planted conform`, which sends jobs with known results to `planted executor`. Returns the verdict for each job
+/// by the job's name. Also checks that the exit code is 0 only if no result is wrong.
 fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
     let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
@@ -210,7 +214,8 @@ fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
     answers
 }
 
-/// Honest programs return the known result of each job. Karat skips jobs beyond the engine's abilities.
+/// Honest programs return the known result of each job. Karat skips jobs that need an ability which the program's path
+/// doesn't have.
 // Lesson 87
 #[test]
 fn honest_programs_conform() {
@@ -231,7 +236,7 @@ fn honest_programs_conform() {
     }
 }
 
-/// For each faulty program, the result of a job is wrong. The reason shows the difference, or the program's reply.
+/// Each faulty program gives a wrong result for some job. The report shows the wrong values, or the program's reply.
 // Lesson 87
 #[test]
 fn lies_do_not_conform() {
@@ -264,8 +269,8 @@ fn lies_do_not_conform() {
     assert_eq!(plain.values().filter(|one| one["answer"] == "right").count(), 12, "{plain:?}");
 }
 
-/// The first part of `value` that violates `schema`, or `None`. Supports only the parts of the schema language that
-/// `jobs.schema.json` uses.
+/// Describes the first part of `value` that violates the JSON schema `schema`. Supports only the features of JSON
+/// Schema that `jobs.schema.json` uses.
 fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
     if let Some(name) = schema["$ref"].as_str() {
         let name = name.strip_prefix("#/$defs/").expect("a definition of this file");
@@ -322,7 +327,8 @@ fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
     })
 }
 
-/// Jobs, greetings and replies follow the published schema, and each required member exists.
+/// Karat's jobs, greetings and replies match the published JSON schema. Both the schema and Karat's reader refuse a job
+/// if any member is missing.
 // Lesson 87
 #[test]
 fn jobs_are_as_the_schema_says() {

@@ -1,4 +1,4 @@
-//! Tests declared failures, and tolerances for single paths.
+//! Tests `fails_on`, which declares a failure on a path, and `tolerance_on`, which gives a path its own tolerance.
 
 use karat::Goldens;
 use karat::Path;
@@ -10,7 +10,7 @@ use karat::unstable::run::WrongDeclaration;
 use crate::disagreement;
 use crate::processes::planted;
 
-/// The selected paths, on which the tests check a function that is wrong everywhere.
+/// The paths on which this run checks functions. A check of a wrong function lists them all.
 pub(crate) fn selected() -> Vec<Path> {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
     let found = disagreement(
@@ -25,7 +25,7 @@ fn covers(declared: Path, path: Path) -> bool {
     declared.api() == path.api() && declared.driver().is_none_or(|own| path.driver() == Some(own))
 }
 
-/// A declared failure must fail, and Karat doesn't count it among the paths that agree.
+/// A check passes if it fails on the declared path. Karat lists this path as a known issue, not as a path that agrees.
 // Lesson 8: a declared failure must fail
 // Lesson 45
 #[test]
@@ -89,7 +89,8 @@ fn an_issue_that_is_gone_or_has_no_reason() {
     );
 }
 
-/// A frame that is declared to differ from its golden must differ. No declaration replaces a missing golden.
+/// If a test declares by `fails_on` that a frame differs from its golden, the frame must differ. A missing golden is an
+/// error even with the declaration.
 // Lesson 8: a declared failure must fail
 // Lesson 71
 // Lesson 173
@@ -134,8 +135,8 @@ fn a_frame_that_is_declared_to_fail() {
     assert!(agreement.known_issues.iter().all(|issue| (issue.cases, issue.failures) == (512, 1)));
 }
 
-/// An endless loop, or a workgroup that no device accepts, gives no values, so no declaration covers it, neither
-/// `fails_on` nor `refused_on`.
+/// A pass with an endless loop, or with a workgroup that no device accepts, gives no values. So the check fails, even
+/// if a test declares the failure by `fails_on` or `refused_on`.
 // Lesson 173
 #[test]
 fn a_pass_that_stops_is_no_known_issue() {
@@ -173,7 +174,7 @@ fn a_pass_that_stops_is_no_known_issue() {
     }
 }
 
-/// Checks of samples and means may also be declared to fail. Then they must fail.
+/// Checks of samplers and of a frame's mean also support `fails_on`. With the declaration, they must fail.
 // Lesson 79
 #[test]
 fn samples_and_means_that_are_declared_to_fail() {
@@ -205,7 +206,7 @@ fn samples_and_means_that_are_declared_to_fail() {
     assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
 }
 
-/// The record marks the issue as known, and doesn't count it as a pass.
+/// The verdict in the record is a known issue, not a pass.
 // Lesson 8: a declared failure must fail
 #[test]
 fn known_issues_are_recorded() {
@@ -243,7 +244,8 @@ fn known_issues_are_recorded() {
     }
 }
 
-/// A verb that returns its failure also records the failure, unless the test disables recording.
+/// Verbs that return their failure, such as `try_agrees_with`, also record the failure by default. A test turns this
+/// off by `unrecorded`.
 #[test]
 fn returned_failures_are_recorded_by_default() {
     // On a path without frames, Karat draws no recorded frame.
@@ -264,7 +266,7 @@ fn returned_failures_are_recorded_by_default() {
     }
 }
 
-/// The record of each verdict names the overlay: for values, samples and frames.
+/// If `KARAT_OVERLAY` is set, the records of checks of values, samples and frames name the overlay.
 // Lesson 74
 #[test]
 fn records_name_the_overlay() {
@@ -283,7 +285,7 @@ fn records_name_the_overlay() {
     }
 }
 
-/// A path's own tolerance applies only to this path, and Karat enforces it as strictly as any tolerance.
+/// A tolerance from `tolerance_on` applies only to its path, where the check fails if an error is above the tolerance.
 // Lesson 13
 // Lesson 22: a tolerance of one path
 // Lesson 26

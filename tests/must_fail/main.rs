@@ -1,4 +1,4 @@
-//! Proves that each kind of check can fail: the tests plant faults, and the checks must find them.
+//! Proves that each kind of check can fail: the tests plant faults, and the checks must find these faults.
 
 mod fixtures;
 mod functions;
@@ -21,7 +21,7 @@ use karat::prelude::*;
 use karat::unstable::check::Disagreement;
 use shaders::{PBR, fresnel};
 
-/// The shader library with a fault in place of a text in one module.
+/// The shader library, with the text `original` in one module replaced by `fault`.
 pub(crate) fn mutant(module: &str, original: &str, fault: &str) -> Package {
     let mut modules = Vec::new();
     for name in PBR.modules().expect("the library is readable") {

@@ -5,7 +5,7 @@ use karat::unstable::check::Disagreement;
 
 use crate::{disagreement, mutant, schlick};
 
-/// The test removes the parts of the message that differ between machines.
+/// Compares only parts of the message that are the same on all machines.
 // Lesson 19
 // Lesson 21
 #[test]
@@ -37,7 +37,8 @@ fn the_message_shows_line_inputs_values_error_census_and_replay() {
     }
 }
 
-/// Paths with equal values share one message with one replay command. A path with other values has its own message.
+/// If several paths fail with the same values, the message shows these values and the replay command once. A path with
+/// different values has its own part of the message.
 #[test]
 fn paths_with_equal_failures_share_one_message() {
     let package = Package::from_source("planted", "fn f(x: u32) -> u32 { return x + 1u; }");

@@ -1,10 +1,11 @@
-//! Tests that Karat finds passes with results that depend on the order of invocations, and reports no other passes.
+//! Tests that Karat reports passes whose results depend on the order of invocations, and no other passes.
 
 use karat::check::HazardKind;
 use karat::compute::ComputeError;
 use karat::prelude::*;
 
-/// Dispatches `main` with an array `a` of atomics, an array `d` and a flag `out`, and asserts the final `out`.
+/// Runs `body` on the engine in `groups` workgroups of `size` invocations, and checks that `out` is `expected` in the
+/// end. `body` can use an array `a` of atomics, an array `d` and the atomic `out`.
 fn left(body: &str, size: u32, groups: u32, expected: u32) -> Result<(), ComputeError> {
     let text = format!(
         "@group(0) @binding(0) var<storage, read_write> a: array<atomic<u32>, 8>;
@@ -27,7 +28,7 @@ var<workgroup> shared_count: atomic<u32>;
     after.try_agrees_with([expected], Abs(0.0)).map(drop)
 }
 
-/// Each assertion holds in the usual order of invocations, but not in all orders.
+/// Each body gives the expected result in the usual order of invocations, but not in all orders.
 // Lesson 216
 #[test]
 fn results_of_an_order() {
@@ -116,7 +117,7 @@ fn results_of_an_order() {
     }
 }
 
-/// The results are equal in each order of invocations, even if stores reach memory late.
+/// Each body gives the same result in all orders of invocations, even if stores reach memory late.
 // Lesson 216: passes with one outcome are green
 #[test]
 fn results_of_no_order() {
@@ -180,7 +181,7 @@ fn results_of_no_order() {
     }
 }
 
-/// Each race occurs only in a certain order of three workgroups, or if an invocation pauses.
+/// Each body has a race that occurs only in a certain order of three workgroups, or if one invocation pauses.
 // Lesson 216
 #[test]
 fn races_of_an_order() {
@@ -214,8 +215,8 @@ fn races_of_an_order() {
     }
 }
 
-/// Tests subgroup operations in workgroups of many sizes. For the last operation, in workgroups of more than 4
-/// invocations, the result depends on the size of subgroups.
+/// Tests subgroup operations in workgroups of many sizes. The result of the last operation depends on the subgroup
+/// size, if the workgroup has more than 4 invocations.
 // Lesson 218
 #[test]
 fn subgroups_in_workgroups_of_each_size() {
@@ -249,7 +250,8 @@ fn subgroups_in_workgroups_of_each_size() {
     }
 }
 
-/// A read accesses its whole memory view, even if the shader doesn't use all of it.
+/// If a shader reads a struct, an array or a vector, it reads all of its members. So a read races with a write to any
+/// member, even if the shader doesn't use this member.
 // Lesson 220
 #[test]
 fn a_read_without_use_still_races() {

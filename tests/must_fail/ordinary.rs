@@ -1,4 +1,4 @@
-//! Tests the common verbs. Each verb finds the faults that it is made for, and refuses functions that it can't judge.
+//! Tests the common verbs. Each verb finds its kind of fault, and refuses functions whose types don't fit the verb.
 
 use glam::{Vec2, Vec3};
 use karat::check::Failure;
@@ -10,7 +10,7 @@ fn package(function: &str) -> Package {
     Package::from_source("o", function.to_owned())
 }
 
-/// The reason why a check has no verdict.
+/// The message of a check that Karat refuses, because the function's types don't fit the verb.
 #[track_caller]
 fn unsuited<T>(result: Result<T, Failure>) -> String {
     match result {
@@ -67,7 +67,7 @@ fn results_outside_of_their_range() {
     unsuited(truth.function("f").over(-1.0..=1.0).unrecorded().try_stays_within(0.0..=1.0));
 }
 
-/// The range excludes its end, so no result may round to the end.
+/// For a range that excludes its end, `stays_within` fails if any result rounds to the end.
 #[test]
 fn results_at_the_end_of_a_half_open_range() {
     let part = package(
@@ -145,7 +145,8 @@ fn vectors_of_another_length() {
     assert!(reason.contains("f32, but this check needs a vector of floats"), "{reason}");
 }
 
-/// A basis around `n`, with a planted sign and a planted term in the tangent.
+/// Functions that compute a basis around `n`. `sign` -1 gives a left-handed basis, and `lean` tilts the tangent towards
+/// `n`.
 fn basis(sign: &str, lean: &str) -> Package {
     package(&format!(
         "struct Frame {{ t: vec3f, b: vec3f, n: vec3f }}
@@ -272,7 +273,7 @@ fn excluded_grazing_directions_are_not_drawn() {
     assert_eq!(Hemisphere.above(1.0).edges(), [Vec3::Z]);
 }
 
-/// The check reports only some kinds of hazards, and accepts declared hazards.
+/// `has_none_of` reports only the requested kinds of hazards. It also accepts hazards that the test declares.
 #[test]
 fn hazards_of_a_kind() {
     use karat::check::HazardKind as Kind;

@@ -1,11 +1,11 @@
-//! Tests reads outside arrays. WGSL allows several results for such a read. Some reads matter, because another result
-//! changes what the pass writes. Other reads don't matter.
+//! Tests reads outside of arrays. WGSL allows several values for such a read. Karat reports the read only if another
+//! allowed value changes what the pass writes.
 
 use karat::check::HazardKind;
 use karat::prelude::*;
 
-/// The lines of `body` that read or write outside an array, if this matters. One workgroup of four invocations runs
-/// `body` over the array `d`, which contains `words`.
+/// Runs `body` in one workgroup of four invocations, with an array `d` that contains `words`. Returns the lines for
+/// which Karat reports a read or write outside of an array.
 fn lines(body: &str, words: &[u32]) -> Vec<usize> {
     let text = format!(
         "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -109,7 +109,8 @@ fn reads_outside_that_do_not_matter() {
     }
 }
 
-/// If more lines of a pass read outside an array than there are runs, the report says how many lines weren't tried.
+/// Karat runs the pass again for each line that reads outside of an array, up to a limit. The report has the number of
+/// lines that Karat didn't test.
 // Lesson 219
 #[test]
 fn lines_that_are_not_tried_are_counted() {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::goldens::golden_fault;
 
-/// Runs a planted fault in its own process.
+/// Runs the program `planted` with a fault, in its own process. Returns the output, and its stderr as text.
 pub(crate) fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
     for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD"] {
@@ -29,7 +29,8 @@ fn no_fault_succeeds() {
     assert!(output.status.success(), "{text}");
 }
 
-/// A check that doesn't fit its function is recorded with the function's line, and names the difference.
+/// If the types of a check don't fit its function, the message shows the difference, and the record has the location of
+/// the function.
 #[test]
 fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -45,7 +46,7 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     assert_eq!(location, "<planted>:2:1");
 }
 
-/// A check that a whole package is valid is recorded like other checks.
+/// The verb `is_valid`, which checks a whole package, writes a record as other verbs do.
 // Lesson 184
 #[test]
 fn the_validity_of_a_package_is_recorded() {
@@ -74,8 +75,8 @@ fn the_validity_of_a_package_is_recorded() {
     }
 }
 
-/// A replay that matches no check fails, and suggests the most similar check. A replay of the second check of a program
-/// passes.
+/// If `KARAT_CASE` names no check of the program, the run fails, and the message suggests the most similar check. If it
+/// names the second check of the program, the replay passes.
 // Lesson 65
 #[test]
 fn a_replay_of_nothing() {
@@ -112,7 +113,8 @@ fn a_replay_of_nothing() {
     assert!(text.contains("names none of the test's checks: `frame gradient`"), "{text}");
 }
 
-/// A replay also works in the threads of Rust's test runner. For that, this program runs one of its own tests.
+/// A wrong `KARAT_CASE` also fails tests that Rust's test runner runs in threads. To show this, the test starts this
+/// program again with one of its tests.
 // Lesson 65
 #[test]
 fn a_test_that_replays_nothing() {
@@ -138,7 +140,7 @@ fn a_test_that_replays_nothing() {
     assert!(text.contains("; did you mean `fresnel::schlick/agrees_with`?"), "{text}");
 }
 
-/// Karat reads or refuses each name and value of the environment variables.
+/// Karat refuses environment variables with a misspelt name or a wrong value.
 // Lesson 66
 #[test]
 fn settings_with_a_slip() {
@@ -161,7 +163,7 @@ fn settings_with_a_slip() {
     }
 }
 
-/// If a fault appears only on the last path, Karat simplifies the failing case on that path.
+/// If a check fails only on the last path, Karat finds the simplest case on that path.
 // Lesson 73
 #[test]
 fn a_fault_of_the_last_path_is_reduced_there() {
@@ -198,7 +200,7 @@ fn replay() {
     assert!(!output.status.success() && text.contains("no case with index 99999999"), "{text}");
 }
 
-/// Mesa and the loader find no driver. Each required path must run, and at least one path must run.
+/// On a machine without a usable driver, a run fails if a required path doesn't open, or if no path opens.
 // Lesson 3
 // Lesson 112
 #[test]
@@ -233,7 +235,7 @@ fn no_adapter() {
     assert!(!output.status.success() && text.contains("did you mean `vulkan`?"), "{text}");
 }
 
-/// If a shader never ends, Karat reports it before the deadline, and leaves no process running.
+/// If a shader never ends, Karat reports the shader after `KARAT_TIMEOUT` seconds, and the process ends.
 // Lesson 23
 #[test]
 fn an_endless_loop() {

@@ -1,4 +1,4 @@
-//! Tests the verbs without a reference: statements, symmetries, monotony and limits.
+//! Tests verbs for statements, symmetries, monotony and limits, most of which need no reference.
 
 use glam::{DQuat, Vec3};
 use karat::check::Failure;
@@ -28,9 +28,9 @@ fn a_function_that_is_not_symmetric() {
     assert_eq!(disagreement(found).check, "invariant_under");
 }
 
-/// If a reciprocal BRDF includes the cosine, swapping the directions multiplies the result by the quotient of the
-/// cosines. A BRDF that isn't reciprocal changes by another factor. A factor that isn't finite is an error, not a
-/// verdict.
+/// Swapping the directions of a reciprocal BRDF that includes the cosine multiplies the result by the quotient of the
+/// two cosines. For a BRDF that isn't reciprocal, the check fails. If the test gives a factor that isn't finite, the
+/// check has an error and no verdict.
 #[test]
 fn a_function_that_does_not_scale() {
     let eval = |body: &str| {
@@ -57,7 +57,8 @@ fn a_function_that_does_not_scale() {
     assert!(error.contains("at factor for case"), "{error}");
 }
 
-/// The message names a property that all failing cases have and the other cases lack, if such a property exists.
+/// If all failing cases have a property that the other cases don't have, such as a range of a quotient, the message
+/// describes this property.
 #[test]
 fn the_cause_is_named() {
     let package = Package::from_source(
@@ -73,7 +74,8 @@ fn the_cause_is_named() {
     assert!(found.contains(cause), "{found}");
 }
 
-/// The messages of verbs that call the function twice show both calls, each with a name.
+/// Some verbs call the function twice for each case. Their messages show the arguments of both calls, such as `a` and
+/// `a'`.
 #[test]
 fn messages_of_properties_show_both_calls() {
     let package = Package::from_source(
@@ -103,7 +105,7 @@ fn messages_of_properties_show_both_calls() {
     assert!(found.paths.iter().all(|path| path.census.failures < 100), "{found}");
 }
 
-/// A tolerance larger than any change proves nothing about the direction.
+/// If the tolerance is larger than all changes of the function, `is_monotone_in` compares nothing, so the check fails.
 // Lesson 77
 #[test]
 fn changes_within_the_tolerance() {
@@ -117,7 +119,8 @@ fn changes_within_the_tolerance() {
     assert!(matches!(check(0.1), Err(Failure::Disagreement(_))));
 }
 
-/// The functions have a bump of a hundredth of the range, a slope with the wrong sign, or a NaN.
+/// The planted faults are a bump over a hundredth of the range, a small slope with the wrong sign, NaN, and an
+/// infinity.
 #[test]
 fn a_function_that_is_not_monotone() {
     let check = |body: &str, direction, tolerance: Tolerance| {

@@ -1,5 +1,5 @@
-//! Tests compute passes with results that depend on something that WGSL doesn't order or define. A driver may hide this
-//! dependence.
+//! Tests that the sanitizer reports compute passes with races, wrong indices, or results that depend on the order of
+//! invocations. On a driver, such a pass may give the right result by chance.
 
 use karat::check::HazardKind;
 use karat::compute::ComputeError;
@@ -13,7 +13,7 @@ var<workgroup> tile: array<u32, 64>;
     @builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u) {
 ";
 
-/// The violations in a body that is dispatched over `groups` workgroups.
+/// Runs `body` in `groups` workgroups of 64 invocations. Returns the violations that the sanitizer reports.
 fn races(body: &str, groups: u32) -> Vec<Violation> {
     let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
     let mut passes = package.compute().with("data", Storage::new((0..64 * groups).map(|i| i + 1)));
@@ -40,7 +40,8 @@ fn races(body: &str, groups: u32) -> Vec<Violation> {
     }
 }
 
-/// The first race: its kind, its element, and the two lines of the body. Both invocations are in the first workgroup.
+/// The first violation in `body`: its kind, the element of the array, and a text for each of the two accesses, with its
+/// line in `body`.
 fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
     let races = races(body, groups);
     let race = races.first().unwrap_or_else(|| panic!("the fault was not seen:\n{body}"));
@@ -56,7 +57,8 @@ fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
     (race.kind, race.element.clone(), [access(0), access(1)])
 }
 
-/// A prefix sum over a workgroup (Hillis and Steele), without one of the two barriers of each iteration.
+/// A prefix sum over a workgroup (Hillis and Steele) needs two barriers in each iteration. The test removes one of
+/// them.
 // Lesson 215
 #[test]
 fn a_scan_without_its_second_barrier() {
@@ -99,8 +101,8 @@ if i == 0u { for (var k = 0u; k < 64u; k++) { sums[0] += tile[k]; } }";
     assert!(races(&reduce.replace("sums[0]", "sums[group.x]"), 2).is_empty());
 }
 
-/// One invocation of each workgroup reads a counter and uses the value later. In between, another invocation may change
-/// the counter.
+/// One invocation of each workgroup reads a counter by `atomicLoad` and uses the value later. In between, an invocation
+/// of another workgroup may change the counter.
 #[test]
 fn a_count_that_another_workgroup_changes_meanwhile() {
     let package = |takes: &str, fills: &str| {
@@ -144,8 +146,8 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     assert_eq!(order.turns[0].matches("`atomic").count(), 12, "{order}");
 }
 
-/// The shader sets a flag before it writes the `u32` that the flag announces. Another invocation may read between the
-/// two atomics.
+/// One invocation sets a flag before it writes the value that the flag announces. Another invocation may see the flag
+/// and read the old value.
 #[test]
 fn a_word_that_is_published_before_it_is_written() {
     let head = "@group(0) @binding(0) var<storage, read_write> flag: atomic<u32>;
@@ -281,7 +283,8 @@ fn barriers_that_some_invocations_miss() {
     }
 }
 
-/// A shader that reads workgroup memory before writing it has a hazard in each workgroup, but no test fails.
+/// The sanitizer reports a hazard for each workgroup that reads workgroup memory before writing it, but the check
+/// doesn't fail, because WGSL sets this memory to 0.
 #[test]
 fn workgroup_memory_that_is_read_before_it_is_written() {
     let text = "var<workgroup> tile: array<vec2f, 8>;
@@ -323,7 +326,7 @@ fn workgroup_memory_that_is_read_before_it_is_written() {
     assert_eq!(found("right").len(), 0);
 }
 
-/// The blur reads the buffer that it writes.
+/// A blur has a race if it reads and writes the same buffer. It has no race if it writes a second buffer.
 #[test]
 fn a_ping_pong_buffer_used_as_one() {
     let blur = |to: &str| {
@@ -336,8 +339,8 @@ fn a_ping_pong_buffer_used_as_one() {
     assert!(races(&blur("sums"), 1).is_empty());
 }
 
-/// `w[i] = d[i]; d[i] = w[63 - i];` gives the right result on the engine, because the engine's invocations run in
-/// lockstep. No driver guarantees this result.
+/// The shader reverses an array without a barrier: `w[i] = d[i]; d[i] = w[63 - i];`. On the engine the result is right,
+/// because the engine runs invocations in lockstep. Drivers don't guarantee this result.
 #[test]
 fn a_reversal_without_a_barrier() {
     let text =
@@ -351,7 +354,8 @@ fn a_reversal_without_a_barrier() {
     assert_eq!(first(&text("storageBarrier();"), 1).1, "tile[63]");
 }
 
-/// One blur reads an element beyond the end. Another blur drops the element that it reads there.
+/// A violation occurs if a blur reads one element beyond the end of an array and uses the value. If the blur ignores
+/// the value, there is no violation.
 #[test]
 fn an_index_one_beyond_the_end() {
     let blur = |right: &str| format!("let right = {right};\nsums[id.x] = data[id.x] + right;");
@@ -385,7 +389,8 @@ fn an_index_one_beyond_the_end() {
     assert_eq!(reading.len(), 1, "one statement has one violation: {reading:?}");
 }
 
-/// The product exceeds 32 bits, and still reaches an element of the array.
+/// The product in the index exceeds 32 bits and wraps around to a valid index, so the pass reads a wrong element of the
+/// array.
 #[test]
 fn an_index_that_wraps_around() {
     let row = |stride: &str| {
@@ -403,7 +408,8 @@ fn an_index_that_wraps_around() {
     assert!(races(&row("0u"), 2).is_empty());
 }
 
-/// An override gives the size of the workgroup, and so the number of invocations.
+/// The test sets the override that gives the workgroup's size. The sanitizer still finds the race between the
+/// invocations.
 #[test]
 fn a_size_that_is_an_override() {
     let text = "override WIDTH = 64u;
@@ -420,7 +426,8 @@ fn a_size_that_is_an_override() {
     assert_eq!(who, "local (1, 0, 0) of workgroup (0, 0, 0)");
 }
 
-/// An invocation that waits for another invocation never ends, but the sanitizer still finds the race.
+/// The invocations race on `data[0]`. The sanitizer finds this race although one invocation then waits in a loop for
+/// the other invocation.
 #[test]
 fn a_loop_that_waits_hides_no_race() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -437,7 +444,8 @@ fn a_loop_that_waits_hides_no_race() {
     assert!(waits.to_string().contains("has a race on `data[0]`: two writes"), "{waits}");
 }
 
-/// The message for a body with these accepted races. It is empty if the check passes.
+/// Checks `body` while accepting races in the way that `how` names. Returns the failure's message, or an empty text if
+/// the check passes.
 fn accepting(how: &str, body: &str) -> String {
     let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
     let passes = package.compute().with("data", Storage::new(vec![0_u32; 64]));
@@ -454,7 +462,8 @@ fn accepting(how: &str, body: &str) -> String {
     any.err().map_or_else(String::new, |error| error.to_string())
 }
 
-/// An accepted race must occur, needs a reason, and covers no other race.
+/// If a test accepts a race, it must give a reason, and the race must occur. The acceptance covers only races on the
+/// named variable.
 #[test]
 fn races_that_are_accepted() {
     assert_eq!(accepting("race", "data[0] = i + 1u;"), "");
@@ -481,7 +490,8 @@ fn races_that_are_accepted() {
     }
 }
 
-/// Elements that a shader appends with an atomic counter have another order on each driver.
+/// If a shader appends elements by an atomic counter, their order differs between drivers. Karat reports a check that
+/// depends on this order.
 #[test]
 fn an_append_whose_order_matters() {
     let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -570,7 +580,8 @@ fn an_append_whose_order_matters() {
     assert!(matches!(other, Err(ComputeError::Differs(_))));
 }
 
-/// If two invocations write one atomic in different statements, either write may come last.
+/// Two invocations store different values in one atomic, in different statements. Either store may come last, so Karat
+/// reports that the order matters.
 #[test]
 fn an_order_of_two_invocations_that_matters() {
     for (first, second) in [(31, 32), (32, 31), (0, 63), (63, 0), (5, 40), (40, 6), (17, 18)] {
@@ -589,8 +600,8 @@ fn an_order_of_two_invocations_that_matters() {
     }
 }
 
-/// The usual order hides the faults: the last workgroup publishes, or an atomic sends the last invocation into another
-/// branch.
+/// These faults don't show in the usual order of invocations, so Karat must find them in other orders. For example, the
+/// workgroup that publishes a value comes last.
 #[test]
 fn faults_of_another_order_alone() {
     let text = "@group(0) @binding(0) var<storage, read_write> word: u32;
@@ -650,9 +661,8 @@ fn faults_of_another_order_alone() {
     seen("in_order", 1, &["flag"]).expect("barriers order it in each order");
 }
 
-/// A driver may give the asserted result although the engine gives another result, because the driver rounds
-/// differently, or because its subgroups have another size. Even then, all orders on the engine must give the same
-/// result.
+/// A check may expect a result that the engine doesn't give, because drivers round differently or have subgroups of
+/// another size. Even then, Karat compares the orders of invocations on the engine with each other.
 #[test]
 fn an_order_that_matters_where_the_usual_one_fails() {
     let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -693,7 +703,8 @@ fn an_order_that_matters_where_the_usual_one_fails() {
     assert!(matches!(seen, Err(ComputeError::Differs(_))), "{seen:?}");
 }
 
-/// A device has its own subgroup size, so a shader that assumes 32 is right only by chance.
+/// The subgroup size depends on the device. So Karat reports a shader that gives the right result only for subgroups of
+/// 32 invocations.
 #[test]
 fn a_reduction_that_assumes_subgroups_of_32() {
     let text = "@group(0) @binding(0) var<storage, read_write> sums: array<u32>;
@@ -758,7 +769,8 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     }
 }
 
-/// A number of workgroups that is rounded down leaves the tail unchanged. Equal values hide this.
+/// If a dispatch has too few workgroups, the last elements stay unchanged. `is_written` finds these elements, even if
+/// the pass writes the values that the buffer already has.
 #[test]
 fn a_tail_that_no_invocation_writes() {
     let text = "enable f16;
@@ -805,7 +817,8 @@ fn a_tail_that_no_invocation_writes() {
     }
 }
 
-/// In one pass over a texture, the guard is too strict by one texel. In another case, no invocation writes the buffer.
+/// `is_written` finds texels of a storage texture that a dispatch with too few workgroups doesn't write, and a buffer
+/// that no invocation writes.
 #[test]
 fn texels_that_no_invocation_writes() {
     let text = "@group(0) @binding(0) var image: texture_storage_2d<rgba16float, write>;
@@ -836,7 +849,8 @@ fn texels_that_no_invocation_writes() {
     }
 }
 
-/// The blur reads and writes one texture. The report shows the read and the written value, in the texel's own type.
+/// The pass reads and writes the same texture, so invocations race. The report shows the value that one invocation
+/// reads and the value that another invocation writes.
 #[test]
 fn texels_that_race_have_their_values() {
     let text = "@group(0) @binding(0) var image: texture_storage_2d<r32float, read_write>;
@@ -862,8 +876,8 @@ fn texels_that_race_have_their_values() {
     assert_eq!(does, expected, "{found}");
 }
 
-/// The shader reads the neighbour of the last texel. The report has its coordinate and the texture's size, for floats
-/// and for integers.
+/// The pass reads a texel beyond the edge of a texture. The report has the coordinates of this texel and the size of
+/// the texture.
 #[test]
 fn a_texel_beyond_the_edge() {
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
@@ -893,7 +907,7 @@ fn a_texel_beyond_the_edge() {
     }
 }
 
-/// The message about two passes names the pass that depends on its order, with its line.
+/// If only one of two passes depends on the order of invocations, the message names this pass and its line.
 #[test]
 fn one_pass_of_several_depends_on_its_order() {
     let text = "@group(0) @binding(0) var<storage, read_write> last: atomic<u32>;
@@ -914,8 +928,8 @@ fn one_pass_of_several_depends_on_its_order() {
     assert!(order.location.starts_with("<two>:3:"), "{order}");
 }
 
-/// One access of a race is in a function written above its caller. The lines aren't in a loop, so Karat advises a
-/// barrier between them.
+/// One access of a race is in a function that is defined above its caller. No loop contains the two lines, so Karat
+/// advises a barrier between them.
 #[test]
 fn a_race_with_a_function_above() {
     let load = "fn load(i: u32) -> u32 { return tile[i]; }";

@@ -1,4 +1,4 @@
-//! Tests that checks claim only facts that they can see, and that checks that can't fail are errors.
+//! Tests that each check compares as much as it claims, and that Karat refuses checks that can't fail.
 
 use std::collections::HashSet;
 use std::sync::Mutex;
@@ -19,7 +19,8 @@ fn package(text: &str) -> Package {
     Package::from_source("weaker", text)
 }
 
-/// The function falls in steps so short that only neighbouring arguments show them.
+/// The function rises, except for steps down over distances of at most 2e-5. The check finds them only if it compares
+/// arguments that are very close to each other.
 // Lesson 177
 #[test]
 fn a_function_that_falls_in_short_steps() {
@@ -37,7 +38,8 @@ fn a_function_that_falls_in_short_steps() {
     }
 }
 
-/// Karat computes the integral by two rules, and their results agree only in the first component.
+/// Karat computes each integral by two quadrature rules. Here, the rules agree in the first component of the result,
+/// but not in the second, so the check has no verdict.
 // Lesson 177
 #[test]
 fn rules_of_an_integral_that_differ_in_the_second_component() {
@@ -74,7 +76,8 @@ fn integers_have_an_upper_bound_too() {
     disagreement(signed(-9.0, 10.0));
 }
 
-/// The range that WGSL allows is wide on only one side of the reference: above or below.
+/// WGSL allows results far above the reference of one function, and far below the reference of the other. `Spec` counts
+/// both cases as ill-conditioned.
 // Lesson 177
 #[test]
 fn an_allowed_interval_is_wide_at_either_end() {
@@ -94,7 +97,7 @@ fn an_allowed_interval_is_wide_at_either_end() {
     }
 }
 
-/// No two cases are equal, for any number of cases.
+/// If a check has more cases than one dispatch, the later cases are new values, not copies of the first cases.
 // Lesson 177
 #[test]
 fn cases_beyond_the_first_dispatch_are_new() {
@@ -115,7 +118,8 @@ fn cases_beyond_the_first_dispatch_are_new() {
     assert!(all > 2 * first, "{first} of 65536, and {all} of 200000");
 }
 
-/// In dark pixels, a gate allows a small share of the frame's key (its general brightness), not a multiple of the key.
+/// In black pixels, the gate allows an error of a small share of the frame's key (its general brightness), and rejects
+/// larger errors.
 // Lesson 178
 #[test]
 fn the_floor_of_a_gate() {
@@ -143,7 +147,7 @@ fn an_edit_of_one_ulp_is_a_change() {
     assert!(matches!(change, Change::Changed { .. }), "{change:?}");
 }
 
-/// Karat reports a read outside an array, whichever of the cases reads there.
+/// If one of eight cases reads outside of an array, Karat reports exactly this case.
 // Lesson 178
 #[test]
 fn each_case_out_of_range_is_reported() {
@@ -160,7 +164,7 @@ fn each_case_out_of_range_is_reported() {
     }
 }
 
-/// Karat refuses bounds that no value can exceed, and ranges that contain all values.
+/// Karat refuses tolerances that no error can exceed, and ranges that contain all values of the result's type.
 // Lesson 175
 #[test]
 fn bounds_that_nothing_exceeds_are_refused() {
@@ -184,7 +188,7 @@ fn bounds_that_nothing_exceeds_are_refused() {
     all(f64::from(u32::MAX) - 1.0).expect("they do");
 }
 
-/// Passes that leave everything unchanged prove nothing, for any assertion.
+/// If passes change nothing in the checked buffer, the check fails, even if the buffer is as expected.
 // Lesson 176
 #[test]
 fn passes_that_change_no_word() {
@@ -215,7 +219,7 @@ fn passes_that_change_no_word() {
     assert!(!unchanged(&found.expect_err("it isn't in order")));
 }
 
-/// A mesh completely outside the frame leaves only the clear colour.
+/// If a mesh is completely outside of the frame, the check fails, with and without a golden.
 // Lesson 176
 #[test]
 fn a_draw_that_touches_no_pixel() {
@@ -247,7 +251,7 @@ fn a_draw_that_touches_no_pixel() {
     assert!(compared("0.0").0.expect_err("it is drawn").contains("differs from its golden"));
 }
 
-/// Karat refuses two fixtures for one variable, because it would ignore one.
+/// Karat refuses two fixtures for one variable, because it could use only one of them.
 // Lesson 175
 #[test]
 fn a_variable_is_given_once() {

@@ -1,4 +1,4 @@
-//! Faults of the library. Each fault replaces a text that occurs once in a module by another text.
+//! Faults to plant in the shader library. Each fault replaces a text that occurs exactly once in a module.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ pub(crate) struct Fault {
     /// The text to replace. It occurs once in the module.
     pub(crate) original: &'static str,
     pub(crate) replacement: &'static str,
-    /// The test that detects the fault: `file::name`.
+    /// The test that detects the fault, as `file::name`.
     pub(crate) test: &'static str,
 }
 
@@ -19,16 +19,16 @@ pub(crate) enum Kind {
     Clamp,
     Comparison,
     Constant,
-    /// Mixes up roughness, alpha and alpha squared, or begins angles at another origin.
+    /// The fault mixes up roughness, alpha and alpha squared, or measures an angle from another direction.
     Convention,
-    /// Is equal on paper, but loses digits in f32.
+    /// The formula is mathematically equal, but loses digits in f32.
     Digits,
     DroppedTerm,
-    /// Mixes up world and local space, or forgets to stretch.
+    /// The fault mixes up world and local space, or leaves out a scaling.
     Frame,
     /// A missing guard against rare arguments.
     Guard,
-    /// Has a wrong Jacobian or cosine.
+    /// The fault has a wrong Jacobian or cosine.
     Measure,
     OffByOne,
     Pi,
@@ -74,7 +74,7 @@ const fn fault(
     Fault { module, kind, original, replacement, test }
 }
 
-/// Faults, each with the test that detects it.
+/// The faults that tests detect. Each fault names a test that must fail.
 pub(crate) const FAULTS: &[Fault] = &[
     fault("math", Kind::DroppedTerm, "x2 * x2 * x;", "x2 * x2;", "sampling::pow5"),
     fault(
@@ -1338,7 +1338,7 @@ pub(crate) const FAULTS: &[Fault] = &[
     ),
 ];
 
-/// Faults that no test can detect, each with its reason.
+/// Faults that no test can detect, each with the reason why not.
 pub(crate) const SURVIVORS: &[(Fault, &str)] = &[(
     fault(
         "fresnel",

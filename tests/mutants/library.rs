@@ -1,4 +1,4 @@
-//! Runs the library's own tests as processes, with a fault in one module.
+//! Runs the shader library's own tests as processes, with a fault in one module.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path as FilePath, PathBuf};
@@ -10,26 +10,26 @@ use tempfile::TempDir;
 
 use crate::faults::{FAULTS, Fault, SURVIVORS};
 
-/// Compiled tests of the library, by the name of their file.
+/// The compiled test programs of the shader library, by the program's name.
 pub(crate) struct Library {
     binaries: BTreeMap<String, PathBuf>,
 }
 
-/// The outcome of the tests for a fault.
+/// The outcome of running tests with a fault.
 pub(crate) enum Outcome {
     /// At least one check failed.
     Caught(Vec<Caught>),
     /// All tests passed.
     Survived,
-    /// The fault changes nothing, or the run doesn't prove that the fault was tested.
+    /// The run doesn't prove that the tests used the faulty module. The text has the reason.
     Broken(String),
 }
 
 /// A check that failed.
 pub(crate) struct Caught {
-    /// The test that made the check.
+    /// The name of the test with the failing check.
     pub(crate) test: String,
-    /// Function and verb, such as `fresnel::schlick agrees_with`.
+    /// The checked function and the verb, such as `fresnel::schlick agrees_with`.
     pub(crate) check: String,
     /// The number of failing cases, such as `12 of 65536`.
     pub(crate) failing: String,
@@ -45,12 +45,12 @@ pub(crate) fn text(module: &str) -> String {
 }
 
 impl Library {
-    /// Compiles the tests that the hand-picked faults name.
+    /// Compiles the test programs with the tests that `FAULTS` and `SURVIVORS` name.
     pub(crate) fn built() -> Self {
         Self::of(&targets())
     }
 
-    /// Compiles files of tests in the same way as this program, unless they are already compiled.
+    /// Compiles the test programs that contain the files `targets`, with the same profile as this program.
     pub(crate) fn of(targets: &BTreeSet<&str>) -> Self {
         let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -80,7 +80,8 @@ impl Library {
         Self { binaries }
     }
 
-    /// Runs all tests that should detect a fault, with overlays that change nothing.
+    /// Runs all tests that should detect one of `faults`, but with unchanged modules as the overlay. Returns an error
+    /// if a test fails.
     pub(crate) fn control(&self, faults: &[&Fault]) -> Result<(), String> {
         let modules: BTreeSet<&str> = faults.iter().map(|fault| fault.module).collect();
         let texts: Vec<_> = modules.into_iter().map(|module| (module, text(module))).collect();
@@ -112,13 +113,14 @@ impl Library {
         self.outcome(target, &[name], &[(fault.module, mutated(fault))])
     }
 
-    /// Runs all tests of a file.
+    /// Runs, with the fault, all tests of the file in which `fault.test` is.
     pub(crate) fn run_module(&self, fault: &Fault) -> Outcome {
         let target = fault.test.split("::").next().expect("a file");
         self.outcome(target, &[], &[(fault.module, mutated(fault))])
     }
 
-    /// Runs tests of a file with replaced texts of some modules.
+    /// Runs the tests `names` of the file `target`, or all its tests if `names` is empty. The texts in `modules`
+    /// replace modules of the library.
     fn outcome(&self, target: &str, names: &[&str], modules: &[(&str, String)]) -> Outcome {
         let folder = overlaid(modules);
         let overlay = folder.path().join("overlay");
@@ -135,7 +137,7 @@ impl Library {
         output.unwrap_or_else(|error| panic!("{:?}: {error}", command.get_program()))
     }
 
-    /// The command that runs tests of a file, with the overlay in a folder.
+    /// The command that runs tests of the file `target`, with the overlay and the records in `folder`.
     fn command(&self, target: &str, names: &[&str], folder: &TempDir) -> Command {
         let program = program(target);
         let binary = self.binaries.get(program).unwrap_or_else(|| panic!("no tests `{program}`"));
@@ -172,17 +174,17 @@ fn overlaid(modules: &[(&str, String)]) -> TempDir {
     folder
 }
 
-/// The program that contains a file of tests.
+/// The name of the test program that contains the file `target`.
 fn program(target: &str) -> &str {
     if target == "golden" { target } else { "library" }
 }
 
-/// The full name of a test in its program.
+/// The full name of a test in its program, such as `fresnel::schlick`.
 fn full(target: &str, name: &str) -> String {
     if program(target) == target { name.to_owned() } else { format!("{target}::{name}") }
 }
 
-/// The outcome of a run. If the run proves nothing, the outcome has the reason.
+/// The outcome of a run. If the run doesn't prove that the tests used the overlay, the reason as an error.
 fn judge(
     output: &Output,
     records: &[Record],

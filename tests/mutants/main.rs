@@ -1,9 +1,9 @@
 //! Plants faults in the shader library, and checks that the library's own tests detect each fault.
 //!
-//! Each fault is one change of one module. The library's tests get the fault as an overlay (`KARAT_OVERLAY`), and an
-//! ordinary check must fail. A table in `target/karat/mutants.md` names the check that failed.
+//! Each fault is one change in one module. `KARAT_OVERLAY` gives the changed module to the library's tests, and an
+//! ordinary check must fail. The table `target/karat/mutants.md` lists the checks that failed.
 //!
-//! The faults in `faults.rs` are picked by hand. `cargo ci mutants` runs generated faults.
+//! The faults in `faults.rs` are written by hand. `cargo ci mutants` generates other faults.
 
 mod faults;
 mod library;
@@ -16,7 +16,7 @@ use faults::{FAULTS, Fault, SURVIVORS};
 use library::{Caught, Library, Outcome};
 use rayon::prelude::*;
 
-/// Modules with functions that tests call. Each module needs a fault that a test detects.
+/// The modules with functions that tests call. `FAULTS` must have a fault for each of these modules.
 const MODULES: [&str; 15] = [
     "brdf",
     "camera",
@@ -51,7 +51,8 @@ fn the_table_is_well_formed() {
     assert!(FAULTS.len() >= 50, "{} faults", FAULTS.len());
 }
 
-/// The faults to try. A sample has the first fault of each module, and every fourth fault.
+/// The faults to try: all of them with `SUITES=whole`. Otherwise, the first fault of each module and every fourth
+/// fault.
 fn tried() -> Vec<&'static Fault> {
     const APART: usize = 4;
     let whole = frames::are_suites_whole();
@@ -120,7 +121,7 @@ fn every_fault_is_caught_by_an_ordinary_check() {
     assert!(problems.is_empty(), "\n{}", problems.join("\n"));
 }
 
-/// A row of the table. It has the worst error of the first check that failed.
+/// A row of the table, with the worst error of the first check that failed.
 fn row(fault: &Fault, checks: &[Caught]) -> String {
     let names: Vec<String> = checks.iter().map(|caught| format!("`{}`", caught.check)).collect();
     let Caught { failing, worst, asserted, test, .. } = &checks[0];
@@ -143,7 +144,7 @@ fn change(fault: &Fault) -> String {
     format!("{} → {}", code(fault.original), code(fault.replacement))
 }
 
-/// Writes the table to the folder of `karat test`'s records. Also prints the table, even if the test passes.
+/// Writes the table to `target/karat/mutants.md` and prints it, even if the test passes.
 fn publish(table: &str, summary: &str) {
     let path = output().join("karat/mutants.md");
     let text = format!("# Faults and the checks that catch them\n\n{table}\n{summary}");
@@ -153,7 +154,7 @@ fn publish(table: &str, summary: &str) {
     std::io::stdout().write_all(shown.as_bytes()).expect("the table is shown");
 }
 
-/// The folder for Cargo's output.
+/// Cargo's output folder, such as `target`.
 fn output() -> PathBuf {
     FilePath::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("in the output").to_owned()
 }

@@ -1,4 +1,4 @@
-//! A program that runs jobs with a planted fault, and checks that send jobs to this program.
+//! An executor that runs jobs with a planted fault, and checks that send jobs to this executor.
 
 use std::io::Write;
 
@@ -40,7 +40,7 @@ fn say(line: &str) -> Result<(), String> {
     writeln!(std::io::stdout(), "{line}").map_err(|error| error.to_string())
 }
 
-/// Writes replies with the number of another job.
+/// A writer that changes the job number in each reply.
 struct OfAnother<W>(W);
 
 impl<W: Write> Write for OfAnother<W> {
@@ -54,7 +54,7 @@ impl<W: Write> Write for OfAnother<W> {
     }
 }
 
-/// An executor with wrong replies.
+/// An executor that changes the replies of another executor, according to `fault`.
 #[derive(Debug)]
 struct Faulty {
     inner: &'static dyn Executor,
@@ -154,7 +154,8 @@ impl Executor for Faulty {
     }
 }
 
-/// Verdicts of a program on jobs with known results, as JSON. Returns an error if a result is wrong.
+/// Sends jobs with known results to the executor `process@mine`. Returns a JSON report with a verdict for each job, as
+/// an error if a result is wrong.
 pub(crate) fn conform() -> Result<String, String> {
     let path = "process@mine".parse::<Path>().map_err(|error| error.to_string())?;
     let report = conform::conform(path, &mut |_| {}).map_err(|error| error.to_string())?;
@@ -162,7 +163,7 @@ pub(crate) fn conform() -> Result<String, String> {
     if report.count(conform::Answer::Wrong) == 0 { Ok(text) } else { Err(text) }
 }
 
-/// Checks a function, a pass and a frame on the paths that the environment selects.
+/// Checks functions, passes and a frame on the paths that `KARAT_PATHS` selects.
 pub(crate) fn checks() -> Result<String, String> {
     let wgsl = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
                 fn tiny(x: f32) -> f32 { return dpdx(x); }\n\

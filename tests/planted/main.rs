@@ -1,7 +1,7 @@
 //! Runs checks with a planted fault. `must_fail/processes.rs` runs this program.
 //!
-//! The first argument names the fault. The program prints the message of the check, and exits with 0 if the check
-//! agrees. A must-fail test requires another exit code.
+//! The first argument names the fault. The program prints the message of the check. Its exit code is 0 if the check
+//! passes, and isn't 0 if the check finds the fault.
 
 mod jobs;
 
@@ -13,8 +13,8 @@ use karat::check::Agreement;
 use karat::prelude::*;
 use karat::{Frame, Goldens, Trend};
 
-/// A function with an endless loop: `sum` is never negative. llvmpipe leaves a loop after 65,535 iterations, which take
-/// minutes because the body is long.
+/// A function with an endless loop, because `sum` is never negative. llvmpipe ends a loop after 65,535 iterations. The
+/// body is so long that these iterations take minutes.
 fn endless() -> String {
     let body = "sum = sin(sum) + 1.5;\n".repeat(64);
     format!(
@@ -22,7 +22,7 @@ fn endless() -> String {
     )
 }
 
-/// A frame in which every pixel differs.
+/// A shader for a frame in which no two pixels are equal.
 const GRADIENT: &str = include_str!("gradient.wgsl");
 
 fn main() -> ExitCode {
@@ -117,7 +117,7 @@ fn mirrored() -> Result<String, String> {
     found.map(|agreement| agreement.to_string()).map_err(|error| error.to_string())
 }
 
-/// A check that fails only on the last path. On the other paths, a tolerance permits the fault.
+/// A check that fails only on the last path. On the other paths, the tolerance is larger than the error.
 fn one_path() -> Result<String, String> {
     let wgsl = "fn f(x: f32, n: u32) -> f32 { return select(x, x + 0.5, x > 0.3 && n > 2u); }";
     let package = Package::from_source("planted", wgsl);
@@ -133,7 +133,7 @@ fn one_path() -> Result<String, String> {
         .map_err(|failure| failure.to_string())
 }
 
-/// Records a verdict of each kind: of values, samples and frames.
+/// Runs and records three checks that pass: of a function's values, of a sampler, and of a frame.
 fn records() -> String {
     let package = Package::from_source("planted", "fn f(u: f32) -> f32 { return u; }");
     package.function("f").over(0.0..=1.0).agrees_with(|x: f64| x, Ulp(0.0));
@@ -146,7 +146,8 @@ fn records() -> String {
     "three verdicts".to_owned()
 }
 
-/// Returns a failure of each kind: of values, integrals, samples, frames and passes.
+/// Runs failing checks of values, an integral, samples, a frame and a pass. If `recorded` is false, the checks aren't
+/// recorded.
 fn failures(recorded: bool) -> String {
     let wgsl = "fn f(u: f32) -> f32 { return u; }
                 @group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -183,7 +184,7 @@ fn failures(recorded: bool) -> String {
     format!("{} failures", failures.iter().flatten().count())
 }
 
-/// A check that is declared to fail on every path. Its verdict is recorded.
+/// A recorded check that is declared by `fails_on` to fail on every path.
 fn declared(wgsl: &str, function: &str) -> String {
     let package = Package::from_source("planted", wgsl);
     let check = package.function(function).over(0.0..=1.0);
@@ -191,7 +192,7 @@ fn declared(wgsl: &str, function: &str) -> String {
     check.agrees_with(|x: f64| x, Ulp(0.0)).to_string()
 }
 
-/// Checks integrals over ten nodes. An integral is too large if its case is above one half. A recorded failure panics.
+/// Checks integrals over ten nodes. An integral is too large if its case is at least one half, so the check panics.
 fn integral() -> String {
     let wgsl = "fn above(c: f32, x: f32) -> f32 { return c + 0.001 * step(0.5, c) * x; }";
     let nodes = |c: &f32| (0..10_u8).map(|x| ((*c, f32::from(x)), 0.1)).collect();
@@ -202,8 +203,8 @@ fn integral() -> String {
         .to_string()
 }
 
-/// A check that remembers its failing input. The second argument names the change since the failure. A recorded failure
-/// panics.
+/// A check whose failing input Karat keeps for the next run. The second argument names a change of the function or of
+/// the check since then. The check panics if it fails.
 fn kept() -> Result<String, String> {
     let change = std::env::args().nth(2).unwrap_or_default();
     let condition = match change.as_str() {
@@ -259,7 +260,7 @@ fn kept() -> Result<String, String> {
     Ok(agreement.to_string())
 }
 
-/// Checks a function that rises with `x`, except for a step down at 0.6 if `a` is above 0.3.
+/// Checks a function that rises with `x`. The faulty function has a step down at 0.6 if `a` is above 0.3.
 fn monotone(fault: bool) -> Agreement {
     let step = if fault { "x > 0.6 && a > 0.3" } else { "false" };
     let wgsl = format!("fn f(x: f32, a: f32) -> f32 {{ return x - select(0.0, 3.0, {step}); }}");
@@ -268,7 +269,8 @@ fn monotone(fault: bool) -> Agreement {
     over.is_monotone_in("x", Trend::Increasing, Ulp(1.0))
 }
 
-/// Checks a function that returns its direction unchanged, except if `a` is above 0.3.
+/// Checks a function that returns the direction `d` unchanged. The faulty function swaps components of `d` if `a` is
+/// above 0.3.
 fn turned(fault: bool) -> Agreement {
     let swapped = if fault { "d.yxz" } else { "d" };
     let wgsl = format!(
@@ -282,7 +284,7 @@ fn turned(fault: bool) -> Agreement {
     )
 }
 
-/// Checks integrals whose cases are names instead of `u32`s.
+/// Checks integrals whose cases are strings instead of numbers.
 fn many_integrals(excess: &str, end: f32) -> Agreement {
     let wgsl = format!("fn f(c: f32, x: f32) -> f32 {{ return c + {excess}; }}");
     let package = Package::from_source("planted", &wgsl);

@@ -1,10 +1,11 @@
-//! A second opinion on every frame. These tests compute some pixels again in `f64`, with rays instead of rasterisation,
-//! and with the references instead of the shaders. So a golden that passes agrees with the references.
+//! Checks every frame by a second computation. These tests compute some pixels of each frame again in `f64`, with rays
+//! instead of rasterisation, and with the references instead of the shaders. So a golden that passes agrees with the
+//! references.
 //!
-//! The tests compare each pixel with two values. The first value comes from the formulas with the shader's own samples,
-//! so only rounding may differ. The second value is the integral that the samples estimate, from samples with other
-//! densities. The allowed error of the estimate comes from copies of the sample points, moved at random (Cranley and
-//! Patterson 1976).
+//! The tests compare pixels with two values. The first value comes from the shader's formulas with the same samples, so
+//! it differs only by rounding. The second value is the exact integral that the shader estimates, computed from samples
+//! with other densities. To find the allowed error of the estimate, the tests move the sample points at random and
+//! compute the estimate again for each moved copy (Cranley and Patterson 1976).
 
 mod shade;
 mod trace;
@@ -24,41 +25,41 @@ use trace::{Hit, Ray, Scene};
 
 static GOLDEN: Goldens = karat::goldens!("../golden");
 
-/// The number of copies of the sample points. Each copy is moved by another vector.
+/// The number of randomly moved copies of the sample points.
 const COPIES: usize = 128;
 
-/// The largest error of a pixel, in standard deviations. If errors are normally distributed, 6 of 10^7 values exceed
-/// five deviations by chance. A frame has about 200 values.
+/// The largest allowed error of a pixel, in standard deviations of the moved copies. By chance, only 6 of 10^7 normally
+/// distributed values have a larger error, and the tests compare about 200 values for each frame.
 const DEVIATIONS: f64 = 5.0;
 
-/// The errors of narrow lobes aren't normally distributed: one more sample that reflects the sun brightens a pixel by
-/// half, and only one copy in a hundred has such a sample. So the error of a pixel may also be this multiple of the
-/// largest error of a copy.
+/// The largest allowed error of a pixel, as a multiple of the largest error of a moved copy. A pixel needs to satisfy
+/// only this bound or [`DEVIATIONS`]. For narrow lobes, errors aren't normally distributed: one more sample that
+/// reflects the sun brightens a pixel by half, and only one copy in a hundred has such a sample.
 const RARE: f64 = 1.5;
 
-/// The relative error in `f32` of sums of 512 terms. The directions have errors of 1e-6, which change the light near
-/// the edges of lights. A golden in half floats adds 4.9e-4.
+/// The allowed relative rounding error of a pixel. The shader adds up to 512 terms in `f32`, its directions have errors
+/// of 1e-6, which change the light near the edges of lamps, and goldens are half floats, with an error of 4.9e-4.
 const ROUNDING: f64 = 1.5e-3;
 
-/// The relative error on wgpu's GL, where texels and frames are half floats with an error of 4.9e-4 each. Roughness and
-/// f0 have this error, too, and lobes and their samples depend on both.
+/// The allowed relative rounding error on wgpu's GL, where texels and frames are half floats, with an error of 4.9e-4
+/// each. Roughness and f0 come from texels, so lobes and their samples also have errors.
 const GL_ROUNDING: f64 = 1e-2;
 
-/// The largest distance, in pixels, by which drawn surfaces move if the driver snaps vertices: see
-/// `frames::is_snapped`.
+/// The distance, in pixels, by which drawn surfaces move at most if the driver snaps vertices (see
+/// `frames::is_snapped`).
 const SNAPPED: f64 = 1.0 / 32.0;
 
-/// A snapped pixel shows a point in a small square around its middle. Tests try this number of points along each side
-/// of the square.
+/// The number of points that tests try along each side of a small square. If a driver snaps vertices, a pixel may show
+/// any point in this square around its middle.
 const PLACES: i32 = 5;
 
-/// The data for the second opinion on a frame of the 64 spheres.
+/// The data for computing pixels of a frame of the 64 spheres again.
 struct Spheres {
     scene: Scene,
     painted: Vec<Painted>,
     mask: Texture,
     light: CubeMap,
-    /// The maps of the frame, computed by the path that computes the frame's own maps.
+    /// The split sum's table, if the frame uses it. `first_path` computes the table for the frame and for the test.
     table: Option<Texture>,
     prefiltered: Option<CubeMap>,
 }
@@ -96,8 +97,8 @@ impl Spheres {
         }
     }
 
-    /// The pixels to compute again, with their surfaces: three pixels on each sphere. The middle of one pixel is as
-    /// near to the outline as possible.
+    /// The pixels to compute again, with the surfaces that they show: three pixels on each sphere. One of the three
+    /// pixels is as near to the sphere's outline as possible.
     fn pixels(&self) -> Vec<((u32, u32), Surface)> {
         let of_sphere = |instance: u32| {
             let angle = f64::from(instance); // another part of the outline for each sphere
@@ -113,8 +114,9 @@ impl Spheres {
         (0..scene::SIDE * scene::SIDE).flat_map(of_sphere).collect()
     }
 
-    /// The pixel that shows a point of a sphere, and the surface at the pixel's middle. The normal of the point has the
-    /// X and Y of `at`, and points to the front. `None` if the pixel's middle doesn't show the sphere.
+    /// The pixel that shows a point of a sphere, and the surface at the middle of this pixel. The point is on the front
+    /// of the sphere, and its normal has the X and Y of `at`. `None` if the middle of the pixel doesn't show the
+    /// sphere.
     fn shown(&self, instance: u32, at: DVec2) -> Option<((u32, u32), Surface)> {
         let normal = at.extend((1.0 - at.length_squared()).sqrt());
         let pixel = self.scene.pixel_of(scene::sphere_centre(instance) + normal);
@@ -124,7 +126,7 @@ impl Spheres {
         Some((pixel, Surface::new(painted, &self.mask, hit, ray)))
     }
 
-    /// The smallest and the largest value of a pixel, if drawn surfaces move by up to [`SNAPPED`] pixels.
+    /// The smallest and the largest value that a pixel can have if drawn surfaces move by up to [`SNAPPED`] pixels.
     fn snapped(&self, pixel: (u32, u32), shaded: impl Fn(&Surface) -> DVec3) -> (DVec3, DVec3) {
         range(|by| {
             let ray = self.scene.ray_beside(pixel, by);
@@ -138,7 +140,7 @@ impl Spheres {
         })
     }
 
-    /// Pixels between spheres, with their rays.
+    /// Pixels between spheres, with the directions of their rays.
     fn gaps(&self) -> Vec<((u32, u32), DVec3)> {
         let between = |instance: u32| {
             let right_below = 0.5 * DVec3::new(scene::SPACING.x, -scene::SPACING.y, 0.0);
@@ -156,12 +158,13 @@ fn seen(image: &Image, (x, y): (u32, u32)) -> DVec3 {
     DVec3::new(r.into(), g.into(), b.into())
 }
 
-/// The path that computes the maps in `golden.rs`.
+/// The path that computes the maps for the frames, as in `golden.rs`.
 fn first_path() -> Path {
     open_paths()[0]
 }
 
-/// The smallest and the largest result of `value` for the points of the square that [`PLACES`] describes.
+/// The smallest and the largest result of `value` for points up to [`SNAPPED`] away from the middle of a pixel, with
+/// [`PLACES`] points along each side.
 fn range(value: impl Fn(DVec2) -> DVec3) -> (DVec3, DVec3) {
     let at = |step: i32| SNAPPED * (2.0 * f64::from(step) / f64::from(PLACES - 1) - 1.0);
     let places = (0..PLACES * PLACES).map(|i| DVec2::new(at(i % PLACES), at(i / PLACES)));
@@ -172,7 +175,7 @@ fn range(value: impl Fn(DVec2) -> DVec3) -> (DVec3, DVec3) {
     (low, high)
 }
 
-/// An image that the tests judge.
+/// An image whose pixels the tests compute again.
 struct Exhibit {
     /// The path that drew the image. `None` stands for the golden.
     path: Option<Path>,
@@ -180,25 +183,26 @@ struct Exhibit {
 }
 
 impl Exhibit {
-    /// Checks if the path filters across the edges of cube-map faces. wgpu's desktop GL doesn't.
+    /// Checks if the image was drawn with filtering across the edges of cube-map faces, which only wgpu's desktop GL
+    /// lacks.
     fn is_seamless(&self) -> bool {
         self.path != Some(Path::GL)
     }
 
-    /// Checks if outlines and interpolated values are only exact to 1/32 of a pixel.
+    /// Checks if the driver snaps vertices, so that outlines and interpolated values may move by 1/32 of a pixel.
     fn is_snapped(&self) -> bool {
         self.path.is_some_and(frames::is_snapped)
     }
 
-    /// The largest error of a value that is computed from the same samples.
+    /// The allowed error of `value` for a pixel with the same samples.
     fn rounding(&self, value: DVec3) -> DVec3 {
         let relative = if self.is_seamless() { ROUNDING } else { GL_ROUNDING };
         relative * (value + DVec3::splat(0.01)) // the error of black is that of a hundredth of white
     }
 }
 
-/// The golden, and the frame as each open path draws it. These frames are smaller than the golden, unless `size` is
-/// given because the image depends on the size.
+/// The golden, and the frame as each open path draws it in the given `size`. `None` draws the frame in the golden's
+/// size.
 fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     let mut exhibits = vec![golden(name)];
     for path in open_paths() {
@@ -211,8 +215,8 @@ fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     exhibits
 }
 
-/// The size of the frames of spheres in these tests. The time for drawing is proportional to the number of pixels, and
-/// frames of all sizes are checked at the same points.
+/// The size in which these tests draw the frames of spheres. A small size saves drawing time, and the tests check the
+/// same number of points at any size.
 fn size() -> (u32, u32) {
     if frames::are_suites_whole() { (240, 135) } else { (160, 90) }
 }
@@ -223,7 +227,8 @@ fn golden(name: &str) -> Exhibit {
     Exhibit { path: None, image }
 }
 
-/// Copies of the centred Hammersley set of `count` points. Each copy is moved by another vector of the unit square.
+/// Copies of the centred Hammersley set of `count` points. Each copy is moved by its own random vector of the unit
+/// square.
 fn copies(count: u32) -> Vec<Vec<DVec2>> {
     let copy = |seed| {
         let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
@@ -234,7 +239,7 @@ fn copies(count: u32) -> Vec<Vec<DVec2>> {
     (0..COPIES as u64).map(copy).collect()
 }
 
-/// The mean and the standard deviation of a pixel's values, which come from different copies of the samples.
+/// The mean and the standard deviation of a pixel's values, one for each copy of the sample points.
 fn statistics(values: &[DVec3]) -> (DVec3, DVec3) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<DVec3>() / count;
@@ -242,7 +247,7 @@ fn statistics(values: &[DVec3]) -> (DVec3, DVec3) {
     (mean, (squares / (count - 1.0)).map(f64::sqrt))
 }
 
-/// A complaint about a channel with an error above the bound.
+/// A complaint if any channel of the pixel has an error above the bound.
 fn complaint(
     what: &str,
     pixel: (u32, u32),
@@ -256,7 +261,7 @@ fn complaint(
     (!good).then(|| format!("{what} {pixel:?}: {seen} for {expected}, {bound} allowed"))
 }
 
-/// A complaint about a channel outside the range of a snapped pixel.
+/// A complaint if any channel of the pixel is outside of the range that snapped vertices allow.
 fn snapped_complaint(
     exhibit: &Exhibit,
     pixel: (u32, u32),
@@ -270,9 +275,9 @@ fn snapped_complaint(
     (!good).then(|| format!("snapped {pixel:?}: {seen}, which isn't in {low} to {high}"))
 }
 
-/// Complaints about the pixels of a frame of the 64 spheres. If `whole` is false, only every third sphere is checked.
-/// Each pixel is compared with the formula. A third of the golden's pixels are also compared with the integral, which
-/// takes longer.
+/// Complaints about the pixels of a frame of the 64 spheres. If `whole` is false, the test checks only every third
+/// sphere. It compares each pixel with the formula. It also compares a third of the golden's pixels with the integral,
+/// which takes longer.
 fn complaints(name: &str, exhibit: &Exhibit, whole: bool) -> Vec<String> {
     let image = &exhibit.image;
     let spheres = Spheres::new(name, (image.width(), image.height()));
@@ -372,7 +377,7 @@ second_opinions!(
     split_sum,
 );
 
-/// Checks every pixel of a frame with six faces, by the direction of the pixel's texel.
+/// Compares pixels of a frame with six faces with `expected`, which gets the direction of the pixel's texel.
 fn faces(name: &str, side: u32, expected: impl Fn(bool, DVec3) -> DVec3 + Sync) {
     for exhibit in exhibits(name, None) {
         let (width, height) = (exhibit.image.width(), exhibit.image.height());
@@ -411,8 +416,8 @@ fn irradiance() {
     });
 }
 
-/// The map's sum is the integral, except for the error of its steps. The integral is the sum of all texels, weighted by
-/// their solid angles.
+/// The shader computes the irradiance map by a sum over directions. The sum agrees with the integral, which the test
+/// computes from all texels of the environment, weighted by their solid angles.
 // Lesson 25
 // Lesson 46
 #[test]
@@ -431,8 +436,8 @@ fn the_irradiance_map_holds_the_integral() {
     }
 }
 
-/// Checks the article's objects in two ways: with the irradiance map that they use, and with the light. The map, with
-/// faces of 32 texels, blurs the light.
+/// Compares pixels of the article's spheres with two values: from the irradiance map, as in the shader, and from an
+/// integral over the room's light. The second tolerance is wider, because the map's faces are only 32 texels wide.
 fn lambert_objects(name: &str, corrected: bool) {
     let room = frames::room();
     let map = frames::irradiance_cube(&room, first_path()).expect("the map is drawn");
@@ -525,8 +530,8 @@ fn scaled(image: &mut Image, factor: f32) {
     }
 }
 
-/// The lecture's estimator loses half of the light, which violates both the formula and the error of the samples. Only
-/// the formula detects an error of half a percent. Both detect NaN.
+/// A frame with half of the light, as from the lecture's estimator, fails both comparisons: with the formula and with
+/// the integral. An error of half a percent fails only the comparison with the formula. NaN fails both.
 // Lesson 1: shader side
 // Lesson 20
 #[test]
@@ -544,7 +549,7 @@ fn faults_are_seen() {
     assert_eq!(count(&not_a_number, "integral"), 64);
 }
 
-/// The tests check pixels at outlines, because mistakes at grazing angles show there.
+/// Some of the pixels that the tests compare are at outlines, where mistakes for grazing angles show.
 #[test]
 fn some_pixels_graze() {
     let spheres = Spheres::new("scene", size());
@@ -553,7 +558,7 @@ fn some_pixels_graze() {
     assert!(below(0.2) >= 10 && below(0.1) >= 2, "{} and {}", below(0.2), below(0.1));
 }
 
-/// Mirrors and edges show that a frame is shifted by a pixel.
+/// The comparison detects a frame that is shifted by one pixel, because pixels at edges and on mirrors change.
 // Lesson 1: shader side
 #[test]
 fn a_shifted_pixel_is_seen() {

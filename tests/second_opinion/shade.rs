@@ -1,4 +1,4 @@
-//! Computes the fragment functions of `scene.wgsl` in `f64`, and gathers light in several ways.
+//! Computes the fragment functions of `scene.wgsl` in `f64`, and estimates the incoming light in several ways.
 
 use glam::{DVec2, DVec3};
 use karat::{CubeMap, Texture};
@@ -54,15 +54,15 @@ impl Surface {
 pub(crate) enum Gather<'a> {
     /// Uses the same samples as the shader.
     Same(&'a Samples),
-    /// Uses the same samples as the shader, and reads mip levels.
+    /// Uses the same samples as the shader, and reads the same mip levels.
     Filtered(&'a Samples),
-    /// Uses the shader's densities, at these points of the unit square.
+    /// Samples the shader's densities, but with these points of the unit square.
     Moved { diffuse: &'a [DVec2], specular: &'a [DVec2] },
-    /// Uses other densities than the shader: the cosine's density, and visible normals.
+    /// Samples other densities than the shader, with these points: cosine-weighted directions, and visible normals.
     Independent { points: &'a [DVec2] },
 }
 
-/// The light of a scene, and the way in which it is gathered.
+/// The light of a scene, and the method of estimating it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Light<'a> {
     pub(crate) map: &'a CubeMap,
@@ -80,7 +80,7 @@ impl Light<'_> {
         look_up(self.map, self.seamless, direction, level)
     }
 
-    /// The irradiance divided by pi.
+    /// The irradiance for the normal `n`, divided by pi.
     fn diffuse(&self, n: DVec3) -> DVec3 {
         let radiance = |l: DVec3| self.radiance(l);
         match self.gather {
@@ -135,7 +135,8 @@ impl Light<'_> {
     }
 }
 
-/// Looks up a cube map with the filter of a path.
+/// Looks up a cube map as a path does: with filtering across the edges of faces if `seamless`, and clamped to one face
+/// otherwise.
 pub(crate) fn look_up(map: &CubeMap, seamless: bool, direction: DVec3, level: f64) -> DVec3 {
     let texel = if seamless {
         map.sample_level(direction, level)
@@ -149,8 +150,8 @@ fn mean(points: &[DVec2], term: impl Fn(DVec2) -> DVec3) -> DVec3 {
     points.iter().map(|u| term(*u)).sum::<DVec3>() / points.len() as f64
 }
 
-/// Computes f L cos / pdf for a normal `h` with this density, in the local frame: Walter et al. 2007, eq. 20 and 14,
-/// with the lecture's G.
+/// Computes f L cos / pdf in the local frame for the half vector `h`, whose density is `density`: Walter et al. 2007,
+/// eq. 20 and 14, with the lecture's G.
 fn frame_sample(
     s: &Surface,
     v: DVec3,
@@ -194,8 +195,7 @@ fn diffuse(s: &Surface, light: &Light<'_>) -> DVec3 {
     if s.diffuse == DVec3::ZERO { DVec3::ZERO } else { s.diffuse * light.diffuse(s.n) }
 }
 
-/// Computes the colour with compensation for the energy that single reflections lose. The table is that of the split
-/// sum.
+/// Computes the colour with compensation for the energy that single reflections lose. `table` is the split sum's table.
 pub(crate) fn compensated(s: &Surface, light: &Light<'_>, table: &Texture) -> DVec3 {
     let entry = s.entry(table);
     let specular = light.specular(s);
@@ -206,7 +206,8 @@ pub(crate) fn compensated(s: &Surface, light: &Light<'_>, table: &Texture) -> DV
     }
 }
 
-/// Computes the colour with the split sum instead of the specular estimator, from the split sum's two maps.
+/// Computes the colour with the split sum instead of the specular estimator, from the prefiltered environment and the
+/// split sum's table.
 pub(crate) fn split_sum(
     s: &Surface,
     light: &Light<'_>,

@@ -3,24 +3,24 @@
 use glam::{DMat4, DVec2, DVec3, Vec3};
 use shaders::camera::Camera;
 
-/// Copies of one mesh, seen by a camera.
+/// Copies of one mesh of a sphere, and a camera.
 #[derive(Debug)]
 pub(crate) struct Scene {
     camera: DMat4,
     eye: DVec3,
     size: (u32, u32),
-    /// The vertices of triangles on the unit sphere. Each position is also the normal.
+    /// The triangles of the unit sphere's mesh. The position of each vertex is also its normal.
     triangles: Vec<[DVec3; 3]>,
     centres: Vec<DVec3>,
     radius: f64,
 }
 
-/// The first point at which a ray meets a triangle.
+/// The point at which a ray hits the nearest triangle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hit {
     pub(crate) instance: u32,
     pub(crate) position: DVec3,
-    /// The normal, interpolated between the vertices. It is shorter than 1.
+    /// The normal, interpolated between the vertices and not normalised, so that its length is below 1.
     pub(crate) normal: DVec3,
     distance: f64,
 }
@@ -59,7 +59,7 @@ impl Scene {
         self.ray_beside(pixel, DVec2::ZERO)
     }
 
-    /// The ray through the point at the distance `by`, in pixels, from the middle of a pixel.
+    /// The ray through a point beside the middle of a pixel. `by` is the offset from the middle, in pixels.
     pub(crate) fn ray_beside(&self, (x, y): (u32, u32), by: DVec2) -> Ray {
         let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
         let (x, y) = (f64::from(x) + 0.5 + by.x, f64::from(y) + 0.5 + by.y);
@@ -75,7 +75,7 @@ impl Scene {
         ((0.5 * (ndc.x + 1.0) * width) as u32, (0.5 * (1.0 - ndc.y) * height) as u32)
     }
 
-    /// The nearest triangle that the ray meets from the front.
+    /// The ray's nearest hit of a triangle's front.
     pub(crate) fn trace(&self, ray: Ray) -> Option<Hit> {
         let mut nearest: Option<Hit> = None;
         for (instance, centre) in (0..).zip(&self.centres) {
@@ -99,7 +99,7 @@ impl Scene {
     }
 }
 
-/// The distance to a triangle, and the point at which the ray meets it. Moeller and Trumbore 1997.
+/// The distance along the ray to a triangle, and the point of the hit. Moeller and Trumbore 1997.
 fn intersect(origin: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<(f64, DVec3)> {
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);
