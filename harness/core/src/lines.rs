@@ -11,8 +11,8 @@ const LAST_WORDS: usize = 2 << 10;
 /// The largest number of unread messages that Karat keeps in memory for a process. If there are more, the process
 /// waits.
 const MOST_UNREAD: usize = 256;
-/// Ten times the interval at which Karat checks if a process has ended.
-const POLL: Duration = Duration::from_millis(50);
+/// The interval at which Karat checks if a process has ended.
+const POLL: Duration = Duration::from_millis(5);
 /// The time limit for a program that looks something up, such as git, or a compiler that prints its name. Such programs
 /// take about 30 ms.
 pub const LOOK_UP: Duration = Duration::from_secs(60);
@@ -58,7 +58,7 @@ pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Ou
         loop {
             match child.try_wait() {
                 Ok(Some(status)) => return Some(Output { status, stdout, stderr }),
-                Ok(None) if !left().is_zero() => std::thread::sleep(POLL / 10),
+                Ok(None) if !left().is_zero() => std::thread::sleep(POLL),
                 _ => return None,
             }
         }
@@ -182,7 +182,7 @@ impl Lines {
         loop {
             match self.child.try_wait() {
                 Ok(Some(status)) => return Some(status.to_string()),
-                Ok(None) if Instant::now() < until => std::thread::sleep(POLL / 10),
+                Ok(None) if Instant::now() < until => std::thread::sleep(POLL),
                 _ => return None,
             }
         }
