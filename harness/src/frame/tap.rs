@@ -82,8 +82,8 @@ pub struct Tapped {
     pub function: String,
     /// The type of the values.
     pub shape: Shape,
-    /// The width and height of the frame. For a pass, the number of invocations in x and y, with all layers in z below
-    /// each other.
+    /// The width and height of the frame. For a pass, the number of invocations in x, and the product of the numbers in
+    /// y and z.
     pub size: (u32, u32),
     /// The owner of each value, for messages: `pixel` or `invocation`.
     pub of: &'static str,
