@@ -285,7 +285,7 @@ pub fn call(
 }
 
 /// Accepts results in which the driver left some words unwritten, if WGSL allows any value for each of these words.
-/// Unwritten words keep their previous value, a NaN. Otherwise, the driver lost a write, so this function returns `error`.
+/// Unwritten words keep their previous value, a NaN. Otherwise, the driver lost a write, so the result is `error`.
 pub(crate) fn left_open(
     (probed, fixtures): (&Probed, &Fixtures),
     (cases, rows): (usize, &[u32]),

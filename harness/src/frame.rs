@@ -57,7 +57,7 @@ pub struct Frame<'a> {
     facts: BTreeMap<String, String>,
     aovs: Vec<(String, Self)>,
     known_issues: KnownIssues,
-    /// The position of the frame's declaration, if a file other than Rust code declares the frame.
+    /// The position of the frame's declaration, if a `*.test.toml` or another file outside of Rust declares the frame.
     declared_at: Option<String>,
     /// `true` if Karat writes the verdicts into the run's record.
     recorded: bool,
@@ -668,8 +668,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps the verdicts out of the run's record. Use this method in a test that expects a failure. Karat draws such a
-    /// frame even with `KARAT_FRAMES=off`.
+    /// Keeps the verdicts out of the run's record. Use this method in a test that expects a failure. Karat draws an
+    /// unrecorded frame even with `KARAT_FRAMES=off`.
     ///
     /// ```
     /// # use karat::metric::Rect;

@@ -45,8 +45,8 @@ impl<'s> Drawing<'s> {
     }
 
     /// Reports if the frame's own colours can be drawn beside a tapped value. If the frame has several targets, some
-    /// GPUs don't support another target. With several samples per pixel, a target contains means of samples, and a mean
-    /// of tapped values is meaningless.
+    /// GPUs don't support another target. With several samples per pixel, a target contains means of samples, and a
+    /// mean of tapped values is meaningless.
     pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
     }

@@ -72,10 +72,10 @@ impl Prepared for Guarded<'_> {
     }
 }
 
-/// Guards a function with a loop for which naga's IR shows no bound. If the engine can run the function, the engine runs
-/// each batch before the driver does. Some drivers silently stop long loops. On these drivers, most kernels count their
-/// own iterations. Kernels whose cases run one by one or on drawn pixels can't count, so the engine must run each batch
-/// first. If the engine can't run such a kernel, returns an error.
+/// Guards a function with a loop for which naga's IR shows no bound. If the engine can run the function, the engine
+/// runs each batch before the driver does. Some drivers silently stop long loops. On these drivers, most kernels count
+/// their own iterations. Kernels whose cases run one by one or on drawn pixels can't count, so the engine must run each
+/// batch first. If the engine can't run such a kernel, returns an error.
 pub(super) fn guarded<'e>(
     device: &'e Device,
     call: &Call<'_>,

@@ -502,8 +502,8 @@ impl Frame<'_> {
         Ok(self.taps(path, std::slice::from_ref(tap))?.swap_remove(0))
     }
 
-    /// Reads several values. Each time that Karat draws the frame, Karat reads as many values as fit into the 32 bytes of
-    /// a pixel. If a tap draws the colours [beside](Tap::beside) the value, Karat draws the frame separately for each value.
+    /// Reads several values. Each time that Karat draws the frame, Karat reads as many values as fit into the 32 bytes
+    /// of a pixel. If a tap draws the colours [beside](Tap::beside) its value, Karat reads each value separately.
     ///
     /// # Errors
     /// As for [`tap`](Self::tap).
