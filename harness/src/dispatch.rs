@@ -1,4 +1,4 @@
-//! Dispatches compute passes: entry points over shared resources.
+//! Dispatches compute passes: runs entry points that share resources.
 //!
 //! [`Passes`] contain linked and validated shaders with their resources. An
 //! [`Executor`](crate::executor::Executor) runs them one after another.

@@ -285,7 +285,7 @@ pub fn call(
 }
 
 /// Accepts results in which the driver left some words unwritten, if WGSL allows any value for each of these words.
-/// Unwritten words keep their previous value, a NaN. Otherwise the driver dropped a write: returns `error`.
+/// Unwritten words keep their previous value, a NaN. Otherwise, the driver lost a write, so the result is `error`.
 pub(crate) fn left_open(
     (probed, fixtures): (&Probed, &Fixtures),
     (cases, rows): (usize, &[u32]),
@@ -318,7 +318,7 @@ pub(crate) fn adapter(executor: &dyn Executor) -> Adapter {
     Adapter { path: executor.path().to_string(), ..executor.adapter() }
 }
 
-/// Returns the executors in `own`, or else the executors that the environment selects: at least one.
+/// Returns the executors in `own`. If `own` is empty, returns the executors that the environment selects: at least one.
 pub(crate) fn or_selected<'e>(
     own: &[&'e dyn Executor],
 ) -> Result<Vec<&'e dyn Executor>, PathError> {

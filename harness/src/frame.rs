@@ -57,7 +57,7 @@ pub struct Frame<'a> {
     facts: BTreeMap<String, String>,
     aovs: Vec<(String, Self)>,
     known_issues: KnownIssues,
-    /// The position of the frame's declaration, if it isn't in Rust.
+    /// The position of the frame's declaration, if a `*.test.toml` or another file outside of Rust declares the frame.
     declared_at: Option<String>,
     /// `true` if Karat writes the verdicts into the run's record.
     recorded: bool,
@@ -120,7 +120,7 @@ pub enum FrameError {
         expected: [f64; 3],
         /// The actual mean of red, green and blue.
         mean: [f64; 3],
-        /// The largest error of the three channels.
+        /// The error of the channel with the largest ratio.
         worst: LaneError,
     },
     /// A rectangle isn't inside the frame.
@@ -668,8 +668,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps the verdicts out of the run's record. Use this method in a test that expects a failure. Karat draws such a
-    /// frame even with `KARAT_FRAMES=off`.
+    /// Keeps the verdicts out of the run's record. Use this method in a test that expects a failure. Karat draws an
+    /// unrecorded frame even with `KARAT_FRAMES=off`.
     ///
     /// ```
     /// # use karat::metric::Rect;

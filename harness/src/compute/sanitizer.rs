@@ -152,8 +152,8 @@ impl After<'_> {
         with_tint(passes, self.compute.package, examined)
     }
 
-    /// Records how much of the passes the sanitizer checked. Fails if the test doesn't accept a violation, or accepts a
-    /// race that doesn't occur.
+    /// Records how much of the passes the sanitizer checked. Returns an error if the test doesn't accept one of the
+    /// violations, or if the test accepts a race that doesn't occur.
     pub(super) fn expect_no_violations(
         &self,
         examined: Examined,

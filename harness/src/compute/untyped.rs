@@ -241,7 +241,7 @@ pub fn agrees_with(
 }
 
 /// Records a statement about the passes, with a verdict that the caller already knows. Karat doesn't check the
-/// statement in other orders.
+/// statement in other orders of invocations.
 ///
 /// ```
 /// # use karat::prelude::*;

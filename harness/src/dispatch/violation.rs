@@ -1,5 +1,5 @@
-//! Violations in compute passes, as data. A violation is an action that WGSL doesn't order or define, such as a
-//! race, a barrier that some invocations miss, or an index outside of its array. The engine finds violations.
+//! Violations in compute passes, as data. A violation breaks a rule of WGSL: two invocations race, some
+//! invocations miss a barrier, or an index is outside of its array. The engine finds violations.
 
 use serde::{Deserialize, Serialize};
 

@@ -66,13 +66,13 @@ pub enum Source {
     Depth,
 }
 
-/// A scene after validation: its shader is valid, and its fixtures fit the shader's variables.
+/// A scene after validation: its shader is valid, and each fixture belongs to a variable of the shader.
 #[derive(Debug)]
 pub struct Drawing<'s> {
     pub(super) scene: Cow<'s, Scene<'s>>,
     pub(super) program: Arc<Program>,
     pub(super) bindings: Vec<Bindings>,
-    /// The scene's fixtures, with the values that the test gives to single members.
+    /// The scene's fixtures. The buffers contain the values that the test sets for single members.
     fixtures: Fixtures,
     read: Read,
 }
@@ -216,7 +216,7 @@ impl Scene<'_> {
 }
 
 impl<'s> Drawing<'s> {
-    /// Links and validates the scene's functions, and checks that each variable has a fixture.
+    /// Links and validates the scene's functions, and checks that each fixture belongs to a variable.
     pub(crate) fn of(scene: Cow<'s, Scene<'s>>) -> Result<Self, DrawError> {
         scene.expect_sound()?;
         let names = |draw: &'_ Draw| {

@@ -19,8 +19,8 @@ const ROUNDING: f64 = 0.6;
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Format {
-    /// The most precise floats that the path can draw into, usually of 32 bits. The floats have 16 bits if a draw
-    /// blends, if pixels have several samples, or if the path supports no better format.
+    /// The most precise floats that the path can draw into, usually of 32 bits. The floats have 16 bits if
+    /// pixels have several samples, or if the path can't draw or blend 32-bit floats.
     #[default]
     Float,
     /// One channel of 8 bits from 0 to 1.

@@ -45,7 +45,7 @@ impl Mesh {
     /// # let _ = triangle;
     /// ```
     ///
-    /// A position may be any vector of three floats that can be a function's argument: your engine's glam, mint,
+    /// A position may be any vector of three floats that can be a function's argument: a vector of glam or mint,
     /// `[f32; 3]`, or a type of your own ([`vector!`](crate::vector)).
     ///
     /// # Panics

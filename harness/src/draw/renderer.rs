@@ -91,8 +91,8 @@ impl Device {
     }
 }
 
-/// Draws the frame with loops that count their iterations. Some drivers stop long loops without an error, and the
-/// counts show such loops.
+/// Draws the frame with loops that count their iterations, and returns an error if a loop takes too many iterations.
+/// Some drivers stop such loops without an error.
 fn watch_rounds(
     device: &Device,
     scene: &Scene<'_>,

@@ -26,7 +26,7 @@ pub struct Draw {
     pub(super) vertex: Option<String>,
     /// The fragment function. `None` if the draw writes only depth.
     pub(super) fragment: Option<String>,
-    /// The fragment function of the depth pre-pass. Without it, the pre-pass writes the depth of the triangles.
+    /// The fragment function of the depth pre-pass. `None` if the pre-pass writes the depth of the triangles.
     pub(super) depth_fragment: Option<String>,
     pub(super) geometry: Geometry,
     pub(super) instances: u32,
@@ -62,7 +62,7 @@ impl Draw {
         }
     }
 
-    /// Draws a mesh. The draw culls back faces unless you call [`cull`](Self::cull).
+    /// Draws a mesh. By default, the draw culls back faces: see [`cull`](Self::cull).
     ///
     /// ```no_run
     /// use glam::Vec3;
@@ -150,7 +150,7 @@ impl Draw {
         draw
     }
 
-    /// Draws this number of copies. The first copy has `@builtin(instance_index)` 0.
+    /// Draws this number of copies. By default, the first copy has `@builtin(instance_index)` 0.
     ///
     /// ```
     /// use karat::draw::Draw;

@@ -55,7 +55,7 @@ pub struct DepthBias {
     /// A bias in units of the smallest step that the depth format can represent. The size of a step depends on the
     /// driver.
     pub constant: i32,
-    /// A factor. The bias is this factor times the triangle's largest change of depth between adjacent pixels.
+    /// A factor. This factor times the triangle's largest change of depth between adjacent pixels is added to the bias.
     pub slope: f32,
     /// The largest total bias. 0 means no limit.
     pub clamp: f32,
@@ -122,7 +122,7 @@ pub enum StencilOperation {
 }
 
 impl Default for Stencil {
-    /// Passes the test for all pixels, and changes nothing.
+    /// A stencil test that all pixels pass, and that doesn't change the stencil.
     fn default() -> Self {
         Self {
             compare: Compare::Always,

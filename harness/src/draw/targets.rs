@@ -1,5 +1,5 @@
-//! Checks the outputs of draws against the targets. A target without an output would contain old memory. An output
-//! without a target would disappear without an error.
+//! Checks the outputs of draws against the targets. A target without an output would have undefined contents. An
+//! output without a target would disappear without an error.
 
 use super::drawing::{Scene, Source};
 use super::request::Draw;
@@ -7,7 +7,7 @@ use super::{DrawError, Format};
 use crate::reflect::{Output, Program, Texels};
 
 impl Scene<'_> {
-    /// Checks the settings `samples` and `depth`, and that each draw's outputs match the targets.
+    /// Returns an error if the setting `samples` or `depth` is wrong, or if a draw's outputs don't match the targets.
     pub(super) fn expect_targets(&self, program: &Program) -> Result<(), DrawError> {
         let unsound = |setting, reason: String| Err(DrawError::Unsound { setting, reason });
         if !matches!(self.samples, 1 | 2 | 4 | 8 | 16) {
@@ -84,7 +84,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// The smallest number of components that a draw writes into a target.
+    /// The smallest number of components that any of the draws writes into a target.
     pub(super) fn components(&self, program: &Program, target: usize) -> u8 {
         let of = |draw: &Draw| {
             let (_, outputs) = outputs(draw, program)?;
@@ -95,8 +95,8 @@ impl Scene<'_> {
     }
 }
 
-/// Reports if a draw writes depth. A draw with only a fragment function writes depth only if that function returns a
-/// depth.
+/// Reports if a draw writes depth. By default, a draw with only a fragment function writes depth only if that function
+/// returns a depth.
 pub(super) fn writes_depth(draw: &Draw, program: &Program) -> bool {
     let says = || draw.fragment.as_deref().is_some_and(|fragment| program.writes_depth(fragment));
     draw.state.depth_write.unwrap_or_else(|| draw.vertex.is_some() || says())

@@ -1,4 +1,4 @@
-//! Makes drawings whose fragment functions return a tapped value beside their colours.
+//! Makes drawings whose fragment functions return tapped values, with or without their colours.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -8,8 +8,8 @@ use super::request::Draw;
 use super::{Blend, DrawError, Format};
 use crate::reflect::{Telling, Valued, WORDS, When};
 
-/// The number of targets for tapped values that every WebGPU device supports. A pixel may have 32 bytes in all targets
-/// (`maxColorAttachmentBytesPerSample`), and a target of four `u32`s takes 16 bytes.
+/// The number of targets for tapped values that every WebGPU device supports. A pixel may take 32 bytes in all
+/// targets together (`maxColorAttachmentBytesPerSample`), and a target of four `u32`s takes 16 bytes.
 const TARGETS: usize = 2;
 
 /// A drawing with fragment functions that return tapped values, and the targets for these values.
@@ -45,13 +45,13 @@ impl<'s> Drawing<'s> {
     }
 
     /// Reports if the frame's own colours can be drawn beside a tapped value. If the frame has several targets, some
-    /// GPUs don't support another one. With several samples per pixel, a target contains means of samples, and a mean
-    /// of tapped values is meaningless.
+    /// GPUs don't support another target. With several samples per pixel, a target contains means of samples, and a
+    /// mean of tapped values is meaningless.
     pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
     }
 
-    /// Checks if a draw blends, so several draws may contribute to a pixel.
+    /// Checks if any draw blends. If so, several draws may contribute to a pixel's colour.
     pub(crate) fn blends(&self) -> bool {
         let targets = 0..self.scene.formats.len();
         let blends = |target: usize| {

@@ -11,11 +11,12 @@ use crate::package::Package;
 use crate::probe::{ProbeError, Probed};
 use crate::{image, settings};
 
-/// The version of the measured arguments and of the file's format. If the version changes, Karat measures again.
+/// The version of the stored file. If this number changes, Karat measures again. Change this number with the measured
+/// arguments or the format of the file.
 const EDITION: u32 = 3;
 
-/// Returns the accuracy of an executor's builtin functions. If `kept` is `true`, Karat stores the result in a file for
-/// later processes.
+/// Returns the accuracy of an executor's builtin functions. If `kept` is `true`, Karat reads the accuracy from a
+/// file, or measures the accuracy and stores it in that file for later processes.
 pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accuracy>, ProbeError> {
     static KNOWN: Mutex<BTreeMap<String, Arc<Accuracy>>> = Mutex::new(BTreeMap::new());
     let key = super::adapter(executor).to_string();

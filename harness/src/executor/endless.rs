@@ -1,5 +1,5 @@
-//! Finds endless loops before a driver runs them. The engine runs each loop first. Otherwise the driver could
-//! hang until the deadline ends the process.
+//! Finds endless loops before a driver runs them, because the driver could hang until the deadline ends the process.
+//! If a loop has no visible bound, the engine runs the function first.
 
 use crate::interpret::{Alone, Interpreted};
 use crate::path::{Device, MOST_ROUNDS, PathError};
@@ -43,8 +43,8 @@ impl Watcher {
 struct Guarded<'e> {
     prepared: Box<dyn Prepared + 'e>,
     function: Watcher,
-    /// The device and the function's name, for a driver that silently stops long loops. For such a driver, the engine
-    /// must run each batch to its end.
+    /// The device and the function's name, if the driver silently stops long loops. For such a driver, the engine must
+    /// run each batch to its end.
     leaves: Option<(&'e Device, String)>,
 }
 
@@ -72,10 +72,10 @@ impl Prepared for Guarded<'_> {
     }
 }
 
-/// Guards a function that may have an endless loop, because the function's IR shows no bound for a loop. The engine
-/// runs each batch before the driver does, if the engine can run the function. Some drivers silently stop long loops.
-/// On such drivers, kernels usually count their own iterations. A kernel can't do so if its cases run one by one or on
-/// drawn pixels: then the engine must run each batch first. If the engine can't run such a function, that is an error.
+/// Guards a function with a loop for which naga's IR shows no bound. If the engine can run the function, the engine
+/// runs each batch before the driver does. Some drivers silently stop long loops. On these drivers, most kernels count
+/// their own iterations. Kernels whose cases run one by one or on drawn pixels can't count, so the engine must run each
+/// batch first. If the engine can't run such a kernel, returns an error.
 pub(super) fn guarded<'e>(
     device: &'e Device,
     call: &Call<'_>,
@@ -104,8 +104,7 @@ pub(super) fn guarded<'e>(
     })
 }
 
-/// Makes the error that the driver may silently stop the function's loops, and that the engine can't check
-/// this.
+/// Makes an error for a function whose loops the driver may silently stop, if the engine can't count the iterations.
 fn unwatched(device: &Device, of: &str, error: &ProbeError) -> ProbeError {
     let driver = &device.adapter().name;
     let message = format!(

@@ -8,9 +8,10 @@ use crate::path::{Path, PathError};
 use crate::probe::evidence::{self, Evidence, canary};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The largest number of cases in a job, and the largest number of words in the arguments or results of these cases. A
-/// job of this size is a few megabytes of JSON.
+/// The largest number of cases in a job.
 const BATCH: usize = 4096;
+
+/// The largest number of words in a job's arguments or results. A job of this size is a few megabytes of JSON.
 const WORDS: usize = 1 << 19;
 
 /// The number of cases in a batch if each case needs its own job.
@@ -68,8 +69,8 @@ impl ByJobs<'_> {
         Ok((words, outputs))
     }
 
-    /// Runs all cases in one job, or each case in its own job if `alone` is set. Returns the results' words,
-    /// and the values that each case wrote into resources.
+    /// Runs all cases in one job, or each case in its own job if `alone` is set. Returns the results' words.
+    /// If `alone` is set, also returns the values that each case wrote into resources.
     fn over(
         &self,
         cases: usize,
@@ -161,8 +162,8 @@ pub(super) fn draw(
     Ok(Image::new(width, height, pixels.collect()))
 }
 
-/// Returns the outputs of a reply. Returns an error if an output has another length than the job says. `place` finds
-/// the position of a problem in the author's file.
+/// Returns the outputs of a reply. Returns an error if the executor refused the job, if the job failed, or if an output
+/// has the wrong length. `place` finds the position of a problem in the author's file.
 fn done(
     reply: Reply,
     path: Path,

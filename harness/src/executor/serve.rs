@@ -6,8 +6,8 @@ use super::Executor;
 use crate::job::{Answer, Job, Problem, Reply};
 use crate::path::{Ability, Adapter, Greeting, JOBS};
 
-/// Writes a `Greeting`, the first line that a program for jobs must write. Then reads jobs line by line, runs each job,
-/// and writes the replies. Returns at the end of the input.
+/// Writes a `Greeting`, which is the first line that a program must write to become an executor. Then reads jobs line
+/// by line, runs each job, and writes the replies. Returns at the end of the input.
 ///
 /// ```no_run
 /// use karat::Path;

@@ -221,7 +221,7 @@ fn unsound(executors: &[&dyn Executor], (text, width, share): (&str, usize, usiz
     unsound_of(executors, (&text, width, share))
 }
 
-/// Tests the function `f` in `text` like `unsound`.
+/// Like `unsound`, but tests the function `f` in `text`.
 fn unsound_of(
     executors: &[&dyn Executor],
     (text, width, share): (&str, usize, usize),

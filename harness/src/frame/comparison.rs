@@ -52,7 +52,7 @@ impl Frame<'_> {
         self.reported((case.to_owned(), folder), |report| self.compare(goldens, case, report))
     }
 
-    /// Checks if the settings leave the frame out. If so, records that the test skips a frame.
+    /// Checks if `KARAT_FRAMES=off` leaves the frame out. If so, records that the test skips a frame.
     pub(super) fn is_left_out(&self) -> bool {
         let left_out = self.recorded && settings::leaves_frames_out();
         if left_out {
@@ -190,8 +190,8 @@ impl Frame<'_> {
 
     /// The tolerance for a path. The path's own tolerance comes first, and the frame's tolerance second. If neither is
     /// set, integers and depths have a default, because HDR-FLIP can't judge them: integers must be equal, and depths
-    /// must be within 1e-5. Depths of far surfaces are close to 1, so a bound of 1e-3 would allow large differences in
-    /// distance.
+    /// must be within 1e-5. Depths of far surfaces are close to 1, so the standard gate of 1e-3 would allow large
+    /// differences in distance.
     fn tolerance_of(&self, path: Path, adapter: &Adapter) -> Option<&FrameTolerance> {
         // Images store integers up to 2^24 as floats. Two different integers differ by at least 6e-8 of their value.
         static EXACT: LazyLock<FrameTolerance> = LazyLock::new(|| FrameTolerance::from(1e-8));

@@ -139,7 +139,7 @@ impl Frame<'_> {
 
 type Mean = ([f64; 3], LaneError);
 
-/// The mean of red, green and blue. It is NaN if a value isn't finite.
+/// The mean of red, green and blue. If a value isn't finite, the channel's mean isn't finite.
 fn mean(image: &Image, rect: Rect) -> [f64; 3] {
     let rows = image.pixels().chunks(image.width() as usize).skip(rect.top as usize);
     let columns = rect.left as usize..(rect.left + rect.width) as usize;

@@ -188,7 +188,7 @@ fn compared(
     })
 }
 
-/// The arguments of a fragment function on all pixels, in the function's order.
+/// The arguments of a fragment function on all pixels, in the order of the function's parameters.
 fn arguments(
     device: &Device,
     drawing: &Drawing<'_>,
@@ -208,8 +208,8 @@ fn arguments(
     Ok(own.into_iter().zip(read).map(told).collect())
 }
 
-/// Returns the components of the arguments at each pixel of a quad. Also returns notes about neighbours with unknown
-/// arguments.
+/// Returns the components of the arguments at each pixel of the quad that contains `(x, y)`. Also returns notes for the
+/// user, for example if the arguments of a neighbour are unknown.
 fn quad(
     probed: &Probed,
     arguments: &[Argument],

@@ -82,8 +82,8 @@ pub struct Tapped {
     pub function: String,
     /// The type of the values.
     pub shape: Shape,
-    /// The width and height of the frame. For a pass, the number of invocations in x and y, with all layers in z below
-    /// each other.
+    /// The width and height of the frame. For a pass, the number of invocations in x, and the product of the numbers in
+    /// y and z.
     pub size: (u32, u32),
     /// The owner of each value, for messages: `pixel` or `invocation`.
     pub of: &'static str,
@@ -110,7 +110,7 @@ pub enum TapError {
     /// Karat can't draw the frame.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// The fragment functions of the frame compute no value that matches the caller's text.
+    /// The frame or pass computes no value that matches the caller's text.
     #[error("the frame computes no value `{wanted}`{more}")]
     Unknown {
         /// The value that the caller named.
@@ -218,7 +218,7 @@ impl Candidate {
         is_own.then(|| format!("{}::{name}", program.path_of(&self.value.function)))
     }
 
-    /// A line with the name, the type, the position and the text of the value.
+    /// A line with the name and type of the value. Except for a parameter, the line also has the text and the position.
     fn told(&self, program: &Program) -> String {
         let text = self.text.split_whitespace().collect::<Vec<_>>().join(" ");
         let shape = match &self.value.shape {
@@ -449,7 +449,8 @@ fn at_place(
 
 impl Frame<'_> {
     /// The named values of the frame: `let`s and parameters in the fragment functions, and in functions that they call.
-    /// Each line has the position and the function.
+    /// Each line has the value's path, such as `brdf::shade::n_dot_v`, and type. For a `let`, the line also has the
+    /// expression and its position.
     ///
     /// # Errors
     /// If the frame can't be drawn.
@@ -501,8 +502,8 @@ impl Frame<'_> {
         Ok(self.taps(path, std::slice::from_ref(tap))?.swap_remove(0))
     }
 
-    /// Reads several values. One draw reads as many values as fit into the 32 bytes of a pixel. A value with colours
-    /// [beside](Tap::beside) it needs its own draws.
+    /// Reads several values. Each time that Karat draws the frame, Karat reads as many values as fit into the 32 bytes
+    /// of a pixel. If a tap draws the colours [beside](Tap::beside) its value, Karat reads each value separately.
     ///
     /// # Errors
     /// As for [`tap`](Self::tap).
