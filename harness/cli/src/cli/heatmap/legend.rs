@@ -30,7 +30,7 @@ pub(super) struct Legend {
     /// The number of pixels per unit.
     unit: u32,
     /// The distance from the left edge of the image to the bar, in pixels. Each number is centred below its tick, so
-    /// half of the first number must fit into this distance.
+    /// half of the widest possible number fits into this distance.
     left: u32,
     /// The width of the bar in pixels.
     bar: u32,
