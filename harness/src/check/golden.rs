@@ -170,9 +170,9 @@ impl Plan<'_> {
 enum Left {
     #[default]
     Nothing,
-    /// The golden doesn't exist, or it contains other arguments than these values.
+    /// Values for which no golden exists, or for which the golden contains other arguments.
     Other(ValuesError),
-    /// The golden contains the same arguments, but other results.
+    /// Values with the golden's arguments, but with other results.
     Differs(ValuesError),
 }
 
