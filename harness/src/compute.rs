@@ -17,7 +17,7 @@
 //!     .agrees_with(sums, Abs(0.0));
 //! ```
 //!
-//! Before any path runs the passes, Karat's engine runs the passes, and the sanitizer reports each
+//! Before other paths run the passes, Karat's engine runs the passes with the sanitizer, which reports each
 //! [`Violation`](crate::unstable::compute::Violation).
 
 mod golden;

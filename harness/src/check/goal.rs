@@ -9,6 +9,6 @@ pub(super) struct Goal<'g> {
     pub(super) distance: Option<Distance<'g>>,
     /// A function that takes a case's arguments and result, and returns `true` if the case fails.
     pub(super) fails: &'g (dyn Fn(&[u32], &[u32]) -> bool + Sync),
-    /// A function that returns `true` if Karat proved that the statement holds for all arguments.
+    /// A function that returns `true` if Karat proved that the check's statement holds for all arguments of the domain.
     pub(super) is_proved: &'g dyn Fn() -> bool,
 }

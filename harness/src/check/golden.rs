@@ -23,12 +23,11 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
-/// The number of cases if the check sets no number. The number is small, because a person reads each row of the golden,
-/// and the repository keeps the rows forever.
+/// The default number of cases. The number is small, because a person reads each row of the golden, and the repository
+/// keeps the rows forever.
 const CASES: u64 = 256;
 
-/// The largest size of a finite domain for which the golden contains every value, if the check sets no number
-/// of cases.
+/// If a finite domain has at most this many values, the golden contains all of them by default.
 const ENUMERATED: u64 = 1024;
 
 impl<V> Check<'_, Calls<V>> {
@@ -37,9 +36,9 @@ impl<V> Check<'_, Calls<V>> {
     /// and results.
     ///
     /// The golden's arguments are the domain's first 256 cases, or all values of a finite domain that has at most 1,024
-    /// values. To set another number, call [`cases`](Self::cases). The arguments depend on the golden's name, not on
-    /// the test's name. If the domain's arguments differ from the golden's arguments, the check fails until you accept
-    /// the new values.
+    /// values. To set another number, call [`cases`](Self::cases). The sampled arguments depend on the golden's name,
+    /// so you can rename the test. If you change the domain, and Karat samples other arguments than the golden
+    /// contains, the check fails until you accept the new values.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};
@@ -171,14 +170,14 @@ impl Plan<'_> {
 enum Left {
     #[default]
     Nothing,
-    /// Values without a golden, or with a golden that has other arguments.
+    /// Values for which no golden exists, or for which the golden contains other arguments.
     Other(ValuesError),
-    /// Values that differ from the golden's values.
+    /// Values with the golden's arguments, but with other results.
     Differs(ValuesError),
 }
 
 impl Failure {
-    /// Adds the message about the pending values to a failure that says which results differ from the golden.
+    /// Adds `source`, the message about the pending values, to the failure that lists the differing results.
     fn with_golden(self, source: ValuesError) -> Self {
         match self {
             Self::Disagreement(differs) => {
@@ -248,7 +247,7 @@ impl Comparison<'_> {
         Ok(())
     }
 
-    /// Calls the function with the golden's arguments, and compares the results with the golden's.
+    /// Calls the function with the golden's arguments, and compares the results with the golden's results.
     fn compare(&self, session: &Session<'_>, golden: &Table) -> Result<PathTally, Failure> {
         let (goldens, case, function) = (self.goldens, self.case, session.called.function());
         let numbering =

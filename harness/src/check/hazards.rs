@@ -46,7 +46,7 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`has_no_hazards`](Self::has_no_hazards), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// Returns the failure with which the method without `try_` panics.
+    /// Returns the failure with which [`has_no_hazards`](Self::has_no_hazards) panics.
     pub fn try_has_no_hazards(self) -> Result<Agreement, Failure> {
         self.plan.hazards(&*self.stream, &self.demand(), None)
     }
@@ -190,7 +190,8 @@ fn class(kind: Kind) -> Class {
 }
 
 impl Session<'_> {
-    /// Returns the hazards that occur for a row of arguments, as notes for the report: the word `hazard` and a text.
+    /// Returns the hazards that occur for a row of arguments, as notes for the report. Each note is the label `hazard`
+    /// with a description, such as `NaN at ...`.
     pub(super) fn hazards_of(&self, row: &[u32], kinds: Kinds) -> Vec<(&'static str, String)> {
         let left_out = |one: &Found| self.leaves_out(one, kinds).0;
         let found = self.witness().and_then(|witness| witness.hazards_but(1, row, &left_out));
@@ -213,7 +214,7 @@ impl Session<'_> {
     }
 
     /// Returns `true` if the hazard's kind isn't in `kinds`, or if the author accepted the hazard with `accept_hazard`.
-    /// Also returns the index of this acceptance, if there is one.
+    /// Also returns the index of the matching `accept_hazard` call, if there is one.
     fn leaves_out(&self, one: &Found, kinds: Kinds) -> (bool, Option<usize>) {
         let text = one_line(&one.text);
         let accepted = self.accepted.iter().position(|own| own.text == text);

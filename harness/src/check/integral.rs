@@ -30,12 +30,10 @@ use crate::value::{Arguments, Mirror, Shape};
 pub(super) use assertion::Assertion;
 use group::Group;
 
-/// The number of integrals if the check sets no number. The number is small, because each integral takes thousands of
-/// calls.
+/// The default number of integrals. The number is small, because each integral takes thousands of calls.
 const CASES: u64 = 256;
 
-/// The largest size of a finite domain for which Karat tries every value, if the check sets no number of
-/// integrals.
+/// If a finite domain has at most this many values, Karat integrates for each of them by default.
 const ENUMERATED: u64 = 65_536;
 
 impl<'a> Probe<'a> {

@@ -20,7 +20,7 @@ pub(super) type Transform<'t> = &'t (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
 /// arguments.
 type Factor<'t> = &'t (dyn Fn(&[u32]) -> f64 + Sync);
 
-/// The name of the verb, and the expected factor if the verb has one.
+/// The verb's name, and for `scales_under` the function that returns the expected factor.
 #[derive(Clone, Copy)]
 pub(super) struct Scaling<'t> {
     check: &'static str,
@@ -139,7 +139,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     }
 }
 
-/// Turns a function that transforms values into a function that transforms words.
+/// Turns a function that transforms Rust values into a function that transforms their `u32` words.
 fn words<V: Arguments>(transform: impl Fn(V) -> V + Sync) -> impl Fn(&[u32], &mut Vec<u32>) + Sync {
     move |row, lanes| transform(V::load_all(&mut row.iter())).store_all(lanes)
 }

@@ -76,11 +76,11 @@ impl fmt::Display for Limit {
 impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the result approaches a reference as one argument approaches a limit.
     ///
-    /// For each case, Karat calls the function at every step of the limit, with the case's other arguments. The
-    /// error must fall at each step until it is within the tolerance. After that, the error must stay within
-    /// the tolerance. At the last step the error must be within the tolerance. The reference receives the
-    /// limit's target as the value of the argument. Karat ignores the domain's values for the argument, so use
-    /// `Just(0.0)` as its domain.
+    /// For each case, Karat calls the function once for each step of the limit: the step replaces the argument, and the
+    /// case's other arguments stay the same. The error against the reference must fall at each step until it is within
+    /// the tolerance. After that, the error must stay within the tolerance. At the last step the error must be within
+    /// the tolerance. The reference receives the limit's target as the value of the argument. Karat ignores the
+    /// domain's values for the argument, so use `Just(0.0)` as its domain.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

@@ -40,7 +40,7 @@ pub enum Mismatch {
         /// The words in the message that say what doesn't fit: `but this check needs a vector of floats`.
         wanted: &'static str,
     },
-    /// The function is its own reference.
+    /// The check compares the function with itself.
     #[error(
         "is compared with itself, so the check can't find a mistake: name another function, or use \
          `Spec`, which checks that WGSL allows the driver's results"
@@ -74,14 +74,14 @@ pub enum Mismatch {
         /// The number of components for which the tolerance has bounds.
         declared: usize,
     },
-    /// A path has its own tolerance, but the verb has no tolerance.
+    /// The check sets a tolerance for a path, but the verb uses no tolerance.
     #[error(
         "is checked by {check}, which takes no tolerance: remove the tolerance {tolerance} for path {on}"
     )]
     NoTolerance {
         /// The verb.
         check: &'static str,
-        /// The paths that have their own tolerance.
+        /// The paths for which the check sets a tolerance.
         on: Selector,
         /// The tolerance on these paths.
         tolerance: Tolerance,
@@ -136,7 +136,7 @@ pub enum Mismatch {
         /// The reason why the steps don't approach the target.
         reason: String,
     },
-    /// A check of a sampler has a second function, such as the density, and this function has its own executor.
+    /// A check of a sampler sets an executor (`.on(...)`) for its second function, such as the density.
     #[error("runs on the sampler's executors: call `.on(..)` only on the sampler")]
     Executor,
     /// Karat can't sample random numbers of this type.
@@ -157,8 +157,8 @@ pub enum Mismatch {
     },
 }
 
-/// Returns a hint about arguments of the wrong types: the first difference between two structures, or a likely
-/// mix-up.
+/// Returns a hint about arguments of the wrong types: the first member in which two structures differ, or the advice of
+/// `mixed_up`.
 fn hint(declared: &[Shape], supplied: &[Shape]) -> String {
     if declared.len() != supplied.len() {
         return mixed_up(declared, supplied);

@@ -42,13 +42,12 @@ impl fmt::Display for Trend {
     }
 }
 
-/// The possible numbers of candidates. For each case, Karat picks one of these numbers at random, samples as many
-/// candidates for the case's second value, and uses the candidate nearest to the case's own value. The difference
-/// between the two values is the step. A single candidate may lie at the other end of the range. The nearest of 32
-/// candidates is about 1/64 of the range away. A wide step shows a wrong slope, and a short step shows a bump. In three
-/// of four cases, Karat shortens the step by a random factor, down to 1/4096. Over a wide step, the function's slope
-/// hides a small jump backwards, but over such a short step, the jump shows. Short steps usually find a jump of 1/1000
-/// of the range.
+/// For each case, Karat samples 1, 2, 8 or 32 candidates for the second value of the argument, and uses the candidate
+/// nearest to the case's own value. The difference between the two values is the step. A single candidate may lie at
+/// the other end of the range. The nearest of 32 candidates is about 1/64 of the range away. A wide step shows a wrong
+/// slope, and a short step shows a bump. In three of four cases, Karat shortens the step by a random factor, down to
+/// 1/4096. A rising function with a small jump down still rises over a wide step, but falls over a short step at the
+/// jump. Short steps usually find a jump of 1/1000 of the range.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
 /// The largest number of attempts to sample a second value that differs from the case's own value. If the domain is a
@@ -251,7 +250,7 @@ impl Companion for Other<'_> {
     }
 }
 
-/// Judges the results before and after a step of the argument. A change in the right direction has no error.
+/// Judges the function's results before and after a step of the argument. A change in the right direction has no error.
 fn judge_pair(
     scalars: &[Scalar],
     before: &[u32],

@@ -46,8 +46,8 @@ fn shown(range: Bounds) -> String {
     }
 }
 
-/// Returns the smallest distance between a number in the result and an excluded end of its range. The first
-/// range applies to integers, the second to floats.
+/// Returns the smallest distance between a number in the result and an excluded end of its range. `range` applies to
+/// integers, `of_floats` to floats.
 fn distance([range, of_floats]: [Bounds; 2], lanes: &[Scalar], words: &[u32]) -> f64 {
     let to = |end: Bound<f64>, value: f64, sign: f64| match end {
         Bound::Excluded(end) => sign * (end - value),
@@ -196,7 +196,7 @@ impl Plan<'_> {
     }
 
     /// Calls `then` with the value in `begun`, which the check needs before its first case, such as a reference
-    /// function. If `begun` is an error, the error is the verdict, and Karat records it like other verdicts.
+    /// function. If `begun` is an error, the check fails with this error, and Karat writes a record.
     pub(super) fn with<T>(
         &self,
         begun: Result<T, Failure>,
@@ -419,7 +419,7 @@ mod tests {
     const OPEN: Bounds = (Bound::Excluded(0.0), Bound::Excluded(1.0));
     const BELOW: Bounds = (Bound::Included(0.0), Bound::Excluded(8.0));
 
-    /// The distance is measured to the nearer of the excluded ends.
+    /// If the range excludes both ends, the distance is that to the nearer end.
     #[test]
     fn distances_are_measured_to_the_nearest_excluded_end() {
         let of = |ranges: [Bounds; 2], lanes: &[(Scalar, u32)]| {

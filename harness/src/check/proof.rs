@@ -12,8 +12,7 @@ const BOXES: usize = 4096;
 /// The number of boxes that the engine evaluates at a time.
 const TOGETHER: usize = 256;
 
-/// A box: the lower ends of all components' ranges, and the upper ends. A row of arguments lies in the box if
-/// each component lies in its range.
+/// A box: one row with the lower ends of all components' ranges, and one row with the upper ends.
 type Ends = [Vec<u32>; 2];
 
 impl Session<'_> {
@@ -54,8 +53,8 @@ impl Session<'_> {
     }
 }
 
-/// Cuts a box into halves, in the middle of the component with the widest range. `None` if the box contains a
-/// single row.
+/// Cuts a box into halves, in the middle of the component with the widest range. `None` if Karat can't cut the box,
+/// because it contains a single row or two adjacent floats.
 fn halves([from, to]: &Ends, scalars: &[Scalar]) -> Option<[Ends; 2]> {
     let length = |lane: &usize| {
         let [from, to] = [from, to].map(|row| scalars[*lane].decode(row[*lane]));

@@ -97,7 +97,7 @@ impl Directions {
         Self { rings: rings.max(4), ..self }
     }
 
-    /// The second rule, which has fewer rings. The integrals of both rules must agree.
+    /// The second rule, which has three quarters of the rings. The integrals of both rules must agree.
     fn control(self) -> Self {
         Self { rings: self.rings - self.rings / 4, ..self }
     }

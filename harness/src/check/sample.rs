@@ -6,7 +6,7 @@ use crate::judge::{Picked, Tally};
 use crate::record::{self, Errors, Plot};
 use crate::value::{Scalar, Shape};
 
-/// The number of cases in a distribution or a plot: enough for a map of 20 by 20 cells.
+/// The approximate number of cases in a report's plots: enough to fill a heat map of 20 by 20 cells.
 const CASES: usize = 512;
 
 /// Some cases with their ratios. A ratio is an error divided by its tolerance.
@@ -16,14 +16,14 @@ pub(super) struct Sample {
     scalars: Vec<Scalar>,
     rows: Vec<Vec<u32>>,
     ratios: Vec<f64>,
-    /// The number of cases that Karat picked independently of their errors. In `rows` and `ratios`, the worst case and
-    /// the first failing case follow these cases.
+    /// The number of evenly spaced cases at the beginning of `rows` and `ratios`. The worst case and the first failing
+    /// case follow.
     chosen: usize,
 }
 
 impl Sample {
     /// Selects the cases to keep: all failing cases of the first sampled batch, and if Karat writes a record, about
-    /// `CASES` more cases of this batch. Keeps no case of other batches.
+    /// `CASES` evenly spaced cases of that batch. Selects no case of other batches.
     pub(super) fn picked(batch: &Batch) -> Picked {
         if !batch.is_drawn || batch.first != 0 {
             return Picked::default();

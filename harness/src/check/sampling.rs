@@ -32,17 +32,15 @@ use crate::stats::Support;
 use crate::value::{Arguments, Shape, Shareable};
 use calls::given;
 
-/// The number of configurations if the check sets no number. The number is small, because each configuration has a
-/// quarter of a million samples.
+/// The default number of configurations. The number is small, because each configuration has a quarter of a million
+/// samples.
 const CONFIGURATIONS: u64 = 16;
 
-/// The largest size of a finite domain for which Karat tries every value, if the check sets no number of
-/// configurations.
+/// If a finite domain has at most this many values, each value is a configuration by default.
 const ENUMERATED: u64 = 4096;
 
-/// The number of samples per configuration if the check sets no number. With this number, each of 512 cells
-/// gets 512 samples on average. If the density is wrong by 3 % in every cell, the check accepts the density in
-/// only one of 10^9 runs.
+/// The default number of samples per configuration. With this number, each of 512 cells gets 512 samples on average. If
+/// the density is wrong by 3 % in every cell, the check accepts the density in only one of 10^9 runs.
 const SAMPLES: u64 = 1 << 18;
 
 /// The default probability that a check rejects a correct sampler, for one seed. The tests of the renderer Mitsuba use
@@ -210,7 +208,7 @@ where
     }
 }
 
-/// The result of a sampler's check that passes: the numbers of samples, and the smallest p-values.
+/// The result when the check of a sampler passes: the numbers of samples, and the smallest p-values.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -302,7 +300,7 @@ where
     F: Fn(&V, U) -> A + Sync,
 {
     /// Calls `then` with the sampler as a `Sampled`. `Sampled` has no type parameters, so the compiler compiles the
-    /// code behind `then` only once.
+    /// functions that take a `Sampled` only once.
     fn with_sampler<T>(&self, then: impl FnOnce(Sampled<'_, '_>) -> T) -> T {
         then(Sampled {
             plan: &self.plan,

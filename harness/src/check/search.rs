@@ -25,7 +25,7 @@ const SIMPLER: usize = 64;
 
 impl Session<'_> {
     /// Returns the simplest failing arguments that the search finds. `None` if the search finds no failing arguments,
-    /// or if Karat can't check whether the domain contains given arguments.
+    /// or if Karat doesn't search, for example in a replay.
     pub(super) fn search(&self, goal: &Goal<'_>) -> Result<Option<Vec<u32>>, Failure> {
         let width = self.stream.width();
         let Some(distance) = goal.distance else { return Ok(None) };
@@ -139,8 +139,9 @@ impl Session<'_> {
     }
 }
 
-/// Returns numbers to try instead of `x`: `-x`, fractions of `x`, numbers from 1 to 2^20 ulp away, and the nearest
-/// integer with its neighbours. Also returns tiny numbers, such as 2^-30, because `1.0 + tiny` rounds to 1.0.
+/// Returns numbers to try instead of `x`: `-x`, `2 * x`, fractions of `x`, numbers from 1 to 2^20 ulp away, the nearest
+/// integer, and numbers close to this integer. Also returns tiny numbers, such as 2^-30, because `1.0 + tiny` rounds to
+/// 1.0.
 fn of_float(x: f32) -> Vec<f32> {
     const SMALL: f32 = 1.0 / 1_073_741_824.0; // 2^-30
     const ULPS: [i32; 6] = [1, 16, 256, 4096, 65_536, 1 << 20];

@@ -92,7 +92,7 @@ pub(super) struct Session<'a> {
 pub(super) type JudgeBatch<'j> =
     &'j mut dyn FnMut(&Batch, Running<'_>) -> Result<PathTally, Failure>;
 
-/// A function that appends the expected components of the results for some rows of arguments.
+/// A function that takes rows of arguments, and appends the components of the expected results to a vector.
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 
 impl<'a> Session<'a> {
@@ -239,12 +239,12 @@ impl<'a> Session<'a> {
         Ok(self.called.start(&batch.lanes(), batch.cases)?)
     }
 
-    /// Calls the function with other arguments for the cases of a batch.
+    /// Calls the function for each case of a batch, with `lanes` instead of the batch's own arguments.
     pub(super) fn results(&self, batch: &Batch, lanes: &[u32]) -> Result<Results, Failure> {
         self.called.call(lanes, batch.cases)
     }
 
-    /// The check's name in replay commands, which includes the way to pass arguments.
+    /// The check's name in replay commands. The name includes the way to pass arguments.
     pub(super) fn name(&self) -> String {
         with_inputs(&self.identity.check, self.inputs)
     }
@@ -314,7 +314,7 @@ impl<'a> Session<'a> {
     }
 
     /// Returns an error if the kernel contains the arguments as constants, but WGSL can't write an edge of the domain
-    /// as a constant. Without this test, the error would occur only in runs that sample this edge.
+    /// as a constant. Without this function, the error would occur only in runs that sample this edge.
     fn expect_constants(&self) -> Result<(), Failure> {
         if self.inputs != Inputs::Constant {
             return Ok(());
@@ -403,8 +403,8 @@ impl<'a> Session<'a> {
         rows.map_or_else(|| self.never_drawn(), |rows| Ok(self.batch(first, rows, size).drawn()))
     }
 
-    /// Reads the results and judges them. `expect` returns the expected components for a failing case in the
-    /// batch.
+    /// Reads the results and judges them. `expect` takes the index of a failing case in the batch, and returns the
+    /// expected components, if the verb has any.
     pub(super) fn judge(
         &self,
         batch: &Batch,
@@ -444,8 +444,8 @@ impl<'a> Session<'a> {
         Ok(judged?)
     }
 
-    /// Computes the components that the reference returns for each case of a batch, with these arguments.
-    /// Returns an error if a value isn't finite.
+    /// Computes the components that the reference returns for the arguments in `rows`, one row for each case of the
+    /// batch. Returns an error if a component isn't finite.
     pub(super) fn expected(
         &self,
         batch: &Batch,

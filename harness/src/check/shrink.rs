@@ -55,8 +55,8 @@ impl Session<'_> {
     }
 }
 
-/// Finds the first failing value. Returns its index in `values`, and its failure. In each call, `judge` counts its
-/// values from 0.
+/// Finds the first failing value. Returns its index in `values`, and its failure. `judge` gets some of the values in
+/// each call, and counts them from 0.
 fn first_failing(
     values: &[Held],
     effort: Effort,

@@ -20,10 +20,10 @@ use crate::value::{Arguments, Shape, Shareable};
 /// A statement about results that ignores the arguments. Karat can prove such a statement for all arguments, or search
 /// for arguments that violate the statement.
 pub(super) struct Beyond<'b> {
-    /// The distance between a result and an excluded value. `None` if the statement excludes no value. Karat
+    /// The distance between a result and the nearest excluded value. `None` if the statement excludes no value. Karat
     /// then doesn't search.
     pub(super) distance: Option<Distance<'b>>,
-    /// A function that checks if the statement holds for all results whose components lie within these bounds.
+    /// A function that checks if the statement holds for all results whose components lie within the given bounds.
     pub(super) holds: &'b dyn Fn(&[Bound]) -> bool,
 }
 

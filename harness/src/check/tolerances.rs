@@ -6,7 +6,7 @@ use crate::tolerance::Tolerance;
 /// A tolerance, and the tolerances that replace it on single paths.
 #[derive(Clone, Debug)]
 pub(super) struct Tolerances {
-    /// The tolerance on paths that don't have their own tolerance.
+    /// The tolerance on paths for which the check sets no tolerance.
     pub(super) general: Tolerance,
     pub(super) on: Selected<Tolerance>,
 }

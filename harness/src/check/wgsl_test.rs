@@ -205,9 +205,9 @@ impl WgslTest {
     }
 }
 
-/// Tests of one module that run together in one kernel. Compiling one kernel with several tests is much faster
-/// than compiling several kernels. If a test doesn't pass in the shared kernel, Karat runs that test again in
-/// its own kernel, and reports the result of the second run.
+/// Tests of one module that run together in one kernel. Compiling one kernel with several tests is much faster than
+/// compiling several kernels. If a test fails in the shared kernel, Karat runs that test again in its own kernel, and
+/// reports only the second run.
 #[derive(Debug)]
 pub struct TestGroup {
     package: Package,

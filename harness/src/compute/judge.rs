@@ -529,9 +529,9 @@ fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
 }
 
 /// Pairs actual and expected elements without regard to their order. Returns the indices of the actual scalars, and the
-/// expected values. Both lists have the order of the pairs. The function sorts the actual and the expected elements by
-/// value, and pairs each actual element with the next expected element if their difference is within the tolerance.
-/// Elements without a partner come last.
+/// expected values. Both lists are in the order of the pairs. The function sorts the actual and the expected elements
+/// by value, and pairs each actual element with the next expected element if their difference is within the tolerance.
+/// At the end, pairs the remaining elements with each other.
 fn matched(
     (found, scalars): (&[u32], &[Scalar]),
     wanted: &[f64],

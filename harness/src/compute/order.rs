@@ -46,22 +46,22 @@ pub struct OrderDependence {
     pub assertion: String,
     /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
-    /// The position `file:line:column` of the late store that `turns` describes. If there is no late store, the first
-    /// operation that returns another value than in the usual order. If there is no such operation either, the entry
-    /// point of the last pass that runs in another order.
+    /// The position `file:line:column` of the late store that `turns` describes. If there is no late store, the
+    /// position of the first operation that returns another value than in the usual order. If there is no such
+    /// operation either, the position of the entry point of the last pass that runs in another order.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
-    /// A note with the operation, the invocation, the value in the usual order, and the value in this order. It is
-    /// `None` if only the order of writes differs.
+    /// A note with the operation, the invocation, the value in the usual order, and the value in the failing order. It
+    /// is `None` if only the order of writes differs.
     pub operation: Option<String>,
-    /// Notes for the message. If there are at most 16 atomic operations, one note lists them in this order. Another
-    /// note is about the first late store: an invocation stores a value before its atomic operation, but other
-    /// invocations see the atomic operation first.
+    /// Notes for the message. If there are at most 16 atomic operations, one note lists them as they run in the failing
+    /// order. Another note is about the first late store: an invocation stores a value before its atomic operation, but
+    /// other invocations see the atomic operation first.
     pub turns: Vec<String>,
-    /// The subgroup size in this order. It is `None` if the passes don't use subgroups.
+    /// The subgroup size in the failing order. It is `None` if the passes don't use subgroups.
     pub subgroup: Option<u32>,
-    /// The first element that is wrong in this order.
+    /// The first element that is wrong in the failing order.
     pub element: Option<Element>,
     /// The command that runs all orders again.
     pub replay: Replay,
@@ -229,7 +229,8 @@ impl After<'_> {
         Ok(())
     }
 
-    /// Builds the error for an order that fails. First simplifies the order, as long as the simpler orders also fail.
+    /// Builds the error for an order that fails. First replaces the order by simpler orders, as long as these also
+    /// fail.
     fn dependence(
         &self,
         passes: &Passes,

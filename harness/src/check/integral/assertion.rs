@@ -17,7 +17,7 @@ pub(in crate::check) enum Assertion {
     IsAtMost(f64),
 }
 
-/// An assertion on one path, with that path's tolerance.
+/// An assertion about integrals, with the tolerance for one path.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Bound<'t> {
     AgreesWith(&'t Tolerance),

@@ -69,11 +69,10 @@ where
         self.with_sampler(|sampler| sampler.follows(&others, &X::shape()))
     }
 
-    /// Checks a sampler together with the function whose integral the samples estimate, such as a BRDF. Samples
-    /// must follow the density. For each component, the mean of eval cos / pdf must equal the integral of eval
-    /// cos. If the mean equals the integral, the sampler covers all directions where `eval` isn't 0, with weights
-    /// of finite variance. The check doesn't test `eval`: the mean and the integral also agree for a wrong
-    /// `eval`.
+    /// Checks a sampler together with the function whose integral the samples estimate, such as a BRDF. Samples must
+    /// follow the density. For each component, the mean of eval cos / pdf must equal the integral of eval cos. The
+    /// check fails if the sampler misses directions at which `eval` isn't 0. The check can't find mistakes in `eval`,
+    /// because the mean and the integral use the same `eval`.
     ///
     /// `eval` and `density` are pairs of a function and a closure. The closure makes the function's arguments
     /// from a configuration and a direction. "cos" is the absolute value of the direction's z.

@@ -63,7 +63,7 @@ impl Histogram {
         cells.into_iter().take(NAMED).map(shown).collect()
     }
 
-    /// Writes the picture as EXR and PNG into the folder of build output.
+    /// Writes the picture as EXR and PNG into `target/karat/samples`.
     pub(super) fn write(&self, name: &str) -> Result<Vec<PathBuf>, ImageError> {
         let folder = output().join("samples");
         let image = self.image();
@@ -74,10 +74,10 @@ impl Histogram {
         Ok(vec![exr, png])
     }
 
-    /// Draws three panels of cells with the first row at the top. The first panel shows the observed counts,
-    /// the second panel the expected counts, both divided by the mean count. The third panel shows the
-    /// difference, divided by its standard deviation: red for too many samples, blue for too few. All cells
-    /// have the same size, so a narrow lobe fills the picture.
+    /// Draws three panels of cells with the first row at the top. The first panel shows the observed counts, the second
+    /// panel the expected counts, both divided by the mean count. The third panel shows the difference, divided by its
+    /// standard deviation: red for too many samples, blue for too few. The picture shows all cells in the same size, so
+    /// the many small cells of a narrow lobe fill the picture.
     fn image(&self) -> Image {
         let rows = self.cells.row_lengths();
         let columns = rows.iter().copied().max().unwrap_or(1);

@@ -209,7 +209,7 @@ pub enum Finding {
     },
     /// A mean differs from the expected mean.
     Mean {
-        /// The name of the quantity.
+        /// The name of the mean: `the mean of component 0 of eval cos / pdf`.
         of: String,
         /// The mean of the samples.
         mean: f64,

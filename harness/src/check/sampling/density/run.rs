@@ -169,8 +169,8 @@ impl Run<'_> {
         Ok(judgement)
     }
 
-    /// Returns the probability that the check rejects samples of the second density, by the histogram or by the number
-    /// of samples outside of the support.
+    /// Returns the probability that the check rejects samples of the second density: the larger of the probabilities
+    /// for the histogram and for the number of samples outside of the support.
     pub(super) fn power(&self) -> Result<f64, Stop> {
         let claimed = self.masses(self.cells()?, 0)?;
         let actual = self.masses(claimed.cells.clone(), 1)?;
