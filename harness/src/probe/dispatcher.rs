@@ -16,8 +16,8 @@ use crate::fixture::{self, Fixtures};
 use crate::path::{Device, Turn, guard};
 use crate::reflect::BindingKind;
 
-/// The largest batch if cases run separately. Each of these cases has its own commands, and its own copy of each resource
-/// that it writes.
+/// The largest batch if cases run separately. Each of these cases has its own commands, and its own copy of each
+/// resource that it writes.
 const ALONE: usize = 64;
 
 pub(super) struct Dispatcher<'d> {

@@ -9,8 +9,8 @@ use crate::path::Path;
 use crate::reflect::Function;
 
 /// The poison: a quiet NaN that functions rarely return. If a result equals the poison, Karat runs the kernel again
-/// over the poison [`OTHER`]. If the result is the same, the function returned this value. Otherwise the kernel never
-/// wrote the result.
+/// over the poison [`OTHER`]. If the second run gives the same result, the function returned it. Otherwise the kernel
+/// never wrote the result.
 pub(crate) const WORD: u32 = 0x7fc0_dead;
 
 /// The second poison, for running a kernel again.

@@ -16,8 +16,8 @@ pub(crate) const UNIFORM_WORDS: usize = 4096;
 /// The largest batch if arguments are constants. Each case is a separate call, which the driver may inline.
 pub(crate) const CONSTANTS: usize = 64;
 
-/// The number of calls in a kernel with constants. The time to compile a kernel grows faster than its number of calls. Also,
-/// wgpu's GL panics if a thread waits longer than six seconds for another thread.
+/// The number of calls in a kernel with constants. The time to compile a kernel grows faster than its number of calls.
+/// Also, wgpu's GL panics if a thread waits longer than six seconds for another thread.
 const CALLS: usize = 16;
 
 pub(crate) const RESULTS: &str = "karat_out";

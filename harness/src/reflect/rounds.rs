@@ -1,7 +1,7 @@
 //! Counts the iterations of loops.
 //!
-//! Some drivers stop all loops of an invocation after a number of rounds, and go on with the values of that moment. If
-//! naga's IR shows that all loops end sooner, Karat doesn't count their rounds. Otherwise a copy of the kernel counts
+//! Some drivers stop all loops of an invocation after a number of iterations, and continue with wrong values. If naga's
+//! IR shows that all loops end sooner, Karat doesn't count their iterations. Otherwise a copy of the kernel counts
 //! the iterations of its loops. The verdict uses the results of the original kernel.
 
 mod bounds;
@@ -88,8 +88,8 @@ enum Around {
 /// The loops around each loop, also through calls of functions. Numbers identify the loops.
 ///
 /// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`. The driver also
-/// runs at least one round of each loop in a branch, even if no case takes the branch. So whenever the code around a
-/// loop runs, the driver counts an iteration of the loop, even if no case enters the loop.
+/// runs at least one iteration of each loop in a branch, even if no case takes the branch. So whenever the code around
+/// a loop runs, the driver counts an iteration of the loop, even if no case enters the loop.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nesting {
     /// The loop, function or entry point around each loop.
@@ -133,7 +133,7 @@ impl Nesting {
         }
     }
 
-    /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is 1, plus
+    /// For each loop, the largest number of iterations that a driver counts in one iteration of the loop: 1, plus
     /// 1 for each inner loop. If a case enters an inner loop, the iterations of the inner loop count separately.
     fn weights(&self) -> Vec<u32> {
         // For each function, the number of its loops that are in no other loop of the function, plus the numbers
@@ -155,8 +155,8 @@ impl Nesting {
         (0..self.loops.len()).map(weight).collect()
     }
 
-    /// The number of rounds that a driver counts for each loop in one case. `counters` has the rounds of each loop, and
-    /// then the number of times that a case entered each loop.
+    /// The number of iterations that a driver counts for each loop in one case. `counters` has the iterations of each
+    /// loop, and then the number of times that a case entered each loop.
     pub(crate) fn rounds(&self, counters: &[u32]) -> Vec<u64> {
         let (rounds, entered) = counters.split_at(self.loops.len().min(counters.len()));
         let mut totals = vec![0_u64; self.loops.len()];

@@ -11,8 +11,8 @@ use super::{blocks, walk};
 use crate::reflect::Program;
 
 impl Program {
-    /// The largest number of rounds that all loops together can have in one call of any function of the program. `None`
-    /// if the IR shows no such bound.
+    /// The largest number of iterations that all loops together can have in one call of any function of the program.
+    /// `None` if the IR shows no such bound.
     pub fn most_rounds(&self) -> Option<u64> {
         let entry_points = self.checked.module.entry_points.iter().map(|entry| &entry.function);
         let mut calls = vec![None; self.checked.module.functions.len()];
@@ -30,8 +30,8 @@ impl Program {
 }
 
 impl Program {
-    /// The ranges in the text of all loops that run a constant number of rounds in each call. No `break` or `return`
-    /// ends such a loop early.
+    /// The ranges in the text of all loops that run a constant number of iterations in each call. No `break` or
+    /// `return` ends such a loop early.
     pub(crate) fn fixed_loops(&self) -> Vec<Range<usize>> {
         let module = &self.checked.module;
         let entries = module.entry_points.iter().map(|entry| &entry.function);
