@@ -26,8 +26,8 @@ impl Watched {
 
 impl Program {
     /// A copy of the program. If an invocation reaches `limit` iterations in all its loops together, the invocation
-    /// writes this number of iterations to a storage buffer. The buffer is at `binding` of group 0, and the index is the
-    /// number of the current loop. If `leave` is `true`, the invocation also leaves the loop.
+    /// writes the number of iterations to a storage buffer. The buffer is at `binding` of group 0, and the index is
+    /// the number of the current loop. If `leave` is `true`, the invocation also leaves the loop.
     pub fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
         let loops: Vec<_> = self
             .bodies()
